@@ -30,11 +30,13 @@ struct sim_axis {
     gboolean mute; /* the answer to the last command is lost */
     int n_moves;
     gboolean stalls;
-    double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
+    double from_deg, to_deg, speed0_deg_s; /* from, to: of the present movement; speed0: signed
+                                              speed at which braking began */
     gint64 start_us, end_us;
-    double speed_deg_s;             /* of this movement, at most */
-    gboolean turning;               /* and it tells where it is */
-    double position_deg, slack_deg; /* slack: how far the load lags behind the drive */
+    double speed_deg_s; /* maximum speed of this movement */
+    gboolean
+        turning; /* a turn with motion = continuous, during which the axis reports its position */
+    double position_deg, slack_deg; /* slack: how far the load is behind the drive */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct sim_axis, name)
@@ -43,34 +45,36 @@ static const char *const stall_kinds[] = {"reported", "silent", NULL};
 
 static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
-     "World file whose part this axis moves; none: it moves nothing"},
+     "World file whose part this axis moves; default: it moves nothing"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
-     "What it moves: turntable, arc, arm, probe, or a laser's name for its sweep; default: the "
-     "axis's own "
-     "name"},
+     "The part that it moves: turntable, arc, arm, probe, or the name of a laser for its sweep; "
+     "default: the axis's own name"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "60", "120"),
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
-     "Amplitude with which the load swings after a move"},
+     "Amplitude of the load's oscillation after a move"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position of the reference switch"},
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(motion.homing_s),
-     "How long homing takes"},
+     "Duration of homing"},
     {"report_ms", OPTION_DOUBLE, "ms", 0, 1000, "20", NULL, FIELD(motion.report_ms),
-     "How often it tells where it is while it turns with motion = continuous; 0: it cannot"},
+     "Interval between reports of the position while the axis turns with motion = continuous; 0: "
+     "it cannot turn so"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(latency_ms),
-     "How late the axis reports its position"},
+     "Delay with which the axis reports its position"},
     {"position_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(position_error_deg),
-     "Largest error of position: repeatable, a function of the position and error_seed"},
+     "Maximum position error; the error is repeatable, a function of the position and error_seed"},
     {"error_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(error_seed),
-     "Which position errors this axis has"},
+     "Seed of the position errors of this axis"},
     {"fault_slip_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, FIELD(fault_slip_deg),
-     "Fault: how far the load has slipped on its shaft, counter-clockwise"},
+     "Fault: angle by which the load has slipped on its shaft, counter-clockwise"},
     {"fault_slip_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_slip_at),
-     "In which movement it slips (taking up backlash counts as one); 0: before the first"},
+     "Number of the movement in which the load slips (taking up backlash counts as one); 0: before "
+     "the first"},
     {"fault_stall_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_stall_at),
-     "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: none does"},
+     "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: no movement "
+     "stalls"},
     {"fault_stall_kind", OPTION_CHOICE, NULL, 0, 0, "reported", stall_kinds,
-     FIELD(fault_stall_kind), "Whether a stall is reported, or nothing is heard again"},
+     FIELD(fault_stall_kind), "Whether the axis reports the stall, or never answers again"},
     SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
@@ -87,7 +91,7 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Position error: 70 % of it has one period per turn, as from an eccentric bearing; 30 % changes
+/* Position error. 70 % of it has one period per turn, as from an eccentric bearing. 30 % changes
  * every 0.001°, as from an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
@@ -98,8 +102,8 @@ static double position_error_deg(double deg, double most_deg, int seed) {
     return most_deg * (0.7 * smooth + 0.3 * uneven);
 }
 
-/* Rounds the position, so that the same command gives the same bits however many turns the axis has
- * made before. */
+/* Rounds the position, so that the same command gives the same bits after any number of turns of
+ * the axis. */
 double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
     if (wraps)
         deg -= 360 * floor(deg / 360);
@@ -111,7 +115,7 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
 
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed);
 
-/* off_deg: how far the load swings. */
+/* off_deg is the present deflection of the oscillating load. */
 static void update_world(Axis *axis, double off_deg) {
     struct sim_axis *sim = axis->device.priv;
     const gint64 now = clock_now_us(axis->device.clock);
@@ -142,8 +146,8 @@ static void go_to(struct sim_axis *sim, double deg) {
     sim->position_deg = deg;
 }
 
-/* Distance and speed after t seconds of a move over d degrees (both positive), trapezoidal speed.
- */
+/* Returns the distance after t seconds of a move over d degrees (both positive) with trapezoidal
+ * speed, and the speed at that time. */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
     double a = sim->motion.accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
@@ -157,7 +161,7 @@ static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
     return v * (t - ramp / 2);
 }
 
-/* Where the drive is now, and its signed speed. */
+/* Returns the present position of the drive, and its signed speed. */
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
     double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
     double sign = sim->to_deg < sim->from_deg ? -1 : 1;
@@ -191,7 +195,7 @@ static gboolean is_mute(const Axis *axis) {
 static void stall(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     sim->phase = STALLED;
-    update_world(axis, 0); /* it stands */
+    update_world(axis, 0); /* the axis stands still */
     if (sim->fault_stall_kind == STALL_SILENT || is_mute(axis))
         return;
     axis_report(axis, AXIS_FAULT,
@@ -272,7 +276,8 @@ static void sim_axis_on_unanswered(gpointer data) {
     axis_report(axis, AXIS_FAULT, sim_unheard_error(&axis->device));
 }
 
-/* Whether a command is carried out. Without an answer, a fault is reported later. */
+/* Returns whether a command is carried out. If the command is not answered, a fault is reported
+ * later. */
 static gboolean sim_axis_obeys(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     Clock *clock = axis->device.clock;
@@ -320,7 +325,7 @@ static gboolean sim_axis_stop(Axis *axis, GError **error) {
     double speed, a = sim->motion.accel_deg_s2;
     if (!sim_axis_obeys(axis))
         return TRUE;
-    /* One that has stalled silently does not answer. */
+    /* An axis that has stalled without a report does not answer. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
     if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops immediately */
@@ -380,7 +385,7 @@ static void sim_axis_close_axis(Axis *axis) {
     clock_cancel(axis->device.clock, &sim->unanswered);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
-    /* An axis that has not moved since it was opened stands where an earlier program left it. */
+    /* An axis that has not moved since it was opened is where an earlier program left it. */
     if (sim->phase != STANDING)
         update_world(axis, 0);
     g_clear_pointer(&sim->world, world_unref);

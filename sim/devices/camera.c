@@ -30,10 +30,11 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time of the rendering */
 };
 
-/* One exposure. Another thread renders it; it ends when its time is over and its pixels are there.
- * It lives until that thread has finished, even if the camera has been closed. */
+/* One exposure. Another thread renders it. It ends when its time is over and its pixels have been
+ * rendered. The struct exists until that thread has finished, even if the camera has been closed.
+ */
 struct picture {
-    Camera *camera; /* NULL: closed or disarmed meanwhile */
+    Camera *camera; /* NULL if the camera was closed or disarmed meanwhile */
     World *world;
     int index;
     struct world_state state;
@@ -55,33 +56,33 @@ static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, NULL, NULL, FIELD(world_path),
      "World file whose camera this is"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
-     "The camera's name in the world file; default: the section's own name"},
+     "Name of the camera in the world file; default: the section's own name"},
     {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
-     "From the end of the exposure until the frame is here"},
+     "Time from the end of the exposure until the frame arrives"},
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
-     "From the trigger to the start of the exposure"},
+     "Time from the trigger to the start of the exposure"},
     {"fault_jitter_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(jitter_ms),
-     "Fault: how much later the exposure may begin, as its time stamp says; a function of the "
-     "shot"},
+     "Fault: maximum additional delay of the exposure, which its time stamp contains; a function "
+     "of the shot"},
     {"min_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "10", NULL, FIELD(min_exposure_us),
      "Shortest exposure"},
     {"max_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "60000000", NULL, FIELD(max_exposure_us),
      "Longest exposure"},
     {"fault_stale", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_stale),
-     "Fault: probability that the frame before is delivered instead"},
+     "Fault: probability that the previous frame is delivered again"},
     {"fault_stale_kind", OPTION_CHOICE, NULL, 0, 0, "old", stale_kinds, FIELD(fault_stale_kind),
-     "Whether a stale frame has its old id and time stamp, or fresh ones"},
+     "Whether a stale frame has its old id and time stamp, or new ones"},
     {"fault_lost", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_lost),
      "Fault: probability that a frame never arrives"},
     {"fault_slow_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(fault_slow_ms),
-     "Fault: how much later than readout_ms frames arrive"},
+     "Fault: additional delay of frames, beyond readout_ms"},
     {"fault_disconnect_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL,
      FIELD(fault_disconnect_after),
-     "Fault: after this many triggers the camera is gone, once; 0: never"},
+     "Fault: the camera disappears once, after this number of triggers; 0: never"},
     {"fault_reconnect_s", OPTION_DOUBLE, "s", 0, 1e9, "5", NULL, FIELD(fault_reconnect_s),
-     "How long the camera is gone before it can be armed again"},
+     "Time until the camera can be armed again after it has disappeared"},
     {"fault_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(fault_seed),
-     "Which of the frames fail; the frames themselves do not depend on it"},
+     "Seed that chooses the frames that fail; the content of frames does not depend on it"},
     {NULL},
 };
 
@@ -144,7 +145,7 @@ static gboolean on_rendered(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The calling thread's. */
+/* Returns the CPU time of the calling thread. */
 static gint64 processor_us(void) {
     struct timespec now;
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -157,8 +158,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* g_main_context_invoke() would call it in this thread while no main loop iteration owns the
-     * context. */
+    /* g_main_context_invoke() would call the function in this thread while no main loop iteration
+     * owns the context. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
@@ -172,7 +173,7 @@ static void on_due(gpointer data) {
         sim_camera_deliver(camera);
         return;
     }
-    /* Held only from here on, so that all cameras of a shot render at the same time. */
+    /* The picture is held from here on, so that all cameras of a shot render at the same time. */
     picture->holds = TRUE;
     clock_hold(picture->clock);
 }
@@ -207,7 +208,7 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Integer arithmetic: the same on every machine. */
+/* Integer arithmetic gives the same result on every machine. */
 static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
     guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -242,7 +243,8 @@ static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error)
     frame->cfa = camera->format.cfa;
     frame->bits = camera->format.bits;
     frame->black_level = camera->format.black_level;
-    /* Draw both random numbers for every picture, so that one fault does not shift the others. */
+    /* Both random numbers are drawn for every picture, so that one fault does not shift the others.
+     */
     picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
     picture->lost = g_rand_double(sim->faults) < sim->fault_lost;
     sim->picture = picture;
@@ -314,7 +316,7 @@ static void sim_camera_close_camera(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     sim_camera_disarm(camera);
     if (sim->n_rendered > 0)
-        g_info("%s: %d frames took %.1f s of processor time to simulate", camera->device.name,
+        g_info("%s: the simulation of %d frames took %.1f s of processor time", camera->device.name,
                sim->n_rendered, (double)sim->rendering_us / G_USEC_PER_SEC);
     g_clear_pointer(&sim->last, frame_unref);
     g_clear_pointer(&sim->faults, g_rand_free);
@@ -322,7 +324,7 @@ static void sim_camera_close_camera(Camera *camera) {
 }
 
 const struct camera_driver sim_camera_driver = {
-    .info = {"camera", "sim-camera", "A camera that looks at the simulated world", options,
+    .info = {"camera", "sim-camera", "A camera of the simulated world", options,
              sizeof(struct sim_camera), sim_camera_check},
     .open = sim_camera_open_camera,
     .close = sim_camera_close_camera,

@@ -1,7 +1,8 @@
 /*
- * Simulated devices: drivers of every class that act on, or look at, a World. They keep real or
- * virtual time, take the times that their options give, and can fail on request; `mesorig drivers`
- * describes every option. An axis is the simplest driver to read before writing another.
+ * Simulated devices: drivers of every class that act on a World, or observe it. They run in real or
+ * virtual time, their actions take the times that their options give, and they can fail on request.
+ * `mesorig drivers` describes every option. If you want to write a driver, read the axis first,
+ * which is the simplest one.
  */
 #pragma once
 
@@ -11,12 +12,12 @@
 #include "drivers/lamps.h"
 #include "drivers/laser.h"
 
-/* Where the load is when a drive with this largest position error stands at deg, without backlash.
- * wraps: deg and deg + 360 are the same. */
+/* Returns the position of the load when a drive with this maximum position error is at deg, without
+ * backlash. wraps says that deg and deg + 360 are the same position. */
 double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
 
-/* Until when, on the rig's clock, a device neither obeys nor answers (fault_dead_s); a time that
- * has passed: it does. */
+/* Returns the time, on the rig's clock, until which a device neither obeys nor answers
+ * (fault_dead_s). A time in the past means that it obeys. */
 gint64 sim_laser_dead_until_us(const Laser *laser);
 gint64 sim_lamps_dead_until_us(const LampBank *bank);
 

@@ -9,9 +9,9 @@ struct sim_interlock {
 
 static const struct option options[] = {
     {"open_after_s", OPTION_DOUBLE, "s", 0, 1e9, "0", NULL, FIELD(open_after_s),
-     "Fault: the door opens this long after the device was opened; 0: never"},
+     "Fault: time from opening the device until the door opens; 0: never"},
     {"open_for_s", OPTION_DOUBLE, "s", 0, 1e9, "0", NULL, FIELD(open_for_s),
-     "Fault: the door is shut again after this long; 0: never"},
+     "Fault: time for which the door stays open; 0: it is not closed again"},
     {NULL},
 };
 

@@ -11,17 +11,17 @@ struct sim_lamps {
     struct sim_unheard unheard;
 
     World *world;
-    int *lamps;         /* index in the world of each lamp of the bank */
-    int *switches;      /* how often each was switched on */
+    int *lamps;         /* for each lamp of the bank, its index in the world */
+    int *switches;      /* for each lamp, how often it was switched on */
     GQueue pending;     /* of struct pending, in order */
-    gint64 answered_us; /* no command is answered before an earlier one */
+    gint64 answered_us; /* time of the last answer; commands are answered in order */
 };
 
 struct pending {
     LampBank *bank;
     int index;
     gboolean on;
-    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean reached; /* the device has received the command; its answer comes next */
     gboolean answers;
     guint timer;
 };
@@ -30,15 +30,15 @@ struct pending {
 
 static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, NULL, NULL, FIELD(world_path),
-     "World file whose lamps these are"},
+     "World file that contains these lamps"},
     {"lamps", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(names),
      "The world's lamps in the order of the bank; default: all, in the order of the world file"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
-     "How long a relay takes to switch and answer"},
+     "Time that a relay takes to switch and answer"},
     {"fault_dead", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(fault_dead),
-     "Fault: these lamps give no light, though their switches answer"},
+     "Fault: these lamps give no light, although their switches answer"},
     {"fault_dead_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_dead_after),
-     "Fault: how often a lamp of fault_dead still lights before it dies; 0: dead from the start"},
+     "Fault: how often a lamp of fault_dead still lights before it fails; 0: it never lights"},
     SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
@@ -143,8 +143,8 @@ static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     }
     bank->warm_up_s = world_lamp_warm_up_s(sim->world);
-    /* Switches the lamps on and off, so that the world forgets when they were last on: if the world
-     * has outlived earlier devices, that time belongs to another clock. */
+    /* Switches the lamps on and off, so that the world forgets when they were last on. If the world
+     * has existed longer than these devices, that time is from another clock. */
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; i < bank->n; i++) {
         world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);

@@ -15,13 +15,13 @@ struct sim_laser {
     gboolean on;
     int n_deaf;
     GQueue pending;     /* of struct pending, in order */
-    gint64 answered_us; /* no command is answered before an earlier one */
+    gint64 answered_us; /* time of the last answer; commands are answered in order */
 };
 
 struct pending {
     Laser *laser;
     gboolean on;
-    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean reached; /* the device has received the command; its answer comes next */
     gboolean answers;
     guint timer;
 };
@@ -30,15 +30,15 @@ struct pending {
 
 static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
-     "World file whose laser this is; none: it lights nothing"},
+     "World file that contains this laser; default: it lights nothing"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
-     "The laser's name in the world file; default: the section's own name"},
+     "Name of the laser in the world file; default: the section's own name"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until the laser's power is stable"},
+     "Time from switching on until the laser's power is stable"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
-     "How long the laser takes to switch and answer"},
+     "Time that the laser takes to switch and answer"},
     {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
-     "Fault: once on, the laser stays on, though it answers that it is off"},
+     "Fault: once on, the laser stays on, although it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
      "Fault: number of commands to switch off that the laser neither obeys nor answers"},
     SIM_UNHEARD_OPTIONS(FIELD(unheard)),
@@ -103,7 +103,8 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     return found;
 }
 
-/* The place is that of the laser in the world which has the section's name; its own: its part. */
+/* place is the name of a section. The laser moves to the place of that section's laser in the
+ * world, or to its own place if it is the section of this device. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     if (!sim->world)

@@ -1,4 +1,5 @@
-/* The part of a world file that a simulated device acts on or looks at. For drivers' check(). */
+/* Checks the part of a world file on which a simulated device acts, or which it observes. For
+ * check() of drivers. */
 #pragma once
 
 #include "base/options.h"

@@ -1,12 +1,12 @@
 /*
- * A fault of simulated devices: the answer to one command is lost, and then the device may be dead
+ * A fault of simulated devices: the answer to one command is lost. The device may then not respond
  * for a while, as on a line that fails.
  */
 #pragma once
 
 #include "drivers/device.h"
 
-/* After a command that is not answered, its driver reports the time-out. */
+/* Time after which the driver reports that a command was not answered. */
 #define SIM_UNHEARD_US 500000
 
 struct sim_unheard {
@@ -21,12 +21,13 @@ struct sim_unheard {
 #define SIM_UNHEARD(at, field) ((at) + G_STRUCT_OFFSET(struct sim_unheard, field))
 #define SIM_UNHEARD_OPTIONS(at)                                                                    \
     {"fault_unheard", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, SIM_UNHEARD(at, nth),              \
-     "Fault: the n-th command is carried out and its answer is lost; 0: none is"},                 \
+     "Fault: the n-th command is carried out, but its answer is lost; 0: no answer is lost"},      \
     {"fault_dead_s", OPTION_DOUBLE, "s", 0, 86400, "0", NULL, SIM_UNHEARD(at, dead_s),             \
-     "Fault: how long the device then neither obeys nor answers"}
+     "Fault: time for which the device then neither obeys nor answers"}
 /* clang-format on */
 
-/* Whether a command that reaches the device now is carried out, and whether it is answered. */
+/* Called when the device has a new command. Returns whether the device carries out the command.
+ * ret_answers is whether it also answers. */
 gboolean sim_unheard_obeys(struct sim_unheard *fault, const Clock *clock, gboolean *ret_answers);
 gboolean sim_unheard_is_dead(const struct sim_unheard *fault, const Clock *clock);
 GError *sim_unheard_error(const struct device *device);

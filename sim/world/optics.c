@@ -27,8 +27,8 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
     }
 }
 
-/* Newton's method on the two equations of the distorted point. It starts at the distorted point,
- * and converges in two or three steps for any lens that does not fold the picture. */
+/* Newton's method on the two equations of the distorted point. It starts at the distorted point.
+ * For any lens that does not fold the picture, it converges in two or three steps. */
 static void undistort(const struct optics_camera *camera, double xd, double yd, double *ret_x,
                       double *ret_y) {
     double x = xd, y = yd, p1 = camera->p1, p2 = camera->p2;
@@ -131,6 +131,7 @@ double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm) {
     double r2 = v3_dot(way, way), across = sqrt(MAX(r2 - along * along, 1e-12));
     if (fabs(atan2(along, across)) > laser->fan / 2)
         return 0;
-    double line = laser->power_w / (laser->fan * sqrt(r2) * 1e-3); /* W a metre of width */
+    /* W per metre of the line's width */
+    double line = laser->power_w / (laser->fan * sqrt(r2) * 1e-3);
     return line / (sqrt(2 * G_PI) * laser->sigma * across * 1e-3);
 }

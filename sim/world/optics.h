@@ -1,8 +1,9 @@
 /*
- * Ray optics of the simulated rig: lenses, lamps and laser sheets as they truly are, written apart
- * from calib/ so that an error on one side shows on the other.
+ * Ray optics of the simulated rig: lenses, lamps and laser sheets with their true parameters. The
+ * code is written independently of calib/, so that an error in one of them shows in the other.
  *
- * Millimetres and radians; rig frame, or any frame turned about z. Pure functions.
+ * Millimetres and radians. Coordinates are in the rig frame, or in any frame rotated about z. Pure
+ * functions.
  */
 #pragma once
 
@@ -17,7 +18,7 @@ struct v3 {
 static inline struct v3 v3(double x, double y, double z) {
     return (struct v3){x, y, z};
 }
-static inline struct v3 v3_mad(struct v3 a, double s, struct v3 b) { /* a·s + b */
+static inline struct v3 v3_mad(struct v3 a, double s, struct v3 b) { /* returns a·s + b */
     return v3(a.x * s + b.x, a.y * s + b.y, a.z * s + b.z);
 }
 static inline struct v3 v3_minus(struct v3 a, struct v3 b) {
@@ -41,96 +42,102 @@ struct optics_camera {
     int width, height, bits;
     enum cfa cfa;
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
-    double k1, k2, p1, p2; /* seen = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan of the angle */
+    double k1, k2, p1, p2; /* factor on the ideal point: 1 + k1 r² + k2 r⁴, plus the tangential
+                              part; r is the tangent of the angle to the axis */
     struct v3 centre_mm, right, down, forward;
     double blur_px;    /* standard deviation of the blur of the lens */
-    double vignetting; /* 1 − vignetting·(r/r_corner)² */
+    double vignetting; /* factor 1 − vignetting·(r/r_corner)² */
     double falloff;    /* the response falls with cos^falloff of the angle to the axis */
-    double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
+    double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻², on the axis at 0 dB */
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
-    double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
-    double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
-    double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
-    double half_gain_step; /* the right half of the sensor reads brighter by this ratio */
-    double column_offset;  /* standard deviation of the columns' offsets, of full scale */
-    guint64 columns_key;   /* which offsets they are */
+    double curvature; /* nonlinearity of the response: linear·(1 − curvature·linear/(full scale −
+                         black)) */
+    double lateral_colour; /* red is magnified by 1 + lateral_colour, blue by 1 − lateral_colour */
+    double veiling_glare;  /* share of the picture's mean light that is added to all pixels */
+    double half_gain_step; /* ratio of the right half of the sensor to the left half */
+    double column_offset;  /* standard deviation of the columns' offsets, relative to full scale */
+    guint64 columns_key;   /* key of the random offsets */
 };
 
-/* Places a camera at a point, looking at the origin; its right is e_φ of that point. */
+/* Places a camera at a point so that it looks at the origin. Its right is e_φ of that point. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 
 /* Turns the camera about its own right, down and forward axes, in that order. */
 void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
 
-/* The vector turned by an angle about a unit axis. */
+/* Returns the vector rotated by an angle about a unit axis. */
 struct v3 optics_spin(struct v3 a, struct v3 axis, double angle);
 
-/* How much larger than green light the lens draws light that passes the red (1, 0, 0), green or
- * blue filter; weights are relative responses. */
+/* Returns the magnification, relative to green light, of light that passes the red (1, 0, 0), green
+ * or blue filter. weights are relative responses. */
 double optics_magnification(const struct optics_camera *camera, const double weights[3]);
 
-/* Unit viewing ray through a point of the picture, of green light. */
+/* Returns the unit viewing ray through a point of the picture, for green light. */
 struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px);
 
-/* Response at a point of the picture behind a filter, DN·s⁻¹ per W·sr⁻¹·m⁻². */
+/* Returns the response at a point of the picture behind a filter, in DN·s⁻¹ per W·sr⁻¹·m⁻². */
 double optics_response(const struct optics_camera *camera, double x_px, double y_px,
                        enum cfa_colour colour);
 
-/* How the light arc truly turns: at arc angle α, its frame is x, y, z turned by α + zero about z,
- * with the origin at centre_mm. */
+/* The true rotation of the light arc. At the arc angle α, its frame is x, y, z rotated by α + zero
+ * about z, with the origin at centre_mm. */
 struct optics_arc {
     double zero;
-    struct v3 centre_mm, x, y, z; /* unit, perpendicular */
-    gboolean crooked;             /* the arc deviates from its nominal axis */
+    struct v3 centre_mm, x, y, z; /* x, y, z: unit vectors, perpendicular */
+    gboolean crooked;             /* TRUE if the arc deviates from its nominal axis */
 };
 
-/* Tilts the arc's axis z towards x and towards y by an angle each. */
+/* Tilts the arc's axis z by one angle towards x and by another towards y. */
 void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y);
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
-/* An axis that carries cameras or lamps: a line, about which they turn by its angle and a zero. */
+/* An axis that carries cameras or lamps. They turn about the line through centre_mm by the axis's
+ * angle plus a zero. */
 struct optics_swing {
-    struct v3 axis, centre_mm; /* axis: unit */
+    struct v3 axis, centre_mm; /* axis: unit vector */
     double zero;
 };
 struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v);
 struct v3 optics_swing_point(const struct optics_swing *swing, double angle, struct v3 p);
 
 struct optics_lamp {
-    struct v3 position_mm, aim; /* aim: unit */
+    struct v3 position_mm, aim; /* aim: unit vector */
     double exponent, intensity; /* W·sr⁻¹ */
 };
 
-/* W·m⁻² on a surface that faces the lamp. */
+/* Returns W·m⁻² on a surface that faces the lamp. */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
 
-/* A sheet of light that turns about an axis through position. axis × forward is its normal at
- * sweep 0, up to start. */
+/* A sheet of light that turns about an axis through position. Its normal at sweep 0 is axis ×
+ * forward, rotated by start. */
 struct optics_laser {
-    struct v3 position_mm, axis, forward; /* unit, perpendicular */
+    struct v3 position_mm, axis, forward; /* axis, forward: unit vectors, perpendicular */
     double start;                         /* sweep angle at which the sheet contains forward */
-    double sigma;                         /* of the Gaussian profile, as an angle of the sweep */
-    double fan;                           /* full angle in the sheet, evenly lit */
+    double sigma; /* standard deviation of the Gaussian profile, as an angle of the sweep */
+    double fan;   /* full angle within the sheet, which is evenly lit */
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
-    double bend;      /* rad: at a tangent t of the angle in the sheet, the sheet is where a plane
-                         would be that had turned on by bend·t² */
+    /* rad. At the tangent t of the angle within the sheet, the sheet is where a plane would be at a
+     * sweep angle that is larger by bend·t². */
+    double bend;
 };
 
-/* The sweep angle at which the middle of the sheet's profile goes through a point. */
+/* Returns the sweep angle at which the middle of the sheet's profile goes through a point. */
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);
 
-/* W·m⁻² at the middle of the line, on a surface that faces the laser; 0 outside the fan. */
+/* Returns W·m⁻² at the middle of the line, on a surface that faces the laser. Returns 0 outside the
+ * fan. */
 double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
 
-/* Light that lens and sensor scatter over the whole picture: adds veiling_glare times the mean of
- * the pixels behind the same filter. */
+/* Adds the light that lens and sensor scatter over the whole picture: veiling_glare times the mean
+ * of the pixels behind the same filter. */
 void optics_add_glare(const struct optics_camera *camera, float *rate);
 
-/* Sensor: DN from a picture of DN·s⁻¹ rates, with photon and read noise, black level, offsets of
- * columns, gain of the two halves, saturation and ADC. rate NULL: a dark picture. */
+/* Simulates the sensor. Converts rates in DN·s⁻¹ to DN, with photon and read noise, black level,
+ * offsets of columns, gain of the two halves, saturation and ADC. rate NULL means a dark picture.
+ */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

@@ -2,8 +2,8 @@
 
 #include "samples/sample.h"
 
-/* Normal deviates by table: quantiles of the normal distribution, scaled so that the table's
- * variance is one. The sum of two entries has tails to 4.6 σ. */
+/* Normal deviates from a table of quantiles of the normal distribution, scaled so that the table
+ * has variance 1. The sum of two entries has tails up to 4.6 σ. */
 #define TABLE_BITS 11
 #define TABLE_SIZE (1 << TABLE_BITS)
 
@@ -38,11 +38,12 @@ static inline float normal(guint32 bits) {
     return table[bits & (TABLE_SIZE - 1)] + table[bits >> TABLE_BITS & (TABLE_SIZE - 1)];
 }
 
-struct sensor { /* electrons, DN an electron, DN */
+/* full_well is in electrons, dn_per_e in DN per electron, bend in 1/DN, max in DN */
+struct sensor {
     float electrons_per_rate, read_variance, full_well, dn_per_e, bend, max;
 };
 
-struct column { /* factor of the signal, and DN */
+struct column { /* gain is a factor on the signal, black is in DN */
     float gain, black;
 };
 
@@ -55,7 +56,7 @@ static inline guint16 read_pixel(const struct sensor *s, const struct column *co
     return (guint16)CLAMP(dn, 0, s->max);
 }
 
-/* One column per pixel of a row. */
+/* Returns one element for each pixel of a row. */
 static struct column *columns_new(const struct optics_camera *camera) {
     const double max = (double)((1 << camera->bits) - 1);
     struct column *columns = g_new0(struct column, camera->width);

@@ -2,10 +2,10 @@
 
 #include <math.h>
 
-#define REACH      4.5 /* standard deviations of the blur, beyond which nothing comes */
+#define REACH      4.5 /* standard deviations of the blur beyond which there is no light */
 #define MAX_ACROSS 16
 
-/* Integral of a Gaussian's distribution function. */
+/* Returns the integral of a Gaussian's cumulative distribution function. */
 static double ramp(double x, double blur) {
     const double z = x / blur;
     return x * 0.5 * (1 + erf(z * M_SQRT1_2)) + blur * exp(-z * z / 2) / sqrt(2 * G_PI);
@@ -17,7 +17,7 @@ void spread_init(struct spread *spread, double blur_px) {
         double low = -reach, high = reach;
         for (int k = 0; k < 40; k++) {
             const double middle = (low + high) / 2;
-            /* The part of a pixel's light that comes from the left of middle. */
+            /* The loop finds the place that has i / SPREAD_STEPS of a pixel's light on its left. */
             if (ramp(middle + 0.5, blur_px) - ramp(middle - 0.5, blur_px) <
                 (double)i / SPREAD_STEPS)
                 low = middle;

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* Fine samples per texel, in x and y, in which depth edges are looked for. */
+/* Number of fine samples per texel, in x and y, in which depth edges are detected. */
 #define FINE 4
 
 static void give(struct v3 v, double ret[3]) {
@@ -38,7 +38,8 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Newton's method on the viewing rays of pixels, the same rays that render the pictures. */
+/* Newton's method on the viewing rays of pixels, which are the same rays that render the pictures.
+ */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =
@@ -80,7 +81,7 @@ void truth_probe(World *world, struct truth_swing *ret) {
     give_swing(&world->probe, ret);
 }
 
-/* A lamp in the rig frame. */
+/* Returns a lamp in the rig frame. */
 static struct optics_lamp lamp_at(World *world, int lamp, double arc_deg) {
     struct light_pose pose = world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0);
     pose.upright = TRUE;
@@ -105,7 +106,7 @@ double truth_white(World *world, int camera, int lamp, double arc_deg, const dou
            optics_lamp_irradiance(&at, p) * MAX(level, 0) / G_PI;
 }
 
-/* A laser in the rig frame. */
+/* Returns a laser in the rig frame. */
 static struct optics_laser laser_at(World *world, int laser, double arc_deg) {
     struct light_pose pose = world_light_pose(world, world->laser_fixed[laser], arc_deg, 0);
     pose.upright = TRUE;
@@ -129,13 +130,13 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
     give(at.axis, ret->axis);
 }
 
-/* A raster of points of the reference plane, fine × fine per texel; and what the viewing rays
- * through one of its rows see. */
+/* A raster of points of the reference plane, fine × fine per texel, and the results of the viewing
+ * rays through one of its rows. */
 struct raster {
     World *world;
     const struct truth_grid *grid;
     struct v3 eye;
-    int fine, n; /* a row */
+    int fine, n; /* n: points in a row */
     struct v3 *points, *rays;
     struct surface *surfaces;
     gboolean *hit;
@@ -172,7 +173,7 @@ static void raster_trace(struct raster *raster, int row) {
                 raster->surfaces, raster->hit);
 }
 
-/* Along the rays from the reference plane; −1 where one meets nothing. */
+/* Gives the distances along the rays from the reference plane, −1 where a ray meets nothing. */
 static void distances(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       int fine, float *ret) {
     struct raster raster;
@@ -191,7 +192,7 @@ static void distances(World *world, int camera, double turntable_deg, const stru
     raster_clear(&raster);
 }
 
-/* Flags the texels within one texel of a step that lies between fine samples (i, j) and a next. */
+/* Flags the texels within one texel of a step between the fine sample (i, j) and a neighbour. */
 static void flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
@@ -232,7 +233,7 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
             struct light_pose pose =
                 world_light_pose(world, world->laser_fixed[laser[k]], arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            /* Adds one where the swept laser lights the surface seen by the row. */
+            /* Adds one where the swept laser lights the surface that the row sees. */
             guint8 *seen = ret_seen + row * grid->width;
             for (int first = 0; first < raster.n; first += SCENE_BATCH) {
                 int n_points = MIN(SCENE_BATCH, raster.n - first);
@@ -255,7 +256,8 @@ struct lamp_light {
     const float *bounce;
 };
 
-/* Adds π L / E_⊥ of the row's rays to their texels' sums. E_⊥ is that at the texel's centre. */
+/* Adds π L / E_⊥ of the row's rays to the sums of their texels. E_⊥ is taken at the texel's centre.
+ */
 static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
                             const double *facing, float *rgb) {
     const float share = 1.0f / (float)(raster->fine * raster->fine);

@@ -1,10 +1,12 @@
 #include "world_private.h"
 
-#define MAX_POSES    32    /* of an exposure while the turntable turns */
-#define POSE_STEP_PX 0.125 /* by which the sample's edge may move from one to the next */
+/* maximum number of poses of an exposure while the turntable turns */
+#define MAX_POSES 32
+/* maximum movement of the sample's edge from one pose to the next */
+#define POSE_STEP_PX 0.125
 
 static GMutex registry_lock;
-static GHashTable *registry; /* path → World, without a reference */
+static GHashTable *registry; /* path → World; does not own a reference */
 
 static void free_world(World *world) {
     cache_free(world->cache);
@@ -110,7 +112,7 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) 
     world->turns[world->n_turns++ % WORLD_TURNS] = (struct turn){at_us, deg, deg_s};
 }
 
-/* Before the oldest turn that is known, that one counts. */
+/* For times before the oldest stored turn, the oldest turn is used. */
 static double turntable_at(const World *world, gint64 at_us) {
     const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
     guint i = world->n_turns - 1;
@@ -186,7 +188,8 @@ void world_set_laser(World *world, int laser, gboolean on) {
     world->laser_on[laser] = on;
 }
 
-/* Integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, seconds. */
+/* Returns the integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, in seconds.
+ */
 static double warming(const World *world, double t) {
     double w = world->warm_up_s, rest = 1 - t / w;
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
@@ -232,7 +235,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
-            continue; /* a lit laser may share its place with a dark one */
+            continue; /* a laser that is on may share its place with one that is off */
         ret->sweep_deg[place] = world->sweep_deg[i];
         ret->laser_on[place] = world->laser_on[i];
     }
@@ -240,7 +243,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
-/* Adds share of the light of all lamps and lasers, DN·s⁻¹, in one pose. */
+/* Adds share times the light of all lamps and lasers in one pose, in DN·s⁻¹. */
 static void add_light(World *world, int camera, const struct world_state *state, float share,
                       float *rate) {
     const gsize n = (gsize)world->cameras[camera].width * (gsize)world->cameras[camera].height;
@@ -266,7 +269,8 @@ static void add_light(World *world, int camera, const struct world_state *state,
     }
 }
 
-/* In how many poses an exposure is computed: 1 if the turntable stood. */
+/* Returns the number of poses with which an exposure is computed. It is 1 if the turntable stands
+ * still. */
 static int world_n_poses(const World *world, int camera, const struct world_state *state) {
     const struct optics_camera *sensor = &world->cameras[camera];
     const float *low = world->scene.low, *high = world->scene.high;

@@ -1,23 +1,24 @@
 #include "world_private.h"
 
 #define CELLS_PER_SCALE 3
-#define MAX_CELLS       2048 /* in one direction */
-#define REACH_SCALES    5    /* beyond this many scales nothing comes out */
-#define REACH_SIGMA     4    /* there is no light farther from the middle of the laser's profile */
-#define KERNEL_STEPS    64   /* of a table of the kernel, per scale */
+#define MAX_CELLS       2048 /* maximum number of cells in one direction */
+#define REACH_SCALES    5    /* number of scales beyond which no light comes out */
+/* standard deviations of the laser's profile beyond which there is no light */
+#define REACH_SIGMA  4
+#define KERNEL_STEPS 64 /* steps of the kernel's table, per scale */
 
-enum cached { /* apart from those of world_light.c and world_laser.c */
+enum cached { /* continues the numbers of world_light.c and world_laser.c */
               CACHED_BLEEDING_CELLS = 48,
               CACHED_BLEEDING,
 };
 
 struct bleeding {
     int nx, ny;
-    double pitch_mm, x_mm, y_mm; /* the first cell's middle */
-    struct surface *cells;       /* ny × nx; the turntable where there is no sample */
-    int reach;                   /* cells */
-    float per_step;              /* 1/mm */
-    float kernel[REACH_SCALES * KERNEL_STEPS + 2]; /* sums to 1 over a level surface */
+    double pitch_mm, x_mm, y_mm; /* x_mm, y_mm: centre of the first cell */
+    struct surface *cells;       /* ny × nx; the turntable outside of the sample */
+    int reach;                   /* in cells */
+    float per_step;              /* table steps per mm */
+    float kernel[REACH_SCALES * KERNEL_STEPS + 2]; /* its sum over a flat surface is 1 */
 };
 
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {
@@ -74,7 +75,7 @@ struct bleeding_job {
     double sweep;
 };
 
-struct lit_cell { /* angle of the sweep at a cell, and irradiance then */
+struct lit_cell { /* sweep angle at which a cell is lit, and its irradiance at that angle */
     float angle, irradiance;
 };
 
@@ -93,7 +94,7 @@ static gpointer make_cells(const struct cache_key *key, gconstpointer data, gsiz
             struct surface matt = bleeding->cells[first + i];
             if (blocked[i] || matt.triangle == NO_TRIANGLE)
                 continue;
-            matt.albedo[CFA_GREEN] = (float)G_PI; /* scene_reflect() is n·l then */
+            matt.albedo[CFA_GREEN] = (float)G_PI; /* for this material, scene_reflect() is n·l */
             matt.gloss = 0;
             const struct v3 p = v3(matt.p[0], matt.p[1], matt.p[2]);
             lit[first + i].angle = (float)optics_laser_angle(&laser, p);
@@ -109,7 +110,7 @@ static float height_of(const struct surface *cell) {
     return cell->p[2];
 }
 
-/* Spreads the light of a cell to those around it. */
+/* Spreads the light of a cell to the cells around it. */
 static void bleeding_spread(const struct bleeding *bleeding, int i, int j, float light,
                             float *spread) {
     const float z = height_of(&bleeding->cells[j * bleeding->nx + i]);
@@ -151,7 +152,8 @@ static gpointer make_bleeding(const struct cache_key *key, gconstpointer data, g
     return spread;
 }
 
-/* Irradiance that has spread to a place, linear between cells' middles. */
+/* Returns the irradiance that has spread to a point, interpolated linearly between the centres of
+ * cells. */
 static float bleeding_at(const struct bleeding *bleeding, const float *spread, const float p[3]) {
     const double x = ((double)p[0] - bleeding->x_mm) / bleeding->pitch_mm;
     const double y = ((double)p[1] - bleeding->y_mm) / bleeding->pitch_mm;

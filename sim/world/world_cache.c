@@ -5,19 +5,19 @@
 #include <string.h>
 
 struct node {
-    struct cache_entry entry; /* first */
+    struct cache_entry entry; /* must be the first member */
     struct cache_key key;
     gsize bytes;
     int users;
     gboolean ready;
-    GList link; /* in the queue while ready */
+    GList link; /* in the queue when the value is ready */
 };
 
 struct Cache {
     GMutex lock;
     GCond made;
     GHashTable *nodes;
-    GQueue recent; /* head: used last */
+    GQueue recent; /* the head was used last */
     gsize bytes, limit;
 };
 

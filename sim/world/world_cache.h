@@ -1,10 +1,10 @@
 /*
- * A cache of the parts of a picture, within a limit of memory: the least recently used part is
+ * A cache of the parts of a picture, with a limit of memory. The least recently used part is
  * evicted first. Values are functions of their keys only, so that the state of the cache never
  * affects a picture.
  *
- * Any thread. A value that two threads ask for is made once, by the first, while the other waits;
- * nothing is locked while a value is made.
+ * Any thread. If two threads request the same value, the first one makes it while the other waits.
+ * Nothing is locked while a value is made.
  */
 #pragma once
 
@@ -15,19 +15,19 @@ struct cache_key {
 };
 
 struct cache_entry {
-    gpointer value; /* one g_malloc()ed block */
+    gpointer value; /* one block of g_malloc() */
 };
 
 typedef struct Cache Cache;
 
-/* Makes a value: returns a block to be freed with g_free(), and its size. It may ask the cache for
- * other keys, but not so that keys depend on each other in a circle. */
+/* Makes a value. Returns a block to be freed with g_free(), and its size. The function may request
+ * other keys from the cache, but keys must not depend on each other in a circle. */
 typedef gpointer (*CacheMake)(const struct cache_key *key, gconstpointer data, gsize *ret_bytes);
 
 Cache *cache_new(gsize limit_bytes);
 void cache_free(Cache *cache); /* NULL is ignored */
 
-/* The value stays until cache_release(). */
+/* Returns the value of a key. The value stays in the cache until cache_release(). */
 struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMake make,
                               gconstpointer data);
 void cache_release(Cache *cache, struct cache_entry *entry);

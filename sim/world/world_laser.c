@@ -3,23 +3,23 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define REACH    4 /* standard deviations of the profile beyond which there is no light */
 
-enum cached { /* apart from those of world_light.c */
+enum cached { /* continues the numbers of world_light.c */
               CACHED_LASER_VERTICES = 32,
               CACHED_LASER_LIST,
 };
 
 /* The contribution of a sweep to a pixel: amplitude times the profile at (sweep − angle)/σ. */
 struct share {
-    float angle; /* in σ of the profile, from the list's first angle */
+    float angle; /* in σ of the profile, relative to the first angle of the list */
     float amplitude;
     guint32 pixel;
 };
 
-/* Shares in order of their angle's cell, a cell being one σ. */
+/* Shares sorted by the cell of their angle. A cell is one σ. */
 struct laser_list {
     double first; /* rad */
     guint n_cells;
-    const guint32 *starts; /* n_cells + 1, behind the shares */
+    const guint32 *starts; /* n_cells + 1 elements, stored behind the shares */
     struct share shares[];
 };
 
@@ -30,7 +30,7 @@ struct laser_job {
     struct light_pose pose;
 };
 
-struct lit_vertex { /* angle of the sweep at a vertex, and irradiance then */
+struct lit_vertex { /* sweep angle at which a vertex is lit, and its irradiance at that angle */
     float angle, irradiance;
 };
 
@@ -62,7 +62,7 @@ struct laser_light { /* the input of a list */
     struct optics_laser laser;
     struct v3 eye_mm;
     const struct lit_vertex *vertices;
-    GArray *shares; /* angle is in rad until they are sorted */
+    GArray *shares; /* angles are in rad until the shares are sorted */
 };
 
 static void add_share(struct laser_light *light, double angle, double amplitude, guint32 pixel) {
@@ -71,8 +71,8 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
         g_array_append_val(light->shares, share);
 }
 
-/* Light after one bounce is smooth: it is added once per pixel, from the vertex nearest to its
- * first sample. */
+/* Light after one reflection is smooth. It is added once for each pixel, from the vertex nearest to
+ * the pixel's first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;
@@ -105,7 +105,7 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts by cells of one σ, keeping the order within a cell, so that sums depend on the list only.
+/* Sorts by cells of one σ and keeps the order within a cell, so that sums depend only on the list.
  */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;
@@ -136,7 +136,8 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
     return list;
 }
 
-/* What a camera sees in the light of a laser, which has one colour for all pixels. */
+/* Returns the view of a camera in the light of a laser, which has the same colour for all pixels.
+ */
 static struct cache_entry *laser_view(const struct laser_job *job) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     const double magnification =
@@ -190,7 +191,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
     return sort_shares(shares, light.laser.sigma, ret_bytes);
 }
 
-/* exp(−x²/2) with a table over x², linear in between: errors below 2e-5. */
+/* exp(−x²/2) from a table over x², interpolated linearly. Errors are below 2e-5. */
 #define PROFILE_STEPS 64
 static float profile_table[REACH * REACH * PROFILE_STEPS + 2];
 

@@ -2,7 +2,7 @@
 #include "world_private.h"
 
 #define RAD(deg)    ((deg) * (G_PI / 180))
-#define MAX_SAMPLES 64 /* of a pixel */
+#define MAX_SAMPLES 64 /* maximum number of samples of a pixel */
 
 enum cached {
     CACHED_VIEW = 1,
@@ -10,7 +10,7 @@ enum cached {
     CACHED_PICTURE,
 };
 
-static double whole_turn(double deg) { /* 0 … 360, in steps of 1e-9 */
+static double whole_turn(double deg) { /* Returns 0 … 360 in steps of 1e-9. */
     double rest = fmod(deg, 360);
     double steps = rint((rest < 0 ? rest + 360 : rest) * 1e9);
     return steps >= 360e9 ? 0 : steps * 1e-9;
@@ -41,8 +41,9 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* Turns a vector of the rig frame, or of the turntable's with sign −1, by the tilt that the bearing
- * gives the turntable's axis: by wobble towards the azimuth wobble_per_turn·turntable. */
+/* Rotates a vector of the rig frame by the tilt that the bearing gives the turntable's axis: by
+ * wobble towards the azimuth wobble_per_turn·turntable. With sign −1 it rotates a vector of the
+ * turntable's frame back. */
 static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
@@ -55,8 +56,8 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
     return lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
 }
 
-/* Turns by the angle between arc and turntable only if neither axis is tilted, so that the result
- * is bit-identical to that of an ideal arc. */
+/* Rotates only by the angle between arc and turntable if neither axis is tilted. The result is then
+ * bit-identical to that of an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
@@ -103,7 +104,7 @@ struct optics_camera world_camera_at(const World *world, int camera, double arm_
     return at;
 }
 
-/* From the frame of the rig to that of the sample. */
+/* Transforms from the rig frame to the sample frame. */
 static struct v3 to_sample(const World *world, double turntable_deg, struct v3 v) {
     double angle = -RAD(whole_turn(turntable_deg));
     return v3_turn_z(lean(world, -angle, -1, v), cos(angle), sin(angle));
@@ -117,16 +118,16 @@ struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
 struct view_job {
     const World *world;
     int camera;
-    struct optics_camera at; /* the camera as it stands */
+    struct optics_camera at; /* the camera in its present pose */
     double arm_deg, turntable_deg;
-    double magnification; /* 0: that of the colour of each pixel's filter */
+    double magnification; /* 0 means the magnification of each pixel's filter colour */
     const struct spread *spread;
-    struct v3 *rays; /* of one picture row, as what follows */
+    struct v3 *rays; /* of one picture row, like the following members */
     struct surface *surfaces;
     gboolean *hit;
 };
 
-/* The viewing ray from a point of a picture of a colour, in the sample frame. */
+/* Returns the viewing ray from a point of a picture of one colour, in the sample frame. */
 static struct v3 view_ray(const struct view_job *job, enum cfa_colour colour, double x_px,
                           double y_px) {
     const struct optics_camera *at = &job->at;
@@ -146,7 +147,7 @@ static void add_point(GArray *points, const struct surface *surface, enum cfa_co
     g_array_append_val(points, point);
 }
 
-/* A pixel that shows the turntable alone has no detail: one sample is as good as many. */
+/* A pixel that shows only the turntable has no detail. One sample is sufficient for it. */
 static void add_pixel(const struct view_job *job, int x, int y, GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
@@ -262,7 +263,8 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
     if (scene->n_gather == 0)
         return bounce;
     struct optics_lamp lamp = world_lamp_at(job->world, job->lamp, job->pose);
-    g_autofree float *direct = g_new0(float, scene->n_vertices); /* irradiance */
+    /* direct irradiance of each vertex */
+    g_autofree float *direct = g_new0(float, scene->n_vertices);
     struct surface surfaces[SCENE_BATCH];
     guint8 blocked[SCENE_BATCH];
     for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
@@ -314,7 +316,7 @@ struct picture_job {
     struct light_pose pose;
 };
 
-/* Direct light and one bounce, of each point. */
+/* Computes direct light and light after one reflection for each point. */
 static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;

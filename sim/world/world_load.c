@@ -5,8 +5,9 @@
 
 #include <string.h>
 
-#define RAD(deg)   ((deg) * (G_PI / 180))
-#define BEND_AT_MM 36.0 /* where sheet_bend_mm is meant */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* distance from the middle of the line at which sheet_bend_mm is defined */
+#define BEND_AT_MM 36.0
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
@@ -87,18 +88,17 @@ static const struct option world_table[] = {
     {"bearing_wobble_deg", OPTION_DOUBLE, "deg", 0, 5, "0", NULL, AT(wobble_deg),
      "tilt of the turntable's axis by its bearing, about the middle of the turntable's top"},
     {"bearing_wobble_per_turn", OPTION_INT, NULL, 1, 36, "2", NULL, AT(wobble_per_turn),
-     "how many times the direction of this tilt goes around while the turntable turns once; with "
-     "the turntable at 0 the axis leans towards the x of the rig"},
+     "number of rotations of the direction of this tilt per turn of the turntable; with the "
+     "turntable at 0 the axis leans towards the x of the rig"},
     {"lamp_flicker", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(lamp_flicker),
      "standard deviation of a lamp's output from frame to frame, a ratio"},
     {"speckle_contrast", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(speckle_contrast),
-     "contrast of laser speckle: standard deviation over mean of the light that a pixel gets; the "
-     "grain is as large as the blur of the lens (at least 0.5 px), and changes with every movement "
-     "of laser, turntable or camera"},
+     "contrast of laser speckle: standard deviation over mean of the light of a pixel; the grain "
+     "has the size of the lens's blur (at least 0.5 px), and changes with every movement of laser, "
+     "turntable or camera"},
     {"bleeding_share", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(bleeding_share),
-     "share of the laser light reflected diffusely by the sample that has entered it, and comes "
-     "out "
-     "elsewhere"},
+     "share of the diffusely reflected laser light that has entered the sample and comes out at "
+     "another place"},
     {"bleeding_mm", OPTION_DOUBLE, "mm", 0.2, 20, "0.6", NULL, AT(bleeding_mm),
      "distance over which this light decreases to 1/e"},
     {0},
@@ -123,7 +123,7 @@ static const struct option camera_table[] = {
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "650", NULL, AT(distance_mm),
      "distance from the origin, at which the camera looks"},
     {"on_arm", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_arm),
-     "the camera arm carries the camera; its place is given with the arm at 0"},
+     "the camera arm carries the camera; its position is given with the arm at 0"},
     {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, AT(serial),
      "the serial number that the simulated camera reports"},
     {"width", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.width), "columns"},
@@ -151,7 +151,7 @@ static const struct option camera_table[] = {
      "fall-off over the picture: exponent of the cosine of the angle to the axis, 4 for a simple "
      "lens"},
     {"blur_px", OPTION_DOUBLE, "px", 0, 10, "0", NULL, AT(optics.blur_px),
-     "standard deviation of the lens's blur; a pixel's samples are then spread over the blur"},
+     "standard deviation of the lens's blur, over which the samples of a pixel are spread"},
     {"k1", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k1), "radial distortion, r³"},
     {"k2", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k2), "radial distortion, r⁵"},
     {"p1", OPTION_DOUBLE, NULL, -0.1, 0.1, "0", NULL, AT(optics.p1), "tangential distortion"},
@@ -165,12 +165,12 @@ static const struct option camera_table[] = {
     {"turn_deg", OPTION_DOUBLES, "deg", -30, 30, "0;0;0", NULL, AT(turn_deg),
      "rotation about the camera's own right, down and forward axes"},
     {"lateral_colour", OPTION_DOUBLE, NULL, -0.01, 0.01, "0", NULL, AT(optics.lateral_colour),
-     "lateral colour: the lens magnifies red by 1 + this and blue by 1 - this about the principal "
-     "point"},
+     "lateral colour: magnification of red by 1 + this and of blue by 1 - this, about the "
+     "principal point"},
     {"veiling_glare", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(optics.veiling_glare),
      "share of the frame's mean light that the lens adds everywhere"},
     {"half_gain_step", OPTION_DOUBLE, NULL, -0.5, 0.5, "0", NULL, AT(optics.half_gain_step),
-     "ratio by which the right half of the sensor reads brighter than the left"},
+     "ratio of the right half of the sensor to the left half"},
     {"column_offset", OPTION_DOUBLE, NULL, 0, 0.1, "0", NULL, AT(optics.column_offset),
      "standard deviation of fixed offsets of the sensor's columns, as a share of full scale"},
     {0},
@@ -188,13 +188,13 @@ struct lamp_options {
 static const struct option lamp_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
     {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
-     "azimuth of a lamp that stands by itself; without it the arc carries the lamp"},
+     "azimuth of a lamp that stands alone; without it the arc carries the lamp"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "500", NULL, AT(distance_mm),
      "distance from the origin, at which the lamp is aimed"},
     {"on_probe", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_probe),
-     "the light probe carries the lamp; its place is given with the probe at 0"},
+     "the light probe carries the lamp; its position is given with the probe at 0"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 100, "2", NULL, AT(optics.exponent),
-     "intensity falls with the cosine of the angle to the aim to this power"},
+     "exponent n: the intensity decreases with cos^n of the angle to the aim"},
     {"intensity", OPTION_DOUBLE, "W/sr", 0, 1e6, "40", NULL, AT(optics.intensity),
      "radiant intensity along the aim"},
     {"intensity_scale", OPTION_DOUBLE, NULL, 0, 2, "1", NULL, AT(scale),
@@ -218,7 +218,7 @@ struct laser_options {
 static const struct option laser_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
     {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
-     "azimuth of a laser that stands by itself; without it the arc carries the laser"},
+     "azimuth of a laser that stands alone; without it the arc carries the laser"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "480", NULL, AT(distance_mm),
      "distance from the origin, which the laser lights at sweep angle 0"},
     {"width_mm", OPTION_DOUBLE, "mm", 0.01, 20, "1.2", NULL, AT(width_mm),
@@ -234,15 +234,16 @@ static const struct option laser_table[] = {
     {"start_deg", OPTION_DOUBLE, "deg", -10, 10, "0", NULL, AT(start_deg),
      "sweep angle at which the laser truly lights the origin"},
     {"sheet_bend_mm", OPTION_DOUBLE, "mm", -10, 10, "0", NULL, AT(sheet_bend_mm),
-     "bend of the sheet, a parabola: how far it is from a plane at 36 mm from the middle of the "
-     "line that it draws through the origin, on both sides, in the direction of the sweep"},
+     "bend of the sheet, a parabola: deviation from a plane in the direction of the sweep, at 36 "
+     "mm from the middle of the line through the origin, on both sides"},
     {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
      "offset of the true position, with the arc at 0"},
     {0},
 };
 #undef AT
 
-/* Deviates of a device come from the world's seed and its place in the file. */
+/* The random deviations of a device are derived from the world's seed and the device's place in the
+ * file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
     guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
@@ -259,7 +260,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     if (list->n == n)
         return TRUE;
     config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                   "%d of %d numbers given; separate them by ';'", list->n, n);
+                   "%d of %d numbers are given; separate them by ';'", list->n, n);
     return FALSE;
 }
 
@@ -278,7 +279,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
                     check_count(section, "colour", &from.colour, 3, mistakes);
     if (good && from.optics.black_level >= (double)((1 << from.optics.bits) - 1)) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "black_level",
-                       "%g is not below the last value of %d bits", from.optics.black_level,
+                       "%g is not below the largest value of %d bits", from.optics.black_level,
                        from.optics.bits);
         good = FALSE;
     }
@@ -306,8 +307,8 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Directions at a polar angle of the arc at 0, or at an azimuth: outwards, upwards along the arc,
- * and across it. */
+/* Gives the directions at a polar angle of the arc at 0, or at an azimuth: outwards, upwards along
+ * the arc, and across the arc. */
 static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
                         struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
@@ -407,7 +408,7 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* With the world's marks, which are part of its sample. */
+/* Loads the sample, which includes the world's marks. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -415,7 +416,8 @@ static void load_sample(World *world, const struct world_options *all, const Con
     gsize n = 0;
     if (!section && all_sections)
         config_lacks(mistakes, config,
-                     "no section [sample]: say what lies on the turntable (kind = flat, …)");
+                     "the section [sample] is missing; it describes the object on the turntable "
+                     "(kind = flat, …)");
     if (section && options_read(&(struct option_target){sample_option_table, &options}, 1, section,
                                 NULL, mistakes)) {
         world->mesh = sample_new(section, &options, mistakes);
@@ -462,8 +464,8 @@ static gboolean load_section(World *world, const struct world_options *all,
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
                            "there are more than %d sections of this class", classes[i].max);
         else
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
-                           section->class_name);
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                           "the section needs a name: [%s NAME]", section->class_name);
         return TRUE;
     }
     static const char *const names[] = {"world", "sample", "camera", "lamp", "laser", "mark"};
@@ -490,7 +492,7 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* An axis that carries cameras or lamps, with its deviations from where it is meant to be. */
+/* Returns an axis that carries cameras or lamps, with its deviations from its nominal pose. */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

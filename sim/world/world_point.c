@@ -1,7 +1,7 @@
 #include "world_private.h"
 
-/* A unit vector as a point of the octahedron |x| + |y| + |z| = 1, whose lower half is folded out
- * around its upper one. */
+/* Packs a unit vector as a point of the octahedron |x| + |y| + |z| = 1, whose lower half is
+ * unfolded around its upper half. */
 static void pack_direction(const float d[3], gint16 ret[2]) {
     float size = fabsf(d[0]) + fabsf(d[1]) + fabsf(d[2]), x = d[0] / size, y = d[1] / size;
     if (d[2] < 0) {
@@ -34,7 +34,7 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
         .p = {from->p[0], from->p[1], from->p[2]},
         .albedo = pack_share(from->albedo[colour]),
         .gloss = pack_share(from->gloss),
-        /* A lobe has some width, however narrow. */
+        /* a lobe must have some width */
         .along = MAX(pack_share(from->along), 1),
         .across = MAX(pack_share(from->across), 1),
         .u = pack_share(from->u),

@@ -1,4 +1,4 @@
-/* The inside of the simulated world, for world*.c and truth.c. */
+/* Private declarations of the simulated world, for world*.c and truth.c. */
 #pragma once
 
 #include "optics.h"
@@ -13,19 +13,19 @@
 
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
-    gint64 on_us, off_us; /* times at which it was last switched on and off */
+    gint64 on_us, off_us; /* times at which the lamp was last switched on and off */
 };
 
 #define WORLD_TURNS 128
 
-/* The turntable from a time on, until the next of these. */
+/* The position and speed of the turntable from a time on, until the next such record. */
 struct turn {
     gint64 from_us;
     double deg, deg_s;
 };
 
-/* The sample's surface for light transport. Its vertices are the surfels of interreflection: each
- * has a list of the vertices that cosine-weighted rays from it hit first. */
+/* The sample's surface for light transport. Interreflection is computed at its vertices. Each
+ * vertex has a list of the vertices that cosine-weighted rays from it hit first. */
 struct scene {
     RTCDevice device;
     RTCScene scene;
@@ -33,7 +33,7 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    guint32 *gather; /* n_gather per vertex; NO_TRIANGLE: the ray hits nothing */
+    guint32 *gather; /* n_gather per vertex; NO_TRIANGLE means that the ray hits nothing */
     float low[3], high[3];
     float table_albedo, table_radius_mm;
 };
@@ -52,63 +52,67 @@ struct World {
     char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
-    gboolean lamp_fixed[WORLD_MAX_LAMPS], laser_fixed[WORLD_MAX_LASERS]; /* not on the arc */
+    gboolean lamp_fixed[WORLD_MAX_LAMPS],
+        laser_fixed[WORLD_MAX_LASERS]; /* the device is not on the arc */
     gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;
     guint64 noise_seed;
     double warm_up_s, warm_up_start, drift, drift_period_s;
-    double wobble; /* tilt of the turntable's axis, rad */
+    double wobble; /* tilt of the turntable's axis in rad */
     int wobble_per_turn;
     double flicker, speckle_contrast, bleeding_share;
-    struct bleeding *bleeding; /* NULL: none */
+    struct bleeding *bleeding; /* NULL if there is none */
     Cache *cache;
 
-    GMutex lock;                    /* guards the fields below */
-    struct turn turns[WORLD_TURNS]; /* a ring of the last ones */
+    GMutex lock;                    /* guards the following members */
+    struct turn turns[WORLD_TURNS]; /* ring buffer of the last records */
     guint n_turns;                  /* at least 1 */
     double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
-    int laser_place[WORLD_MAX_LASERS]; /* the laser at whose place each is mounted */
+    int laser_place[WORLD_MAX_LASERS]; /* for each laser, the laser at whose place it is mounted */
 };
 
-/* world_load.c: fills a zeroed world from its file; on failure the world may be half full. */
+/* world_load.c: fills a zeroed world from its file. After an error the world may be partly filled.
+ */
 gboolean world_load(World *world, const char *path, GError **error);
 
 /* world_scene.c */
-struct surface { /* where a viewing ray meets sample or turntable; sample frame, mm */
-    float p[3], n[3], t[3], ng[3]; /* normals face the viewer */
+/* the point at which a viewing ray meets sample or turntable; in the sample frame, mm */
+struct surface {
+    float p[3], n[3], t[3], ng[3]; /* the normals face the viewer */
     float albedo[3], gloss, along, across;
-    guint32 triangle; /* NO_TRIANGLE: the turntable */
+    guint32 triangle; /* NO_TRIANGLE means the turntable */
     float u, v;
 };
 
-/* n_gather and table_… are set. */
+/* n_gather and table_… must be set. */
 void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
-/* First surfaces along unit rays; FALSE in hit where there is none. eye_mm and directions in the
- * sample frame; starts_mm NULL: all start at the eye. */
+/* Finds the first surfaces along unit rays. ret_hit is FALSE where there is none. eye_mm and
+ * directions are in the sample frame. If starts_mm is NULL, all rays start at the eye. */
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
 
-/* Whether surface points see a light: blocked[i] is set if point i does not, also if the light is
- * behind its surface. */
+/* Finds whether surface points see a light. blocked[i] is set if point i does not see it, and also
+ * if the light is behind its surface. */
 #define SCENE_BATCH 256
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
 
-/* Up to SCENE_BATCH of the scene's vertices from first on, as white surfaces for which
- * scene_reflect() is n·l in green, and whether they see a light. Returns how many. */
+/* Gives up to SCENE_BATCH vertices of the scene from first on, as white surfaces for which
+ * scene_reflect() is n·l in green, and whether they see a light. Returns their number. */
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
-/* The corner of a triangle that is nearest to a point with these barycentric coordinates. */
+/* Returns the corner of a triangle that is nearest to a point with these barycentric coordinates.
+ */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
-/* n·l·(diffuse + gloss) for light from a point, seen from the eye: the factor from E_⊥ to
- * radiance. */
+/* Returns n·l·(diffuse + gloss) for light from a point, as seen from the eye. It is the factor from
+ * E_⊥ to radiance. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
@@ -121,20 +125,23 @@ static inline guint64 world_bits(double value) {
     return word;
 }
 
-/* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
+/* Returns the angle between arc and turntable, rounded. Angles that differ by full turns or by less
+ * than 1e-9 degrees give the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
-/* The part of a cache's key that holds the position of an axis that carries something; else 0. */
+/* Returns the part of a cache's key for the position of an axis that carries a device, or 0 if it
+ * carries none. */
 guint64 world_carried_bits(gboolean carried, double deg);
 
-/* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
- * between arc and turntable only, unless the arc's axis differs from the turntable's, which may
- * also wobble; those for fixed lights depend on the turntable only. */
+/* The place of a light as seen from the sample. Results for lights on the arc depend only on the
+ * angle between arc and turntable, unless the arc's axis differs from the turntable's or the
+ * turntable wobbles. Results for fixed lights depend only on the turntable. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
     gboolean fixed;
-    double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
-    gboolean upright; /* in a frame that does not tilt with the turntable: the rig's at angle 0 */
+    double probe_deg; /* angle of the probe if it carries the lamp, otherwise 0 */
+    gboolean
+        upright; /* in a frame that does not tilt with the turntable: the rig frame at angle 0 */
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -148,78 +155,80 @@ struct optics_camera world_camera_at(const World *world, int camera, double arm_
 struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
                        double turntable_deg);
 
-/* From the frame of the sample, as it lies with the turntable at an angle, to that of the rig. */
+/* Transforms from the sample frame, with the turntable at an angle, to the rig frame. */
 struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p);
 
-/* A part of a pixel's area, packed, since a view has as many of them as pixels times samples, and a
- * session many views. Directions are folded octahedra, and shares of one are whole numbers; the
- * rounding errors are far below a sensor's noise. */
+/* A part of a pixel's area, packed, because a view has as many of them as pixels times samples, and
+ * a session has many views. Directions are unfolded octahedra, and shares of one are whole numbers.
+ * The rounding errors are far below a sensor's noise. */
 struct point {
     float p[3];
     gint16 n[2], t[2], ng[2];
-    guint16 albedo; /* of the pixel's colour */
+    guint16 albedo; /* for the pixel's colour */
     guint16 gloss, along, across, u, v;
     guint32 triangle, pixel;
 };
 
-/* What a camera sees at an angle of arm and turntable: no points for the sky, and a single point
- * for a pixel that shows only the turntable. */
+/* The view of a camera at an angle of arm and turntable. There are no points for the sky, and only
+ * one point for a pixel that shows only the turntable. */
 struct view {
     struct v3 eye_mm;
-    const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */
+    const float
+        *weights; /* one for each point of a pixel: DN·s⁻¹ per W·sr⁻¹·m⁻², including its area */
     guint n;
     struct point points[];
 };
 
-/* magnification is that of the light that is seen, relative to green; 0: light of all colours, each
- * of which is seen behind its filter. */
+/* magnification is that of the light, relative to green. 0 means light of all colours, each of
+ * which is seen behind its filter. */
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 
-/* world_point.c: all three colours unpack to the pixel's. */
+/* world_point.c: the albedo of the pixel's colour is unpacked for all three colours. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);
 
-/* Up to SCENE_BATCH points of a view from first on, and whether they see a light. Returns how many.
- */
+/* Gives up to SCENE_BATCH points of a view from first on, and whether they see a light. Returns
+ * their number. */
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
-/* The colour of the filter in front of a pixel; pixels are counted row by row. */
+/* Returns the colour of the filter in front of a pixel. Pixels are counted row by row. */
 static inline enum cfa_colour world_pixel_colour(const struct optics_camera *camera,
                                                  guint32 pixel) {
     guint32 width = (guint32)camera->width;
     return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
 }
 
-/* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
+/* Returns the irradiance after one reflection, R G B for each vertex, for a lamp at full output. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
-/* Interreflected light at a point of a triangle, interpolated from its vertices. */
+/* Returns the interreflected light at a point of a triangle, interpolated from its vertices. */
 float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
                       enum cfa_colour colour);
 
-/* DN·s⁻¹, width × height, for a lamp at full output. */
+/* Returns DN·s⁻¹, width × height, for a lamp at full output. */
 struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
                                        const struct world_state *state);
 
-/* world_laser.c: adds DN·s⁻¹ of a laser at a sweep angle. */
+/* world_laser.c: adds the light of a laser at a sweep angle, in DN·s⁻¹. */
 void world_add_laser(World *world, int camera, int laser, const struct world_state *state,
                      float *rate);
 
-/* world_speckle.c: makes the light of one laser, DN·s⁻¹ of a whole picture, uneven. */
+/* world_speckle.c: makes the light of one laser uneven. rate is a whole picture in DN·s⁻¹. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate);
 
-/* world_bleeding.c: laser light that enters the sample and comes out elsewhere. The sample's upper
- * side is cut into cells on a grid, seen from above. From a cell that the laser lights, a share
- * spreads to other cells with exp(−r/scale), r being the distance in space. What hides from above,
- * such as the lower side of a thread, takes no part; nor does the turntable. */
+/* world_bleeding.c: laser light that enters the sample and comes out at another place. The upper
+ * side of the sample is divided into the cells of a grid, as seen from above. From a cell that the
+ * laser lights, a share spreads to other cells with exp(−r/scale), where r is the distance in
+ * space. Surfaces that are hidden from above, such as the lower side of a thread, take no part, nor
+ * does the turntable. */
 struct bleeding;
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm);
 void bleeding_free(struct bleeding *bleeding); /* NULL is ignored */
 
-/* Adds to a picture of DN·s⁻¹ what has come out, the share bleeding_share included. */
+/* Adds the light that comes out to a picture of DN·s⁻¹, multiplied by bleeding_share. */
 void world_add_bleeding(World *world, int camera, int laser, struct light_pose pose, double sweep,
                         const struct view *view, float *rate);

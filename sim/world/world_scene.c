@@ -3,8 +3,8 @@
 #include <float.h>
 #include <string.h>
 
-/* Rays start this far off the surface, mm: much farther than floats round, and much less than the
- * width of a pixel. */
+/* Rays start at this distance from the surface, in mm. It is much larger than the rounding of
+ * floats, and much smaller than a pixel. */
 #define LIFT 3e-4f
 
 static inline float dot(const float a[3], const float b[3]) {
@@ -174,7 +174,8 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
         int n_rays = MIN(SCENE_BATCH, n - first);
         for (int i = 0; i < n_rays; i++) {
             struct v3 o = starts_mm ? starts_mm[first + i] : eye_mm, d = directions[first + i];
-            /* A ray from far away starts just above the sample, for float's precision. */
+            /* A ray from far away starts just above the sample, because of the precision of floats.
+             */
             if (d.z < 0 && o.z > top)
                 o = v3_mad(d, (top - o.z) / d.z, o);
             set_ray(&rays[i], (float[]){(float)o.x, (float)o.y, (float)o.z},
@@ -192,7 +193,7 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
     }
 }
 
-/* Whether the way from a point of the turntable to a light passes over the sample at all. */
+/* Returns whether the way from a point of the turntable to a light passes over the sample. */
 static gboolean over_sample(const struct scene *scene, const float p[3], const float way[3]) {
     float t = MIN(1, scene->high[2] / way[2]);
     for (int k = 0; k < 2; k++) {
@@ -205,7 +206,7 @@ static gboolean over_sample(const struct scene *scene, const float p[3], const f
 
 #define PACKET 16
 
-struct shadow_rays { /* side by side, for the ray tracer's widest packets */
+struct shadow_rays { /* arranged for the widest packets of the ray tracer */
     struct RTCRay16 packets[SCENE_BATCH / PACKET];
     guint8 index[SCENE_BATCH];
     int n;
@@ -215,8 +216,7 @@ static void add_shadow_ray(struct shadow_rays *rays, const float p[3], const flo
                            guint8 index) {
     struct RTCRay16 *packet = &rays->packets[rays->n / PACKET];
     int lane = rays->n % PACKET;
-    if (lane ==
-        0) /* Embree reads lanes that are not valid as well, on processors without AVX-512 */
+    if (lane == 0) /* Embree also reads lanes that are not valid, on processors without AVX-512 */
         memset(packet, 0, sizeof *packet);
     packet->org_x[lane] = p[0];
     packet->org_y[lane] = p[1];

@@ -3,7 +3,7 @@
 #define MIN_GRAIN_PX 0.5
 #define MAX_REACH_PX 32
 
-/* White noise of variance 1, a sum of four uniform numbers. */
+/* Returns white noise of variance 1, as a sum of four uniform numbers. */
 static float white(guint64 key) {
     const guint64 bits = sample_hash(key);
     float sum = -2 * (float)G_MAXUINT16;
@@ -12,7 +12,7 @@ static float white(guint64 key) {
     return sum * (1.7320508f / (float)G_MAXUINT16);
 }
 
-/* Adds up a line of values, step apart, under a kernel. */
+/* Convolves a line of values, which are step apart, with a kernel. */
 static void speckle_smooth(const float *from, int n, gsize step, const float *kernel, int reach,
                            float *ret) {
     for (int i = 0; i < n; i++) {
@@ -24,8 +24,8 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
 }
 
 /* The intensity of speckle in light of contrast C has a gamma distribution with M = 1/C² degrees
- * (Goodman 2007), here by the cube of a normal deviate (Wilson & Hilferty 1931). The
- * correlation of its grain is that of the lens's blur. */
+ * (Goodman 2007). It is approximated here by the cube of a normal deviate (Wilson & Hilferty 1931).
+ * The correlation of the grain is that of the lens's blur. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];

@@ -71,7 +71,8 @@ enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until a
                           VIRTUAL_V4L2_FROZEN,       /* repeats the previous picture as a new one */
                           VIRTUAL_V4L2_SILENT,       /* no frames */
                           VIRTUAL_V4L2_OTHER_CLOCK,  /* stamps of an unknown clock */
-                          VIRTUAL_V4L2_NO_BANDWIDTH, /* refuses to stream for lack of it */
+                          VIRTUAL_V4L2_NO_BANDWIDTH, /* refuses to stream because the bus has not
+                                                        enough bandwidth */
                           VIRTUAL_V4L2_DISOBEYS,     /* controls take other values than were set */
                           VIRTUAL_V4L2_STREAM_BREAKS, /* taking a frame fails, once */
 };

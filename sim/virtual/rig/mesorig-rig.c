@@ -60,8 +60,8 @@ static OutputFile *virtual_rig_main_output(GError **error) {
     if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
         in.st_ino == out.st_ino) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "-o %s is the rig of --virtual: choose another name for the rig file of the "
-                    "virtual devices",
+                    "-o %s is the rig file of --virtual; choose another name for the rig file of "
+                    "the virtual devices",
                     out_path);
         return NULL;
     }

@@ -50,11 +50,10 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
             continue;
         if (modbus ? set_cut(modbus, !plugged) : plug_camera(rig, own, plugged))
             return TRUE;
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "%s (%s) cannot be unplugged here: only devices on Modbus, GigE Vision and USB3 "
-            "Vision can",
-            own, device->driver);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "%s (%s) cannot be unplugged here; only devices on Modbus, GigE Vision and "
+                    "USB3 Vision can",
+                    own, device->driver);
         return FALSE;
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no device “%s”; there are: %s",
@@ -83,10 +82,10 @@ static gboolean fits(const World *is, const World *new, const char *path, GError
         same = a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa;
     }
     if (!same)
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-            "%s: its cameras, lamps or lasers are not those of this rig; change only the sample",
-            path);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s: its cameras, lamps or lasers differ from those of this rig; change only "
+                    "the sample",
+                    path);
     return same;
 }
 
@@ -101,7 +100,7 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
     if (rig->n_tics + rig->n_relays + rig->n_videos > 0) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "the world of Tics, relay boards and V4L2 cameras cannot be replaced; leave --usb out");
+            "the world of Tics, relay boards and V4L2 cameras cannot be replaced; leave out --usb");
         return FALSE;
     }
     World *world = world_get(path, error);

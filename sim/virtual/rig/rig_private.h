@@ -52,7 +52,7 @@ struct VirtualRig {
     struct board boards[MAX_DEVICES];
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* Switches: one for all lasers, which is one of relays. */
+    /* switches is the board for all lasers. It is one of relays. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;

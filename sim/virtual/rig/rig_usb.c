@@ -86,8 +86,7 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
     *ret_deg = given ? rig_number(section, sim, "home_deg") : min_deg - SWITCH_DEG;
     if (rig_number(section, sim, "position_error_deg") != 0) {
         rig_set_error(error, section,
-                      "a virtual Tic makes no errors of position: remove "
-                      "position_error_deg");
+                      "a virtual Tic makes no position errors; remove position_error_deg");
         return FALSE;
     }
     if (rig_wraps(section) || *ret_deg < min_deg)

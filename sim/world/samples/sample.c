@@ -9,50 +9,52 @@ static const char *const kinds[] = {"flat",   "weave",   "brushed",  "brick", "p
 
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
-    {"kind", OPTION_CHOICE, NULL, 0, 0, NULL, kinds, AT(kind), "what lies on the turntable"},
+    {"kind", OPTION_CHOICE, NULL, 0, 0, NULL, kinds, AT(kind), "kind of object on the turntable"},
     {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed), "seed of its irregularities"},
     {"width_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(width_mm), "size along x"},
     {"height_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(height_mm), "size along y"},
     {"base_mm", OPTION_DOUBLE, "mm", 0, 100, "1", NULL, AT(base_mm),
-     "height of the structure's deepest points above the turntable's top"},
+     "height of the deepest points of the structure above the turntable's top"},
     {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
      "approximate depth of the structure"},
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
      "height of the reference plane; nothing of the sample may be higher"},
     {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
-     "distance between yarns, ridges or courses of bricks; rounded so that the sample tiles"},
+     "distance between yarns, ridges or courses of bricks; rounded so that the sample can be "
+     "tiled"},
     {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
-     "number of cells in x and in y, of a sample that is a relief"},
+     "for a relief: number of cells in x and in y"},
     {"repeats", OPTION_INT, NULL, 1, 16, "1", NULL, AT(repeats),
-     "number of equal pieces in x and in y, which join without a seam; more than 1 for flat, "
+     "number of equal pieces in x and in y, which join without a seam; more than 1 only for flat, "
      "brushed, brick, ridges, grass, bluepipe and block"},
     {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
-     "diffuse albedo, one number or red;green;blue; empty: the kind's own"},
+     "diffuse albedo, one number or red;green;blue; empty: the default of the kind"},
     {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
      "albedo of the second colour: weft, mortar"},
     {"gloss", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(gloss),
-     "albedo of the gloss; -1: the kind's own"},
+     "albedo of the gloss; -1: the default of the kind"},
     {"roughness_along", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(along),
-     "roughness of the gloss along the fibres or scratches; -1: the kind's own"},
+     "roughness of the gloss along the fibres or scratches; -1: the default of the kind"},
     {"roughness_across", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(across),
-     "roughness of the gloss across the fibres or scratches; -1: the kind's own"},
+     "roughness of the gloss across the fibres or scratches; -1: the default of the kind"},
     {"places_mm", OPTION_DOUBLES, "mm", -500, 500, "", NULL, AT(places_mm),
-     "poles: x;y;height of each post; balls: x;y;radius of each; they stand on base_mm"},
+     "poles: x;y;height of each post; balls: x;y;radius of each ball, which lies on base_mm"},
     {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "radius of the posts"},
     {"smooth", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(smooth),
      "obj: shade the surface with interpolated normals"},
     {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
-     "picture: PNG of the relief, black base_mm, white relief_mm above; obj: mesh in mm, z up"},
+     "picture: PNG of the relief, with black at base_mm and white at base_mm + relief_mm; obj: "
+     "mesh in mm, z up"},
     {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
-     "picture: PNG of the colours; plate: PNG whose every pixel is a rectangle of its print"},
+     "picture: PNG of the colours; plate: PNG whose pixels are the rectangles of its print"},
     {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
-     "plate: angle by which the plate leans, its lowest corner on the turntable"},
+     "plate: tilt of the plate, whose lowest corner is on the turntable"},
     {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
-     "plate: azimuth towards which the plate's normal leans"},
+     "plate: azimuth of the plate's tilted normal"},
     {"turn_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(turn_deg),
      "plate: rotation about its normal"},
     {"offset_mm", OPTION_DOUBLES, "mm", -200, 200, "", NULL, AT(offset_mm),
-     "plate: x;y of its middle"},
+     "plate: x;y of its centre"},
     {0},
 };
 #undef AT
@@ -168,8 +170,8 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Adds a wall below n vertices: the first and every step-th after it. A wall has vertices of its
- * own, with the normal of its side. */
+/* Adds a wall below n vertices: vertex first and every step-th vertex after it. The wall has
+ * separate vertices with the normal of its side. */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};
@@ -217,7 +219,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "%d numbers given; write one, or red;green;blue", list->n);
+                          "it has %d numbers; give one, or red;green;blue", list->n);
 }
 
 static gboolean check_options(const struct config_section *section,
@@ -226,32 +228,32 @@ static gboolean check_options(const struct config_section *section,
     good &= check_rgb(section, "albedo2", &options->albedo2, mistakes);
     if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "period_mm",
-                              "%g mm is too short for a sample of this size, which may have 200 "
-                              "periods: give at least %g mm",
+                              "%g mm is too short for a sample of this size, which can have at "
+                              "most 200 periods; give at least %g mm",
                               options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
     const gboolean whole = options->kind == SAMPLE_WEAVE || options->kind == SAMPLE_PEANUTS ||
                            (options->kind >= SAMPLE_PICTURE && options->kind <= SAMPLE_PLATE);
     if (options->repeats > 1 && whole)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "repeats",
-                              "%d: a sample of kind %s is of one piece, leave repeats out",
+                              "%d: a sample of kind %s cannot be repeated; leave out repeats",
                               options->repeats, kinds[options->kind]);
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "%d numbers are given, not three for each: x;y;height of a post, x;y;radius of a ball",
+            "it has %d numbers, but each post needs x;y;height and each ball needs x;y;radius",
             options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
             good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-                                  "number %d, a height or a radius, is %g: it must be positive",
+                                  "number %d is a height or a radius of %g; it must be positive",
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d of two numbers given: write x;y", options->offset_mm.n);
+                              "it has %d numbers instead of two; give x;y", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
-                              "must be given for a plate: the PNG it is printed with");
+                              "must be given for a plate: the PNG with which it is printed");
     const gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "path",
@@ -259,7 +261,7 @@ static gboolean check_options(const struct config_section *section,
     return good;
 }
 
-/* A mesh outside its bounds would cause wrong data later on, not an error. */
+/* A mesh outside its bounds would cause wrong data later, instead of an error. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {
@@ -271,12 +273,12 @@ static gboolean check_mesh(const struct config_section *section,
     }
     if (mesh->triangles->len && low >= -1e-6 && high <= options->top_mm + 1e-6)
         return TRUE;
-    return config_mistake(
-        mistakes, CONFIG_ERROR_VALUE, section, "kind",
-        mesh->triangles->len ? "the sample is between %g and %g mm high, and must be between 0 and "
-                               "top_mm = %g; change base_mm, relief_mm or top_mm"
-                             : "the sample has no surface",
-        low, high, options->top_mm);
+    return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "kind",
+                          mesh->triangles->len
+                              ? "the sample extends from %g to %g mm in height, but must be "
+                                "between 0 and top_mm = %g; change base_mm, relief_mm or top_mm"
+                              : "the sample has no surface",
+                          low, high, options->top_mm);
 }
 
 static struct mesh *make(const struct sample_options *options, GError **error) {

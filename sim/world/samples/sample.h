@@ -1,7 +1,7 @@
 /*
- * Samples to put on the turntable: triangle meshes with a material at every vertex, made from
- * parameters and a seed, or loaded. Millimetres in the sample frame: x and y from −size/2 to
- * +size/2, z = 0 is the turntable's top.
+ * Samples for the turntable: triangle meshes with a material at every vertex. They are computed
+ * from parameters and a seed, or loaded. Coordinates are millimetres in the sample frame: x and y
+ * are from −size/2 to +size/2, and z = 0 is the turntable's top.
  */
 #pragma once
 
@@ -9,14 +9,14 @@
 
 #include <png.h>
 
-/* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is the
- * albedo of this layer, along and across are its roughness in the direction of the tangent and
+/* A diffuse albedo and a layer of gloss (Ward's anisotropic lobe, bounded form). gloss is the
+ * albedo of this layer. along and across are its roughness in the direction of the tangent and
  * across it. */
 struct vertex {
     float p[3], n[3], t[3];
     float albedo[3];
     float gloss, along, across;
-    float spare; /* a ray tracer may read a little beyond a position */
+    float spare; /* padding, because a ray tracer may read a little beyond a position */
 };
 
 struct mesh {
@@ -44,14 +44,14 @@ enum sample_kind {
 struct sample_options {
     int kind;
     int seed;
-    double width_mm, height_mm; /* along x and y */
+    double width_mm, height_mm; /* extent in x and y */
     double base_mm, relief_mm, top_mm, period_mm;
     int grid;
-    int repeats;                           /* equal pieces each way; 1 for kinds that have none */
-    struct option_doubles albedo, albedo2; /* empty, one value, or three */
-    double gloss, along, across;           /* −1: the kind's own */
+    int repeats; /* number of equal pieces in each direction; 1 for kinds without pieces */
+    struct option_doubles albedo, albedo2; /* empty, one value, or three values */
+    double gloss, along, across;           /* −1 means the default of the kind */
     gboolean smooth;
-    double tilt_deg, tilt_towards_deg, turn_deg; /* plate: how it was put down */
+    double tilt_deg, tilt_towards_deg, turn_deg; /* plate: how it lies */
     struct option_doubles offset_mm;             /* empty, or x and y */
     struct option_doubles places_mm; /* x, y, and height or radius of each post or ball */
     double radius_mm;
@@ -61,39 +61,40 @@ struct sample_options {
 extern const struct option sample_option_table[];
 
 /* Makes or loads the sample of a section. Each mistake names the section's file and line, or the
- * file that could not be loaded and the place in it. NULL: there are mistakes. */
+ * loaded file and the place in it. Returns NULL if there are mistakes. */
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
                         Mistakes *mistakes);
 void sample_free(struct mesh *mesh); /* NULL is ignored */
 
-/* For the kinds. */
+/* Functions for the kinds of samples. */
 struct mesh *sample_mesh_new(void);
 guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
-/* Two triangles; corners counter-clockwise. */
+/* Adds two triangles. The corners are counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
-/* Adds the quads between n + 1 rings of vertices that follow each other. The outward normal is
- * (direction around a ring) × (direction from ring to ring); flip: the opposite. */
+/* Adds the quads between n + 1 consecutive rings of vertices. The outward normal is (direction
+ * around a ring) × (direction from ring to ring), or the opposite with flip. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
-/* The number of periods that fits a length best: a multiple of unit, at least one unit. */
+/* Returns the number of periods that fits a length best. It is a multiple of unit, and at least one
+ * unit. */
 int sample_count(double length_mm, double period_mm, int unit);
-/* Area-weighted normals from the triangles, for vertices from first on. */
+/* Computes area-weighted normals from the triangles, for the vertices from first_vertex on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
-/* Sets a vertex's gloss as the options say; gloss, along and across are used where they leave it to
- * the kind of sample. */
+/* Sets a vertex's gloss from the options. gloss, along and across are the defaults of the kind of
+ * sample. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
-/* Sets an error that a picture cannot be read, for the reason in image, which is freed. */
+/* Sets the error that a picture cannot be read, with the reason in image. Frees image. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
-/* A surface z(x, y) on a grid, with walls down to the turntable. The function sets p[2], albedo and
- * gloss of a vertex; p[0] and p[1] are set already. */
+/* Makes a surface z(x, y) on a grid, with walls down to the turntable. The callback sets p[2],
+ * albedo and gloss of a vertex, whose p[0] and p[1] are already set. */
 typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);
 
-/* A round post with a matt face of an albedo and black sides, of the turntable's height up to z. */
+/* Adds a round post from the turntable up to z, with a matt face of the albedo and black sides. */
 void sample_add_post(struct mesh *mesh, double x_mm, double y_mm, double z_mm, double radius_mm,
                      const float albedo[3]);
 
@@ -108,7 +109,7 @@ struct mesh *sample_targets(const struct sample_options *options); /* poles, bal
 struct mesh *sample_obj(const struct sample_options *options, GError **error);
 struct mesh *sample_plate(const struct sample_options *options, GError **error);
 
-/* The hash that everything random in the simulated world comes from. */
+/* The hash from which all random values of the simulated world are derived. */
 static inline guint64 sample_hash(guint64 x) {
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
     x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
@@ -119,12 +120,12 @@ struct sample_random {
     guint64 state;
 };
 
-static inline double sample_uniform(struct sample_random *random) { /* 0 … 1, without 1 */
+static inline double sample_uniform(struct sample_random *random) { /* returns 0 … 1, without 1 */
     random->state += 0x9e3779b97f4a7c15u;
     return (double)(sample_hash(random->state) >> 11) * 0x1p-53;
 }
 
-/* Approximately normal, variance 1, within ±6. */
+/* Returns an approximately normal deviate of variance 1, within ±6. */
 static inline double sample_deviate(struct sample_random *random) {
     double sum = -6;
     for (int i = 0; i < 12; i++)
@@ -132,5 +133,6 @@ static inline double sample_deviate(struct sample_random *random) {
     return sum;
 }
 
-/* Smooth noise in −1 … 1 of unit grid, repeating every period (integer) cells. */
+/* Returns smooth noise in −1 … 1 on a unit grid, which repeats after period_x and period_y
+ * (integer) cells. */
 double sample_noise(double x, double y, int period_x, int period_y, guint64 seed);

@@ -8,9 +8,10 @@
 
 #define GAP   0.07 /* half the width of a gap, as a share of the period */
 #define BEVEL 0.05 /* width of the bevel, as a share of the period */
-#define CUTS  5    /* a face has CUTS² cells, since bounced light is known at vertices */
+/* a face has CUTS² cells, because reflected light is computed at vertices */
+#define CUTS 5
 
-/* corners counter-clockwise from outside, in a level or upright plane. */
+/* The corners are counter-clockwise as seen from outside, in a horizontal or vertical plane. */
 static void add_face(struct mesh *mesh, const double corners[4][3], const struct vertex *like) {
     guint32 first = mesh->vertices->len;
     guint first_triangle = mesh->triangles->len;
@@ -34,11 +35,13 @@ static void add_face(struct mesh *mesh, const double corners[4][3], const struct
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* x and y: the middle; half: of the walls' distance; from the floor up to top. */
+/* middle is the x and y of the block's centre. half is half the distance of its walls. z is the
+ * floor and the top. */
 static void add_block(struct mesh *mesh, const double middle[2], const double half[2],
                       const double z[2], double bevel, const struct vertex *like) {
     static const int sides[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    double ring[3][4][3]; /* foot, upper edge of the walls, edge of the top; counter-clockwise */
+    double ring[3][4]
+               [3]; /* foot, upper edge of the walls, and edge of the top; counter-clockwise */
     for (int c = 0; c < 4; c++)
         for (int r = 0; r < 3; r++) {
             for (int k = 0; k < 2; k++)

@@ -2,24 +2,26 @@
 
 #include <math.h>
 
-/* Pipes on a dark floor, in two layers: the lower ones along x, the upper ones along y, one period
- * apart, with sleeves where two lengths of pipe meet. They are hollow, and their ends lie on the
- * sample's edge. Light and views pass between and below the upper pipes. */
+/* Pipes on a dark floor in two layers, one period apart. The lower pipes run along x and the upper
+ * ones along y. They have sleeves where two lengths of pipe meet. The pipes are hollow, and end at
+ * the sample's edge. Light and views pass between the upper pipes and below them. */
 
 #define AROUND     28
-#define PIPE       0.84 /* radius of a pipe, as a share of that of its sleeves */
-#define RADIUS     0.36 /* radius of a sleeve: most of the period */
-#define PER_SLEEVE 24   /* rings of vertices from one sleeve to the next */
+#define PIPE       0.84 /* radius of a pipe, relative to the radius of its sleeves */
+#define RADIUS     0.36 /* radius of a sleeve, relative to the period */
+#define PER_SLEEVE 24   /* number of rings of vertices from one sleeve to the next */
 
 struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    double sleeves, phase; /* number of sleeves along the pipe, and place of the first, 0 … 1 */
+    double sleeves,
+        phase; /* number of sleeves along the pipe, and position of the first one, 0 … 1 */
     float albedo[3];
 };
 
-/* Radius in parts of the sleeve's, s from 0 to 1 along the pipe: steps with round shoulders. */
+/* Returns the radius relative to the radius of the sleeve, for s from 0 to 1 along the pipe. The
+ * profile has steps with round shoulders. */
 static double pipe_profile(const struct pipe *pipe, double s, double *ret_sleeve) {
     double place = s * pipe->sleeves + pipe->phase;
     double off = fabs(place - floor(place) - 0.5);

@@ -20,8 +20,8 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
     return FALSE;
 }
 
-/* 16-bit numbers are kept as they are, and so are 8-bit greys that are heights, since heights have
- * no gamma. */
+/* 16-bit numbers are not converted. Nor are 8-bit greys that are heights, because heights have no
+ * gamma. */
 static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
                              GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -57,7 +57,7 @@ static float pixel(const struct picture *picture, gint64 x, gint64 y, int channe
         ->values[(row * picture->width + column) * (gsize)picture->channels + (gsize)channel];
 }
 
-/* Bilinear; u from the left, v from the bottom, 0 … 1. */
+/* Interpolates bilinearly. u is from the left and v from the bottom, 0 … 1. */
 static double look_up(const struct picture *picture, double u, double v, int channel) {
     double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
     double fx = floor(x), fy = floor(y);
@@ -118,7 +118,8 @@ static gboolean obj_position(struct obj *obj, const char *text, GError **error) 
         char *end = NULL;
         double value = g_ascii_strtod(text, &end);
         if (end == text || !isfinite(value) || fabs(value) > 1e4)
-            return obj_error(obj, error, "a vertex needs three numbers, millimetres below 10000");
+            return obj_error(obj, error,
+                             "a vertex needs three numbers in millimetres, below 10000");
         p[k] = (float)value;
         text = end;
     }
@@ -134,13 +135,14 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
     return sample_add_vertex(obj->mesh, &vertex);
 }
 
-/* One corner of a face: "7", "7/1", "7//3" or "-1", counted from the last vertex. */
+/* Parses a corner of a face: "7", "7/1", "7//3" or "-1". Negative numbers count from the last
+ * vertex. */
 static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);
     guint n = obj->positions->len;
     if (end == *text || index == 0 || index > (gint64)n || index < -(gint64)n)
-        return obj_error(obj, error, "a face names a vertex that was not given before it");
+        return obj_error(obj, error, "a face names a vertex that does not occur before it");
     *ret = (guint32)(index > 0 ? index - 1 : (gint64)n + index);
     *text = end + strcspn(end, " \t");
     *text += strspn(*text, " \t");
@@ -152,7 +154,7 @@ static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
     if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
         return FALSE;
     if (!*text)
-        return obj_error(obj, error, "a face needs three corners or more");
+        return obj_error(obj, error, "a face needs at least three corners");
     while (*text) {
         if (!obj_corner(obj, &text, &corner, error))
             return FALSE;
@@ -196,7 +198,7 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         return NULL;
     }
     /* A smooth mesh shares vertices, in the order of their positions. They are added at the end,
-     * since faces need only their numbers. */
+     * because faces only need their numbers. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

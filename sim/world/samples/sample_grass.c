@@ -2,17 +2,17 @@
 
 #include <math.h>
 
-/* Grass on soil: tufts of blades that rise from their roots and bend over, so that most points of
- * the ground lie below a blade and no height field describes the surface. A blade is a thin closed
- * body around a quadratic Bézier curve. */
+/* Grass on soil. Tufts of blades rise from their roots and bend over, so that most points of the
+ * ground are below a blade and no height field describes the surface. A blade is a thin closed body
+ * around a quadratic Bézier curve. */
 
-#define ALONG  8  /* rings of vertices from root to tip, less one */
-#define AROUND 6  /* vertices of a ring */
-#define BLADES 14 /* blades of a tuft */
+#define ALONG  8  /* number of rings of vertices from root to tip, minus one */
+#define AROUND 6  /* number of vertices of a ring */
+#define BLADES 14 /* number of blades of a tuft */
 
 struct blade {
     const struct sample_options *options;
-    double x[3], z[3]; /* control points: along the ground from the tuft's x and y, and up */
+    double x[3], z[3]; /* control points: distances along the ground from the root, and heights */
     double root_mm[2], azimuth, half_width_mm;
     float albedo[3];
 };
@@ -25,7 +25,7 @@ static double bezier_slope(const double p[3], double s) {
     return 2 * (1 - s) * (p[1] - p[0]) + 2 * s * (p[2] - p[1]);
 }
 
-/* The ring's plane is spanned by the side, which is level, and the upper face's normal. */
+/* The ring's plane contains the horizontal side direction and the normal of the upper face. */
 static void blade_vertex(const struct blade *blade, double s, double turn, struct vertex *to) {
     double c = cos(blade->azimuth), d = sin(blade->azimuth);
     double dx = bezier_slope(blade->x, s), dz = bezier_slope(blade->z, s);
@@ -56,8 +56,7 @@ static void add_blade(struct mesh *mesh, const struct blade *blade) {
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* The control points are chosen so that no curve rises so far that the blade around it is higher
- * than relief_mm. */
+/* Chooses the control points so that no part of a blade is higher than relief_mm. */
 static void shape_blade(const struct sample_options *o, double spacing_mm,
                         struct sample_random *random, struct blade *to) {
     to->options = o;

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-/* Peanuts in their shells, strewn over a tray: surfaces of revolution with a waist, lying on each
- * other so that some hide others. */
+/* Peanuts in their shells on a tray. They are surfaces of revolution with a waist. They lie on each
+ * other, so that some hide others. */
 
 #define ALONG       28
 #define AROUND      22
@@ -17,7 +17,8 @@ struct peanut {
     guint64 seed;
 };
 
-/* Radius along the axis, −1 … 1: a capsule with a waist, one end a little thicker. */
+/* Returns the radius along the axis, −1 … 1: a capsule with a waist and with one end a little
+ * thicker. */
 static double profile(const struct peanut *peanut, double s) {
     double end = sqrt(MAX(0, 1 - pow(fabs(s), 3.2)));
     double waist = 1 - peanut->waist * exp(-pow((s - peanut->lean) / 0.33, 2));
@@ -78,12 +79,13 @@ static void tray(struct vertex *vertex, gconstpointer data) {
         vertex->albedo[k] *= (float)(1 + 0.25 * grain);
 }
 
-/* For contact between them, a peanut is modelled as its two lobes. */
+/* For contacts between peanuts, a peanut is modelled as its two lobes. */
 struct lobe {
     double x, y, z, r;
 };
 
-/* Lowest z of a lobe at (x, y) above the tray and all lobes that lie there already. */
+/* Returns the lowest z of a lobe at (x, y) above the tray and above all lobes that are already
+ * there. */
 static double resting_height(const GArray *lobes, double base, const struct lobe *lobe) {
     double z = base + lobe->r;
     for (guint i = 0; i < lobes->len; i++) {
@@ -114,7 +116,7 @@ static void shape_peanut(const struct sample_options *o, struct sample_random *r
     to->seed = sample_hash(random->state);
 }
 
-/* Drops a peanut; FALSE if it would come to lie too high or too steeply. */
+/* Drops a peanut. Returns FALSE if it would be too high or too steep. */
 static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
     const struct sample_options *o = peanut->options;
     double arm = 0.27 * peanut->length_mm;

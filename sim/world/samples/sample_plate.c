@@ -7,14 +7,14 @@
 #define MAX_CELLS (1u << 20)
 #define RAD(deg)  ((deg) * (G_PI / 180))
 
-/* A flat plate, printed with a picture whose pixels are rectangles with sharp edges, which are
- * exact however near a camera is. It may be rotated, tilted and off the centre, as when somebody
- * has put it down by hand. */
+/* A flat plate that is printed with a picture. The pixels are rectangles with sharp edges, which
+ * are exact at any distance of a camera. The plate may be rotated, tilted and off the centre, as if
+ * put down by hand. */
 
 struct plate {
     const struct sample_options *options;
-    double across[3], along[3], up[3]; /* its own axes in the sample frame */
-    double middle[3];                  /* of its printed side */
+    double across[3], along[3], up[3]; /* the axes of the plate, in the sample frame */
+    double middle[3];                  /* centre of its printed side */
 };
 
 static void turn(double v[3], int a, int b, double angle) {
@@ -23,7 +23,8 @@ static void turn(double v[3], int a, int b, double angle) {
     v[b] = s * x + c * y;
 }
 
-/* Turned about its normal, then tilted so that its normal leans towards an azimuth. */
+/* Rotates a vector about the plate's normal, then tilts it so that the normal points to the
+ * azimuth. */
 static void place_axis(const struct sample_options *o, double v[3]) {
     turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
     turn(v, 2, 0, RAD(o->tilt_deg));
@@ -61,7 +62,7 @@ static void add_cells(struct mesh *mesh, const struct plate *plate, const png_im
         }
 }
 
-/* The underside is one dark face: it casts shadows, and no camera sees it. */
+/* The underside is a single dark face. It casts shadows, but no camera sees it. */
 static void add_sides(struct mesh *mesh, const struct plate *plate) {
     static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
     static const float dark[3] = {0.05f, 0.05f, 0.05f};
@@ -86,7 +87,8 @@ static gboolean read_print(png_image *image, const char *path, guint16 **ret, GE
     if (!png_image_begin_read_from_memory(image, bytes, length))
         return sample_picture_error(image, path, error);
     if ((guint64)image->width * image->height > MAX_CELLS) {
-        g_strlcpy(image->message, "a plate has at most a million pixels", sizeof image->message);
+        g_strlcpy(image->message, "a plate can have at most a million pixels",
+                  sizeof image->message);
         return sample_picture_error(image, path, error);
     }
     image->format = PNG_FORMAT_LINEAR_RGB;
@@ -108,7 +110,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     place_axis(options, plate.across);
     place_axis(options, plate.along);
     place_axis(options, plate.up);
-    /* Its lowest corner touches the turntable. */
+    /* The lowest corner touches the turntable. */
     const double reach = fabs(plate.across[2]) * options->width_mm / 2 +
                          fabs(plate.along[2]) * options->height_mm / 2;
     for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)

@@ -7,7 +7,8 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Position from 0 to 1 across a piece of the sample, whose size the options have here. */
+/* Gives the position from 0 to 1 within a piece of the sample. The options contain the size of a
+ * piece here. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
     *ret_u = vertex->p[0] / o->width_mm + 0.5 * o->repeats;
@@ -25,7 +26,8 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
-/* Scratches along x: noise that is long in x and short in y, in three sizes; a few are deep. */
+/* Scratches along x: noise in three sizes that is long in x and short in y. A few scratches are
+ * deep. */
 static void brushed(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;
@@ -43,7 +45,8 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 
-/* Finds the brick of a running bond at a point: its number, and the distance from its edge. */
+/* Finds the brick of a running bond at a point. Returns its number, and the distance from its edge.
+ */
 static guint64 find_brick(const struct sample_options *o, double u, double v, double *ret_edge_mm) {
     int courses = 2 * (int)MAX(1, rint(o->height_mm / o->period_mm / 2));
     int bricks = (int)MAX(1, rint(o->width_mm / o->period_mm / 2));
@@ -84,7 +87,7 @@ static void brick(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.4, 0.4);
 }
 
-/* Corduroy: round wales along y, with pile leaning out of them. */
+/* Corduroy: round wales along y, out of which the pile leans. */
 static void ridges(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;

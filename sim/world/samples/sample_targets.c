@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Targets for calibrating lamps: thin posts on a light plate, glossy balls on a dark one. */
+/* Targets for the calibration of lamps: thin posts on a light plate, and glossy balls on a dark
+ * plate. */
 
 #define POST_SIDES  128
 #define BALL_AROUND 160

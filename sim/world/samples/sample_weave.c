@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-/* A plain weave of twisted yarns: tubes that go over and under each other. Warp runs along y, weft
- * along x; over one full period of two yarns the pattern repeats. */
+/* A plain weave of twisted yarns, which are tubes that go over and under each other. The warp runs
+ * along y, the weft along x. The pattern repeats after a full period of two yarns. */
 
 #define AROUND 24
 #define PLIES  3
@@ -12,7 +12,7 @@
 struct yarn {
     const struct sample_options *options;
     gboolean warp;
-    int index; /* number of the yarn among the warps or wefts */
+    int index; /* number of the yarn among the warps or among the wefts */
     double at_mm, length_mm, cross_pitch_mm;
     double middle_mm, swing_mm; /* height of the centre line, and its amplitude */
     double half_width_mm, half_height_mm;
@@ -20,22 +20,23 @@ struct yarn {
     guint64 seed;
 };
 
-/* Height of the centre line at s along the yarn; warp i is over weft j where i + j is even. */
+/* Returns the height of the centre line at s along the yarn. Warp i is over weft j if i + j is
+ * even. */
 static double centre_height(const struct yarn *yarn, double s) {
     double side = (yarn->index % 2 ? -1 : 1) * (yarn->warp ? 1 : -1);
     double phase = (s + yarn->length_mm / 2 - yarn->cross_pitch_mm / 2) / yarn->cross_pitch_mm;
     return yarn->middle_mm + yarn->swing_mm * side * cos(G_PI * phase);
 }
 
-/* Coordinates (along, aside, up) of the yarn to x, y, z. */
+/* Converts coordinates (along, aside, up) of the yarn to x, y, z. */
 static void place(const struct yarn *yarn, double along, double aside, double up, float to[3]) {
     to[0] = (float)(yarn->warp ? aside : along);
     to[1] = (float)(yarn->warp ? along : aside);
     to[2] = (float)up;
 }
 
-/* Plies wind around the yarn: grooves between them are deep and dark, and the fibres' direction,
- * which the gloss follows, is that of the winding. */
+/* Plies wind around the yarn. The grooves between them are deep and dark. The gloss follows the
+ * direction of the fibres, which is the direction of the winding. */
 static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct vertex *to) {
     double slope = (centre_height(yarn, s + 1e-3) - centre_height(yarn, s - 1e-3)) / 2e-3;
     double stretch = sqrt(1 + slope * slope);
@@ -58,7 +59,7 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
 }
 
-/* Closes an end of the tube: a fan around its centre. */
+/* Closes an end of the tube with a fan around its centre. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
@@ -107,7 +108,7 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
     int n_x = sample_count(o->width_mm, o->period_mm, 2),
         n_y = sample_count(o->height_mm, o->period_mm, 2);
     double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
-    /* The amplitude and half a yarn, above and below the middle. */
+    /* relief_mm is twice the sum of the amplitude and half the height of a yarn */
     double thick = o->relief_mm / 4.3;
     int n = warp ? n_x : n_y;
     for (int i = 0; i < n; i++) {

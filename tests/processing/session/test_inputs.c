@@ -91,7 +91,7 @@ TEST(read) {
     read_as(&input, grey, NULL);
     read_as(&input, red, "has no channel R");
     input.width++;
-    read_as(&input, grey, "it has 5 × 3 pixels, but the session's calibration says");
+    read_as(&input, grey, "it has 5 × 3 pixels, but the camera has");
     input.width--;
     input.height++;
     read_as(&input, grey, "5 × 3 pixels");
