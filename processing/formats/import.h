@@ -75,11 +75,11 @@ struct import_wish {
     double texel_mm; /* 0 means the size in the file, or 1 mm if the file does not state it */
     struct import_region region;
     enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID means as each file states */
-    /* for import_relight(): a table (btf_directions.h); NULL means the 81 directions of the papers
-     */
+    /* for import_relight(): a table (btf_directions.h); NULL means the 81 directions of the
+     * papers */
     const char *directions;
-    /* NULL, or receives sentences for the user (g_free()): assumptions, and values that look wrong
-     */
+    /* NULL, or receives sentences for the user (g_free()): assumptions, and values that look
+     * wrong */
     GPtrArray *notes;
 };
 

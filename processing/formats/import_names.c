@@ -33,8 +33,8 @@ struct pictures {
     GArray *views, *lights; /* of struct direction, in order */
     GPtrArray *of;          /* of struct named, view × light */
     const struct import_wish *wish;
-    struct import_picture
-        *first; /* the first picture without its pixels, whose size all pictures must have */
+    /* the first picture without its pixels, whose size all pictures must have */
+    struct import_picture *first;
     struct import_look *look;
 };
 

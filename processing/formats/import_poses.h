@@ -55,8 +55,8 @@ struct import_poses {
     double threshold_dn; /* minimum height of a peak */
     /* lamps whose directions differ by at most this are one light; 0 joins no lamps */
     double same_light_deg;
-    enum picture_tones
-        transfer;     /* for rows without a value; PICTURE_TONES_UNSAID means as each file states */
+    /* for rows without a value; PICTURE_TONES_UNSAID means as each file states */
+    enum picture_tones transfer;
     GPtrArray *notes; /* NULL, or receives sentences for the user, g_free() */
     gboolean target;  /* pictures of a calibration target, whose views need not have all lights */
 };

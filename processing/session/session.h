@@ -184,8 +184,8 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                            const char *message, GError **error);
 
 /* Values by name ("state", "clock_s", …) record the capture and the results of processing.
- * session_read_value() sets *ret to NULL if the value is not set, and also on an error; g_free().
- */
+ * session_read_value() sets *ret to NULL if the value is not set, and also on an error;
+ * g_free(). */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
 /* The same for values that are only shown to people. Returns NULL if the value is not set or cannot

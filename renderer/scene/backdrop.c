@@ -16,8 +16,8 @@ enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
     guint environment;
-    float foot[3], corner,
-        radius; /* of the mesh: half its width and half its depth, and its lowest z */
+    /* of the mesh: half its width and half its depth, and its lowest z */
+    float foot[3], corner, radius;
 };
 
 static gboolean need(Backdrop *backdrop, int which, GError **error) {

@@ -58,8 +58,8 @@ struct shading {
     guint n_samples;
     const float *texel, *view; /* values of viewer_render_geometry() */
     const float *light, *lit;  /* the same values, for the lamp that is added */
-    double rgb[3],
-        ambient; /* colour of that lamp, and brightness of an even sky that is added with it */
+    /* colour of that lamp, and brightness of an even sky that is added with it */
+    double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;

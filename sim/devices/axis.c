@@ -34,8 +34,8 @@ struct sim_axis {
                                               speed at which braking began */
     gint64 start_us, end_us;
     double speed_deg_s; /* maximum speed of this movement */
-    gboolean
-        turning; /* a turn with motion = continuous, during which the axis reports its position */
+    /* a turn with motion = continuous, during which the axis reports its position */
+    gboolean turning;
     double position_deg, slack_deg; /* slack: how far the load is behind the drive */
 };
 

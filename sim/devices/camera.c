@@ -30,9 +30,9 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time of the rendering */
 };
 
-/* One exposure. Another thread renders it. It ends when its time is over and its pixels have been
- * rendered. The struct exists until that thread has finished, even if the camera has been closed.
- */
+/* One exposure. Another thread renders it. It ends when its time is over and its pixels have
+ * been rendered. The struct exists until that thread has finished, even if the camera has been
+ * closed. */
 struct picture {
     Camera *camera; /* NULL if the camera was closed or disarmed meanwhile */
     World *world;
@@ -243,8 +243,8 @@ static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error)
     frame->cfa = camera->format.cfa;
     frame->bits = camera->format.bits;
     frame->black_level = camera->format.black_level;
-    /* Both random numbers are drawn for every picture, so that one fault does not shift the others.
-     */
+    /* Both random numbers are drawn for every picture, so that one fault does not shift the
+     * others. */
     picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
     picture->lost = g_rand_double(sim->faults) < sim->fault_lost;
     sim->picture = picture;

@@ -136,8 +136,8 @@ double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
  * of the pixels behind the same filter. */
 void optics_add_glare(const struct optics_camera *camera, float *rate);
 
-/* Simulates the sensor. Converts rates in DN·s⁻¹ to DN, with photon and read noise, black level,
- * offsets of columns, gain of the two halves, saturation and ADC. rate NULL means a dark picture.
- */
+/* Simulates the sensor. Converts rates in DN·s⁻¹ to DN, with photon and read noise, black
+ * level, offsets of columns, gain of the two halves, saturation and ADC. rate NULL means a
+ * dark picture. */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

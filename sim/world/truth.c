@@ -38,8 +38,8 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Newton's method on the viewing rays of pixels, which are the same rays that render the pictures.
- */
+/* Newton's method on the viewing rays of pixels, which are the same rays that render the
+ * pictures. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =
@@ -256,8 +256,8 @@ struct lamp_light {
     const float *bounce;
 };
 
-/* Adds π L / E_⊥ of the row's rays to the sums of their texels. E_⊥ is taken at the texel's centre.
- */
+/* Adds π L / E_⊥ of the row's rays to the sums of their texels. E_⊥ is taken at the texel's
+ * centre. */
 static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
                             const double *facing, float *rgb) {
     const float share = 1.0f / (float)(raster->fine * raster->fine);

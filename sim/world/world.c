@@ -188,8 +188,8 @@ void world_set_laser(World *world, int laser, gboolean on) {
     world->laser_on[laser] = on;
 }
 
-/* Returns the integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, in seconds.
- */
+/* Returns the integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, in
+ * seconds. */
 static double warming(const World *world, double t) {
     double w = world->warm_up_s, rest = 1 - t / w;
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);

@@ -47,17 +47,17 @@ struct world_sensor {
 };
 void world_sensor(const World *world, int camera, struct world_sensor *ret);
 
-/* The following functions set true positions in degrees. Devices have already added their errors.
- */
+/* The following functions set true positions in degrees. Devices have already added their
+ * errors. */
 void world_set_turntable(World *world, double deg); /* the turntable stands still */
 void world_set_arc(World *world, double deg);
 void world_set_arm(World *world, double deg);
 void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
-/* Sets the position and the speed of the turntable at a time. They hold until the next call of this
- * function or of world_set_turntable(). Pictures that are exposed during the rotation are blurred.
- */
+/* Sets the position and the speed of the turntable at a time. They hold until the next call of
+ * this function or of world_set_turntable(). Pictures that are exposed during the rotation are
+ * blurred. */
 void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us);
 
 /* Moves a laser, with its sweep, to the place of another laser of the file. Initially it is at its
@@ -74,8 +74,8 @@ void world_set_laser(World *world, int laser, gboolean on);
 
 #define WORLD_INSTANTS 17
 struct world_state {
-    double turntable_deg, arc_deg, arm_deg,
-        probe_deg;                      /* turntable_deg: in the middle of the exposure */
+    /* turntable_deg: in the middle of the exposure */
+    double turntable_deg, arc_deg, arm_deg, probe_deg;
     double turning_deg[WORLD_INSTANTS]; /* positions of the turntable at equal intervals, from the
                                            beginning of the exposure to its end */
     double sweep_deg[WORLD_MAX_LASERS]; /* by place, like laser_on */

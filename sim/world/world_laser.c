@@ -105,8 +105,8 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts by cells of one σ and keeps the order within a cell, so that sums depend only on the list.
- */
+/* Sorts by cells of one σ and keeps the order within a cell, so that sums depend only on the
+ * list. */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;
     double first = 0, last = 0;
@@ -136,8 +136,8 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
     return list;
 }
 
-/* Returns the view of a camera in the light of a laser, which has the same colour for all pixels.
- */
+/* Returns the view of a camera in the light of a laser, which has the same colour for all
+ * pixels. */
 static struct cache_entry *laser_view(const struct laser_job *job) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     const double magnification =

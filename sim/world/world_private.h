@@ -52,8 +52,8 @@ struct World {
     char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
-    gboolean lamp_fixed[WORLD_MAX_LAMPS],
-        laser_fixed[WORLD_MAX_LASERS]; /* the device is not on the arc */
+    /* the device is not on the arc */
+    gboolean lamp_fixed[WORLD_MAX_LAMPS], laser_fixed[WORLD_MAX_LASERS];
     gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;
@@ -74,8 +74,8 @@ struct World {
     int laser_place[WORLD_MAX_LASERS]; /* for each laser, the laser at whose place it is mounted */
 };
 
-/* world_load.c: fills a zeroed world from its file. After an error the world may be partly filled.
- */
+/* world_load.c: fills a zeroed world from its file. After an error the world may be partly
+ * filled. */
 gboolean world_load(World *world, const char *path, GError **error);
 
 /* world_scene.c */
@@ -107,8 +107,8 @@ void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct su
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
-/* Returns the corner of a triangle that is nearest to a point with these barycentric coordinates.
- */
+/* Returns the corner of a triangle that is nearest to a point with these barycentric
+ * coordinates. */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
 /* Returns n·l·(diffuse + gloss) for light from a point, as seen from the eye. It is the factor from
@@ -140,8 +140,8 @@ struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if it carries the lamp, otherwise 0 */
-    gboolean
-        upright; /* in a frame that does not tilt with the turntable: the rig frame at angle 0 */
+    /* in a frame that does not tilt with the turntable: the rig frame at angle 0 */
+    gboolean upright;
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -173,8 +173,8 @@ struct point {
  * one point for a pixel that shows only the turntable. */
 struct view {
     struct v3 eye_mm;
-    const float
-        *weights; /* one for each point of a pixel: DN·s⁻¹ per W·sr⁻¹·m⁻², including its area */
+    /* one for each point of a pixel: DN·s⁻¹ per W·sr⁻¹·m⁻², including its area */
+    const float *weights;
     guint n;
     struct point points[];
 };

@@ -174,8 +174,8 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
         int n_rays = MIN(SCENE_BATCH, n - first);
         for (int i = 0; i < n_rays; i++) {
             struct v3 o = starts_mm ? starts_mm[first + i] : eye_mm, d = directions[first + i];
-            /* A ray from far away starts just above the sample, because of the precision of floats.
-             */
+            /* A ray from far away starts just above the sample, because of the precision of
+             * floats. */
             if (d.z < 0 && o.z > top)
                 o = v3_mad(d, (top - o.z) / d.z, o);
             set_ray(&rays[i], (float[]){(float)o.x, (float)o.y, (float)o.z},

@@ -15,8 +15,8 @@ struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    double sleeves,
-        phase; /* number of sleeves along the pipe, and position of the first one, 0 … 1 */
+    /* number of sleeves along the pipe, and position of the first one, 0 … 1 */
+    double sleeves, phase;
     float albedo[3];
 };
 

@@ -45,8 +45,8 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 
-/* Finds the brick of a running bond at a point. Returns its number, and the distance from its edge.
- */
+/* Finds the brick of a running bond at a point. Returns its number, and the distance from its
+ * edge. */
 static guint64 find_brick(const struct sample_options *o, double u, double v, double *ret_edge_mm) {
     int courses = 2 * (int)MAX(1, rint(o->height_mm / o->period_mm / 2));
     int bricks = (int)MAX(1, rint(o->width_mm / o->period_mm / 2));
