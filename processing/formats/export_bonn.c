@@ -28,7 +28,7 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
            fail(path, error, "a direction is not a number");
 }
 
-/* The lights are those of the first view. */
+/* The lights are read from the first view. */
 static gboolean read_directions(struct source *source, GError **error) {
     struct bonn_header *header = &source->header;
     const int n = header->n_views = (int)source->paths->len;

@@ -1,8 +1,8 @@
 /* Converts the numbers in the files of a table to linear light,
  *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
- * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field, coded
- * likewise, m: the flat field's mean around the middle of the picture. Floating-point numbers have
- * white at 1. */
+ * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field with the
+ * same coding, m: the flat field's mean around the middle of the picture. Floating-point numbers
+ * have white at 1. */
 #include "import_poses_private.h"
 
 #include <math.h>

@@ -24,13 +24,13 @@ typedef struct import_picture {
 /* Reads a colour picture as linear light. An EXR has R, G and B in its first part, or in its only
  * layer with these channels, or a grey "Y" for all three. Camera raw has one pixel for each 2 × 2
  * of the mosaic, with the mean of the two green pixels. Other files are read by OpenCV, with the
- * tone curve wanted or that of the file (picture_tone_choose()). Pixels outside an EXR's data
- * window are NaN. Returns NULL with DATA_ERROR_INVALID. */
+ * tone curve wanted or the tone curve of the file (picture_tone_choose()). Pixels outside an EXR's
+ * data window are NaN. Returns NULL with DATA_ERROR_INVALID. */
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error);
-/* Reads a part like import_picture_read(). NULL means the whole picture. Only of a PNG that is not
- * interlaced is a part decoded. Such a PNG may be too large to be read as a whole. Of other files
- * the whole picture is read, and ret->part says so. The part must lie within the picture. */
+/* Reads a part like import_picture_read(). NULL means the whole picture. A part is only decoded
+ * from a PNG that is not interlaced. This PNG may be too large to be read as a whole. From other
+ * files the whole picture is read, and ret->part says so. The part must lie within the picture. */
 struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
                                                 enum picture_tones wanted, GError **error);
 /* Reads the numbers in the file, without a conversion to linear light. Camera raw becomes a grey

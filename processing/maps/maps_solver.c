@@ -414,7 +414,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
         }
         descend(solver, cost, ret);
     }
-    /* The reported cost is that of the lobes only. */
+    /* The reported cost only includes the lobes. */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
     double squares = 0;
     for (int i = 0; i < solver->n; i++)

@@ -79,8 +79,7 @@ struct session_shot {
     enum session_shot_kind kind;
     int pose;                      /* number of the pose in planned order */
     double turntable_deg, arc_deg; /* commanded */
-    /* for SHOT_LAMP the index of the light, for SHOT_SWEEP that of the laser position, otherwise
-     * −1 */
+    /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
     int device;                          /* lamp or laser of the calibration; −1 for dark */
     guint32 cameras;                     /* bit c is set if camera c takes part */
@@ -175,8 +174,8 @@ GPtrArray *session_events(Session *session, GError **error);
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
 /* Commits all frames of a shot and the state of the shot in one transaction, after the files are
- * synced. The frames replace those of an earlier take. Each file must exist and have its recorded
- * size. For capture. */
+ * synced. The frames replace the frames of an earlier take. Each file must exist and have its
+ * recorded size. For capture. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);

@@ -1,5 +1,5 @@
 /* Access to SQLite. A database may come from a stranger. It is opened only if its format, the texts
- * of its tables and its structure are those of this program. */
+ * of its tables and its structure are as this program writes them. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -324,7 +324,7 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         return TRUE;
     /* The index of the WAL, which processes share, cannot be created on a read-only medium or on a
      * full disk. In this case no other process has the session open. If the WAL is empty, the
-     * database file alone is complete. Otherwise the index is kept in memory, which needs a
+     * database file is complete without it. Otherwise the index is kept in memory, which needs a
      * connection without locks of the file. */
     const int rc = sqlite3_errcode(session->db) & 0xff;
     const gboolean full = g_error_matches(own, SESSION_ERROR, SESSION_ERROR_FULL);

@@ -288,8 +288,8 @@ static void find_mistake(struct run *run, GError **error) {
 }
 
 /* Finds the veiling glare of each camera with the radiometry in run->fit and the rig of that fit,
- * subtracts the glare from the cells' signals, and fits again. found is the fitted rig, on input
- * that of the first fit and on output that of the new fit. */
+ * subtracts the glare from the cells' signals, and fits again. found is the rig of the first fit on
+ * input, and the rig of the new fit on output. */
 static gboolean correct_glare(struct run *run, struct rig *found, GError **error) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
     g_autoptr(GArray) cells = g_array_new(FALSE, FALSE, sizeof(struct glare_cell));

@@ -290,8 +290,8 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
-/* Returns the values of a layer at a texel of the drawn pattern, which are those of the sample's
- * texel at that place. */
+/* Returns the values of a layer at a texel of the drawn pattern, which are the values of the
+ * sample's texel at that place. */
 static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
     if (s->index != NULL) {
         const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);

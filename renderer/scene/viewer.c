@@ -480,8 +480,8 @@ const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_s
     return endless;
 }
 
-/* Returns the number of a part's material, or that of the main material if the part's material does
- * not exist yet. */
+/* Returns the number of a part's material, or the number of the main material if the part's
+ * material does not exist yet. */
 static int part_material(const Viewer *viewer, int part) {
     const int material = viewer->parts[part].material;
     return material < viewer->n_materials ? material : 0;

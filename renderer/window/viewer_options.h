@@ -55,8 +55,8 @@ void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Returns the material of --sample: that of the package, or the demo of a source tree. Returns NULL
- * if neither exists. */
+/* Returns the material of --sample, which comes with the package or is the demo of a source tree.
+ * Returns NULL if neither exists. */
 const char *viewer_options_sample(void);
 
 /* Returns the path of the file that a method opens. */

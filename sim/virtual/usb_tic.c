@@ -33,7 +33,7 @@ struct VirtualTic {
     double steps_per_deg, zero_steps;
 };
 
-/* One vendor-specific interface of those of a Tic, without endpoints. */
+/* One of the vendor-specific interfaces of a Tic, without endpoints. */
 static const guint8 config[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 0xff, 0, 0, 0};
 
 static gboolean pressed(const VirtualTic *tic, int direction) {

@@ -57,7 +57,7 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
 }
 
 /* Rotates only by the angle between arc and turntable if neither axis is tilted. The result is then
- * bit-identical to that of an ideal arc. */
+ * bit-identical to the result of an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {

@@ -179,8 +179,8 @@ struct view {
     struct point points[];
 };
 
-/* magnification is that of the light, relative to green. 0 means light of all colours, each of
- * which is seen behind its filter. */
+/* magnification is the magnification of the light, relative to green. 0 means light of all colours,
+ * each of which is seen behind its filter. */
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 

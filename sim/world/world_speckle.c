@@ -25,7 +25,7 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
 
 /* The intensity of speckle in light of contrast C has a gamma distribution with M = 1/C² degrees
  * (Goodman 2007). It is approximated here by the cube of a normal deviate (Wilson & Hilferty 1931).
- * The correlation of the grain is that of the lens's blur. */
+ * The grain has the correlation of the lens's blur. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];

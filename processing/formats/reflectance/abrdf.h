@@ -25,8 +25,8 @@ struct abrdf_info {
     double lowest_deg; /* the lowest measured direction, beyond which nothing is known */
 };
 
-/* Reads a session, or a file that “mesorig compress” made of one. A region of zeros means all
- * texels. Needs at most the memory of one view of a session, or of a file's model. The progress
+/* Reads a session, or a file that “mesorig compress” made from a session. A region of zeros means
+ * all texels. Needs at most the memory of one view of a session, or of a file's model. The progress
  * stage is "read". The error is DATA_ERROR_INVALID if there are too few directions, if the region
  * is not in the material, or if there is no value at all. */
 Abrdf *abrdf_read(const char *path, const struct import_region *region, const struct work *work,

@@ -33,12 +33,12 @@ enum { /* controls that the camera lacks */
 
 struct virtual_v4l2_config { /* zeroed members have the defaults that the comments give */
     int number;              /* /dev/video0 */
-    const char *port;        /* path on USB: bus, then the port at each hub; NULL: "2-1" */
-    double speed_mbit_s;     /* speed of all its links; 0: 480 */
-    int width, height;       /* the only size; 0: 64 × 48 */
+    const char *port;        /* path on USB: bus, then the port at each hub; NULL means "2-1" */
+    double speed_mbit_s;     /* speed of all its links; 0 means 480 */
+    int width, height;       /* the only size; 0 means 64 × 48 */
     enum cfa cfa;
-    int bits;          /* of the sensor; 0: 12 */
-    double frame_rate; /* initial rate; 0: 100. It can be set to any rate up to 1000 */
+    int bits;          /* bits of the sensor; 0 means 12 */
+    double frame_rate; /* initial rate; 0 means 100. It can be set to any rate up to 1000 */
     enum virtual_v4l2_stamp stamp;
     guint lacks;        /* controls that it lacks */
     gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
@@ -46,7 +46,7 @@ struct virtual_v4l2_config { /* zeroed members have the defaults that the commen
     /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
      * the single-planar interface. */
     int planes;
-    VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
+    VirtualV4l2Expose expose; /* NULL means noise on a ramp that depends on the exposure */
     gpointer user;
 };
 
