@@ -339,10 +339,8 @@ TEST(coding__raw) {
     g_autofree float *planes = render(smooth_print, 1);
     const char *rows = "file,camera,lamp\na.dng,cam,lamp\n";
     write_raw(dir, "a.dng", planes);
-    assert_refused(dir, rows,
-                   "the colour filter of a.dng is rggb, not mono; give --cfa rggb");
-    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
-                   "the colour filter of a.dng");
+    assert_refused(dir, rows, "the colour filter of a.dng is rggb, not mono; give --cfa rggb");
+    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n", "the colour filter of a.dng");
     cfa = "rggb";
     assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
                    "bits is 14, but a.dng contains floating-point numbers; leave bits empty");
@@ -377,9 +375,11 @@ TEST(coding__bad) {
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,-1\n",
                    "poses.csv:2: a black_level of -1 is below 0");
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,x\n", "“x” in column black_level");
-    assert_refused(dir, CODED("black_level") "a.png,cam,lamp,255\n",
-                   "poses.csv:2: black_level is 255, but it must be below white, which is 255 in a.png");
-    assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n", "must be below white, which is 1 in f.exr");
+    assert_refused(
+        dir, CODED("black_level") "a.png,cam,lamp,255\n",
+        "poses.csv:2: black_level is 255, but it must be below white, which is 255 in a.png");
+    assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n",
+                   "must be below white, which is 1 in f.exr");
     assert_refused(dir, CODED("exposure_ms") "a.png,cam,lamp,0.001\n",
                    "poses.csv:2: exposure_ms is 0.001, so that a.png would contain up to");
     assert_refused(dir, CODED("bits") "b.png,cam,lamp,12.5\n", "bits is 12.5; give 2 to 16");
@@ -388,7 +388,8 @@ TEST(coding__bad) {
                    "bits is 12, but the numbers of a.png have 8");
     assert_refused(dir, CODED("bits") "f.exr,cam,lamp,12\n",
                    "bits is 12, but f.exr contains floating-point numbers");
-    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n", "but the largest number of 12 bits is 4095");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n",
+                   "but the largest number of 12 bits is 4095");
     assert_refused(dir, CODED("transfer") "a.png,cam,lamp,gamma\n",
                    "a transfer of “gamma” is not known; choose from: linear, srgb");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,no.png\n",

@@ -256,10 +256,11 @@ TEST(bad) {
                         "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,4.4\n"
                         "a.exr,cam30,,laser30,0,0,5\n",
                    "has steps of 1°, but a.exr is at 4.4°");
-    assert_refused(dir,
-                   HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
-                        "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
-                   "the sweep that begins here lacks 2 of its 6 pictures, for instance the one at 4°");
+    assert_refused(
+        dir,
+        HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
+             "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
+        "the sweep that begins here lacks 2 of its 6 pictures, for instance the one at 4°");
 }
 
 /* A view may lack one light in ten: here camera cam30 lacks one of twelve, and cam60, which shows
