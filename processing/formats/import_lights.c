@@ -157,8 +157,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
     return add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
 }
 
-/* Finds a column whose name resembles the name of a known column that is missing. Returns a hint
- * for the error, or NULL. */
+/* Finds a column whose name is not known but resembles a known name. Returns a sentence about it,
+ * or NULL. */
 static char *misspelt(const char *text, const struct columns *c) {
     static const char *const known[] = {"name",  "filename", "file",      "image",   "picture",
                                         "theta", "phi",      "theta_deg", "phi_deg", NULL};

@@ -27,9 +27,8 @@ struct along {
     struct btf_matrix *btf;
     Reprojection *reprojection;
     struct direction_weights *lights; /* the weights of the measured lights for each new light */
-    float *
-        fade; /* factor for each new light beyond the measured lights (directions_fade_weights()) */
-    const int *pole; /* the measured lights whose mean is the value at the pole */
+    float *fade;                      /* directions_fade_weights() of each new light */
+    const int *pole;                  /* the measured lights whose mean is the value at the pole */
     int n_pole;
     int n_texels;
     struct mdf_result **mdf; /* of each new view */

@@ -50,7 +50,8 @@ struct mdf_input {
     int steps, position; /* position: index of the laser position */
     struct laser_known known;
     const struct rig_sheet_errors *errors; /* NULL if unknown */
-    double line_rad;                       /* angle of the laser line on plates; 0 if unknown */
+    double line_rad; /* standard deviation of the line's profile on plates, as a sweep angle; 0 if
+                        unknown */
     struct input input;
 };
 

@@ -173,7 +173,8 @@ static void on_due(gpointer data) {
         sim_camera_deliver(camera);
         return;
     }
-    /* The picture is held from here on, so that all cameras of a shot render at the same time. */
+    /* The clock is only held from here on, so that all cameras of a shot render at the same time.
+     */
     picture->holds = TRUE;
     clock_hold(picture->clock);
 }

@@ -55,9 +55,10 @@ struct optics_camera {
                          black)) */
     double lateral_colour; /* red is magnified by 1 + lateral_colour, blue by 1 − lateral_colour */
     double veiling_glare;  /* share of the picture's mean light that is added to all pixels */
-    double half_gain_step; /* ratio of the right half of the sensor to the left half */
-    double column_offset;  /* standard deviation of the columns' offsets, relative to full scale */
-    guint64 columns_key;   /* key of the random offsets */
+    double
+        half_gain_step;   /* relative amount by which the right half of the sensor reads brighter */
+    double column_offset; /* standard deviation of the columns' offsets, relative to full scale */
+    guint64 columns_key;  /* key of the random offsets */
 };
 
 /* Places a camera at a point so that it looks at the origin. Its right is e_φ of that point. */

@@ -170,7 +170,7 @@ static const struct option camera_table[] = {
     {"veiling_glare", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(optics.veiling_glare),
      "share of the frame's mean light that the lens adds everywhere"},
     {"half_gain_step", OPTION_DOUBLE, NULL, -0.5, 0.5, "0", NULL, AT(optics.half_gain_step),
-     "ratio of the right half of the sensor to the left half"},
+     "relative amount by which the right half of the sensor reads brighter than the left half"},
     {"column_offset", OPTION_DOUBLE, NULL, 0, 0.1, "0", NULL, AT(optics.column_offset),
      "standard deviation of fixed offsets of the sensor's columns, as a share of full scale"},
     {0},

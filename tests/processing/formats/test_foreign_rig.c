@@ -391,7 +391,7 @@ TEST(coding__bad) {
     assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n",
                    "but the largest number of 12 bits is 4095");
     assert_refused(dir, CODED("transfer") "a.png,cam,lamp,gamma\n",
-                   "a transfer of “gamma” is not known; choose from: linear, srgb");
+                   "transfer “gamma” is not known; choose from: linear, srgb");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,no.png\n",
                    "poses.csv:2: there is no flat field /");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,small.png\n",
