@@ -41,8 +41,8 @@
 
 enum import_edge {
     IMPORT_LINE, /* a bright line moves over the sample */
-    /* An edge of a shadow moves over the sample. The calibration describes the sheet of this edge
-     * as a laser. */
+    /* The edge of a shadow moves over the sample, which becomes darker or lighter. The calibration
+     * describes the sheet of this edge as a laser. */
     IMPORT_DARKENS,
     IMPORT_LIGHTENS,
 };

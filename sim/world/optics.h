@@ -112,8 +112,8 @@ struct optics_lamp {
 /* Returns W·m⁻² on a surface that faces the lamp. */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
 
-/* A sheet of light that turns about an axis through position. Its normal at sweep 0 is axis ×
- * forward, rotated by start. */
+/* A sheet of light that turns about an axis through position. At the sweep angle start it contains
+ * forward, and its normal is axis × forward. */
 struct optics_laser {
     struct v3 position_mm, axis, forward; /* axis, forward: unit vectors, perpendicular */
     double start;                         /* sweep angle at which the sheet contains forward */
