@@ -223,7 +223,7 @@ GPtrArray *session_list_products(Session *session, GError **error);
 /* A committed file that differs from its row in the database. */
 struct session_damage {
     char *path; /* relative */
-    char *what; /* a clause such as "it is gone" or "its SHA-256 is …, the session has …" */
+    char *what; /* a clause such as "it is gone" or "its SHA-256 is …, but the session has …" */
     char *sha256;
     /* the command that makes the file again; NULL if there is none and the file must be imported
      * again */

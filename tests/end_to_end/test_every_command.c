@@ -305,7 +305,7 @@ static void place_virtual_rig(struct place *place) {
     g_autofree char *path = place_path(place, "virtual.conf");
     g_assert_true(g_file_get_contents(rig, &before, NULL, NULL));
     place_runs(place, BIN "mesorig-rig", call.arguments, NULL);
-    place_says(place, &call, 1, "is the rig of --virtual");
+    place_says(place, &call, 1, "is the rig file of --virtual");
     g_assert_true(g_file_get_contents(rig, &after, NULL, NULL));
     g_assert_cmpstr(before, ==, after);
     for (int changes = 0; changes < 2; changes++) {

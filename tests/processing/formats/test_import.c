@@ -314,7 +314,8 @@ TEST(rti__bad) {
         {"image,theta,phi\na.png,30\n",
          "lights.lp:2: it has 2 columns; the first line names at least 3"},
         {"image,theta,phi\na.png,3O,0\n", "lights.lp:2: “3O” is not a number"},
-        {"image,theta,phi\na.png,95,0\n", "lights.lp:2: theta is 95°; the angle from the normal"},
+        {"image,theta,phi\na.png,95,0\n",
+         "lights.lp:2: theta is 95°; it is the angle from the normal"},
         {"image,theta,phi\n,5,0\n", "lights.lp:2: a picture's name is expected in column 1"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {

@@ -496,7 +496,7 @@ TEST(order) {
     write_series(dir, wrapped, taken);
     g_autofree char *by_time = ok(order_of(list, notes, ERR));
     g_assert_cmpstr(by_time, ==, "1234");
-    g_assert_nonnull(find_note(notes, "in the order of their times in EXIF, from DSC_9998.png"));
+    g_assert_nonnull(find_note(notes, "sorted by their times in EXIF, from DSC_9998.png"));
     /* A gap alone means nothing; nor do the files that macOS adds. */
     write_series(other, plain, NULL);
     g_assert_true(g_file_set_contents(hidden, "no picture", -1, NULL));

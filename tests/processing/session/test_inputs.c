@@ -97,7 +97,7 @@ TEST(read) {
     read_as(&input, grey, "5 × 3 pixels");
     input.height--;
     input.sha256 = wrong;
-    read_as(&input, grey, "is not the one the session committed");
+    read_as(&input, grey, "is not the file that the session committed");
     input.sha256 = NULL;
     g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
     read_as(&input, grey, "delete it, and `mesorig resume` takes it again");
