@@ -120,9 +120,10 @@ static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, G
     for (int k = 0; k < n; k++) {
         if (!isfinite(theta_deg[k]) || !isfinite(phi_deg[k]) || theta_deg[k] < -1e-3f ||
             theta_deg[k] > 90.001f) {
-            g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
-                        "direction %d: theta %g°, phi %g° is not in the upper hemisphere", k,
-                        theta_deg[k], phi_deg[k]);
+            g_set_error(
+                error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
+                "direction %d: theta %g°, phi %g° is not a direction of the upper hemisphere", k,
+                theta_deg[k], phi_deg[k]);
             return NULL;
         }
         double phi = fmod(phi_deg[k], 360.0);
@@ -224,8 +225,8 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Returns the polar angle, in degrees, at which the measured directions end, or one beyond
- * theta. */
+/* Returns the polar angle, in degrees, at which the measured directions end. Within them, returns
+ * an angle beyond theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

@@ -45,8 +45,8 @@ void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer val
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
 void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL drops all arrays */
 
-/* Writes the file: checkpoint_save() always, checkpoint_save_if_due() if the period has passed.
- * Failures are ignored, because the computation can continue without a checkpoint. */
+/* Writes the file. checkpoint_save() always writes, checkpoint_save_if_due() only if the period has
+ * passed. Failures are ignored, because the computation can continue without a checkpoint. */
 void checkpoint_save(Checkpoint *checkpoint);
 void checkpoint_save_if_due(Checkpoint *checkpoint);
 

@@ -147,8 +147,8 @@ static const struct exr_attribute *get(const struct exr_part *part, const char *
     if (attribute && attribute->kind == kind)
         return attribute;
     g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
-                attribute ? "part \"%s\": attribute \"%s\" is not of type %s"
-                          : "part \"%s\": no attribute \"%s\" (%s)",
+                attribute ? "part \"%s\" has the attribute \"%s\" in another type than %s"
+                          : "part \"%s\" has no attribute \"%s\" (%s)",
                 part->name, name, type);
     return NULL;
 }

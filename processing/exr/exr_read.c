@@ -151,12 +151,13 @@ static gboolean window_size(struct source *source, const struct exr_part *part,
     const gint64 width = (gint64)window->max.x - window->min.x + 1;
     const gint64 height = (gint64)window->max.y - window->min.y + 1;
     if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
-        return fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": the %s window is empty",
+        return fail(source, EXR_ERROR_FORMAT, error, "in part \"%s\" the %s window is empty",
                     part->name, which);
     return (width <= EXR_MAX_PIXELS && height <= EXR_MAX_PIXELS &&
             width * height <= EXR_MAX_PIXELS) ||
            fail(source, EXR_ERROR_TOO_LARGE, error,
-                "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT " pixels; at most %d",
+                "part \"%s\" has %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
+                " pixels; at most %d can be read",
                 part->name, width, height, EXR_MAX_PIXELS);
 }
 
@@ -187,7 +188,7 @@ static gboolean read_size(struct source *source, int index, struct exr_part *par
         (gint64)MIN(data->max.y, display->max.y) - MAX(data->min.y, display->min.y) + 1;
     if (across < 1 || down < 1)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "part \"%s\": its pixels lie outside of its display window", part->name);
+                    "the pixels of part \"%s\" lie outside of its display window", part->name);
     part->width = window_width(display);
     part->height = window_height(display);
     part->left_px = source->placed ? display->min.x : 0;
@@ -204,8 +205,9 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
     if (rc != EXR_ERR_SUCCESS)
         return fail_library(source, rc, error);
     if (list->num_channels < 1 || list->num_channels > EXR_MAX_CHANNELS)
-        return fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": %d channels; 1 to %d are read",
-                    part->name, list->num_channels, EXR_MAX_CHANNELS);
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "part \"%s\" has %d channels; only 1 to %d can be read", part->name,
+                    list->num_channels, EXR_MAX_CHANNELS);
     part->channels = g_new0(char *, list->num_channels + 1);
     part->planes = g_new0(float *, list->num_channels + 1);
     part->type = EXR_HALF;
@@ -215,8 +217,8 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
         part->channels[part->n_channels++] = g_utf8_make_valid(entry->name.str, -1);
         if (entry->x_sampling != 1 || entry->y_sampling != 1)
             return fail(source, EXR_ERROR_FORMAT, error,
-                        "part \"%s\": channel \"%s\" is subsampled, which is not read", part->name,
-                        part->channels[c]);
+                        "in part \"%s\" the channel \"%s\" is subsampled, which cannot be read",
+                        part->name, part->channels[c]);
         if (entry->pixel_type != EXR_PIXEL_HALF)
             part->type = EXR_FLOAT;
     }
@@ -268,8 +270,8 @@ static gboolean check_compression(struct source *source, int index, const struct
         return fail_library(source, rc, error);
     if (method > EXR_COMPRESSION_PIZ)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "part \"%s\": compressed with %s; convert it to ZIP or PIZ first", part->name,
-                    method < G_N_ELEMENTS(names) ? names[method] : "an unknown method");
+                    "part \"%s\" is compressed with %s; convert the file to ZIP or PIZ first",
+                    part->name, method < G_N_ELEMENTS(names) ? names[method] : "an unknown method");
     return TRUE;
 }
 
@@ -294,7 +296,8 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
     part->name = g_utf8_make_valid(name, -1);
     if (storage != EXR_STORAGE_SCANLINE)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "part \"%s\": only scan lines are read, not tiles or deep pixels", part->name);
+                    "part \"%s\" consists of tiles or deep pixels; only scan lines can be read",
+                    part->name);
     if (!read_size(source, index, part, windows, error) ||
         !read_channels(source, index, part, error) ||
         !check_compression(source, index, part, error) ||
@@ -302,7 +305,7 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
         return FALSE;
     return pixel_bytes(part, windows) / MAX_EXPANSION <= (gsize)source->size ||
            fail(source, EXR_ERROR_TOO_LARGE, error,
-                "part \"%s\": a file of this length cannot hold %d×%d pixels", part->name,
+                "for part \"%s\" the file is too short: it cannot contain %d×%d pixels", part->name,
                 window_width(&windows->data), window_height(&windows->data));
 }
 
@@ -417,8 +420,8 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
     for (int c = 0; c < part->n_channels; c++) {
         part->planes[c] = g_try_malloc0_n(n, sizeof(float));
         if (!part->planes[c])
-            return fail(source, EXR_ERROR_TOO_LARGE, error, "part \"%s\": not enough memory",
-                        part->name);
+            return fail(source, EXR_ERROR_TOO_LARGE, error,
+                        "there is not enough memory for part \"%s\"", part->name);
         for (gsize i = 0; part->outside > 0 && i < n; i++)
             part->planes[c][i] = NAN;
     }
@@ -443,9 +446,9 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     if (planes + exr_chunk_bytes(&stored, step) > source->memory)
         return fail(
             source, EXR_ERROR_TOO_LARGE, error,
-            "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
+            "part \"%s\" has %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
             " bytes may take at most %" G_GUINT64_FORMAT
-            " MiB of memory; save it without compression",
+            " MiB of memory; save the file without compression",
             part->name, part->width, part->height, part->n_channels, source->size,
             input_file_memory((guint64)source->size) >> 20);
     source->memory -= planes;
@@ -534,7 +537,7 @@ struct exr_part *exr_read_part(const char *path, const char *name, GError **erro
             part = one_part(&source, i, &left, error);
     }
     if (ok && !found)
-        fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);
+        fail(&source, EXR_ERROR_MISSING, error, "there is no part \"%s\"", name);
     source_close(&source);
     return part;
 }

@@ -347,7 +347,7 @@ static gboolean fail(GError **error, const char *path, int errno_value) {
         error_details_new(EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO,
                           NULL, "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
                           full ? ERROR_ADVICE "free some space and go on" : "",
-                          link ? "; its folder is a symbolic link, or none" : ""));
+                          link ? "; its folder is a symbolic link or does not exist" : ""));
     return FALSE;
 }
 

@@ -1,6 +1,6 @@
 /*
- * The perceived difference of two pictures: renderings of two forms of a material, from the same
- * camera under the same light (mesorig-view --render). Any thread.
+ * The perceived difference of two pictures, for example renderings of two forms of a material from
+ * the same camera under the same light (mesorig-view --render). Any thread.
  */
 #pragma once
 
@@ -10,18 +10,18 @@ struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
     double delta_e_different; /* mean over differing pixels only; 0 if there are none */
-    double p95, largest;      /* of those */
-    double different;         /* their share */
+    double p95, largest;      /* percentile and maximum of CIEDE2000 over the differing pixels */
+    double different;         /* share of the differing pixels */
 };
 
 /* An attribute of EXR pictures that materials do not have. */
 #define COMPARE_PICTURE_KIND "mesorig.kind"
 
-/* Whether a file's name is that of a PNG, TIFF or JPEG, or the file is an EXR with the attribute
+/* Returns whether a file has the name of a PNG, TIFF or JPEG, or is an EXR with the attribute
  * above. */
 gboolean compare_is_picture(const char *path);
 
-/* Compares two pictures of the same size; 8-bit values are sRGB, EXR is linear.
- * DATA_ERROR_INVALID if one cannot be read. */
+/* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. The error is
+ * DATA_ERROR_INVALID if a picture cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

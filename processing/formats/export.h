@@ -1,6 +1,6 @@
 /*
  * Exports the products of a session for other programs. Files appear complete or not at all. Any
- * thread; a session may be captured and processed meanwhile.
+ * thread. The session may be captured and processed during an export.
  */
 #pragma once
 
@@ -10,12 +10,12 @@
 
 struct export_bonn_result {
     int n_views, n_lights, width, height;
-    double
-        error; /* relative error of the factorisation; 0 for BDI, apart from rounding to halves */
+    /* relative error of the factorisation. It is 0 for BDI, which only rounds to halves. */
+    double error;
 };
 
-/* Exports the BTF as a ".btf" of Bonn (bonn.h). n_components: for FMF and DFMF, up to 32, plus
- * the mean. BDI needs the memory of two views, the others that of the whole BTF. Stages "export";
- * "read" and those of lpca.h. */
+/* Exports the BTF as a ".btf" of Bonn (bonn.h). FMF and DFMF have n_components components, at most
+ * 32, in addition to the mean. BDI needs the memory of two views. FMF and DFMF need the memory of
+ * the whole BTF. The progress stages are "export", or "read" and the stages of lpca.h. */
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
                      const struct work *work, struct export_bonn_result *ret, GError **error);

@@ -11,10 +11,10 @@
 
 #define COLOURS 3
 
-/* What all views of a session's BTF have in common. */
+/* The properties that all views of a session's BTF share. */
 struct source {
     struct session_grid grid;
-    GPtrArray *paths; /* of views, in order */
+    GPtrArray *paths; /* files of the views, in order */
     struct bonn_header header;
 };
 
@@ -28,7 +28,7 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
            fail(path, error, "a direction is not a number");
 }
 
-/* Lights are those of the first view. */
+/* The lights are read from the first view. */
 static gboolean read_directions(struct source *source, GError **error) {
     struct bonn_header *header = &source->header;
     const int n = header->n_views = (int)source->paths->len;

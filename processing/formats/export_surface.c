@@ -1,5 +1,6 @@
-/* Points are fused in cubes of a texel's width: sorted by cube, each run of equal cubes becomes
- * one point. A height map takes the median height of the upper layer above each texel. */
+/* Points are fused in cubes whose side is the width of a texel. The points are sorted by cube, and
+ * the points of one cube become one point. A height map contains the median height of the upper
+ * layer above each texel. */
 #include "export_surface.h"
 
 #include <math.h>
@@ -11,10 +12,11 @@
 #include "exr/exr.h"
 #include "surface_points.h"
 
-#define GAP         1.0  /* gap between two heights, in texels, that separates layers */
-#define MAX_STACKED 0.05 /* largest share of texels with two layers in a height field */
+#define GAP 1.0 /* gap between two heights, in texels, that separates layers */
+/* largest share of texels with two layers that a height field may have */
+#define MAX_STACKED 0.05
 
-/* A point and the cube of a texel's width that contains it; sorted by cube. */
+/* A point and the cube that contains it. Cubes are sorted by key. */
 struct cube {
     gint64 key;
     guint index;
@@ -37,8 +39,8 @@ struct fused {
     int n_views;
 };
 
-/* Fuses the points first … first + n − 1 of one cube: mean weighted by 1/σ² and the cosine to the
- * camera. */
+/* Fuses the points of one cube, cubes[0] … cubes[n − 1]. The mean is weighted by 1/σ² and by the
+ * cosine between normal and camera. */
 static struct fused fuse(const struct surface *surface, const struct cube *cubes, guint n) {
     struct fused ret = {0};
     double weight = 0, squares = 0;
@@ -50,7 +52,7 @@ static struct fused fuse(const struct surface *surface, const struct cube *cubes
         ret.at_mm = vec3_add(ret.at_mm, vec3_scale(p->at_mm, w));
         ret.normal = vec3_add(ret.normal, vec3_scale(p->normal, w));
         weight += w;
-        ret.n_views += p->view != before; /* points are in order of view */
+        ret.n_views += p->view != before; /* points are in the order of their views */
         before = p->view;
     }
     ret.at_mm = vec3_scale(ret.at_mm, 1 / weight);
@@ -119,7 +121,7 @@ static gboolean write_points(const struct surface *surface, const char *file, in
 
 /* The points above one texel. */
 struct column {
-    guint *points; /* indices in order of height, the highest first */
+    guint *points; /* indices of points, the highest point first */
     guint n;
 };
 
@@ -129,7 +131,8 @@ static int by_height(gconstpointer a, gconstpointer b, gpointer data) {
     return (x < y) - (x > y);
 }
 
-/* Sorts all points by texel: n + 1 first indices into ret_order. */
+/* Sorts all points by texel. ret_order receives the indices of points. The result has n + 1
+ * numbers: the position in ret_order at which each texel begins. */
 static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     const struct session_grid *grid = &surface->grid;
     const int n = grid->width * grid->height;
@@ -153,7 +156,8 @@ static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     return begin;
 }
 
-/* Number of points in the upper layer of a column; a single point is an outlier. */
+/* Returns the number of points in the upper layer of a column. A single point above a gap is an
+ * outlier, and is dropped. ret_stacked is whether there is a lower layer. */
 static guint upper_layer(const struct surface *surface, struct column *column,
                          gboolean *ret_stacked) {
     const struct surface_point *points =
@@ -237,10 +241,11 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     if (ret->points == 0)
         return data_error_fail(session, 0, error, "its MDF has no measured texel");
     if (!options->layered && map.stacked > MAX_STACKED * (double)ret->points)
-        return data_error_fail(session, 0, error,
-                               "it is not a height field: %d of %d texels have structure below "
-                               "structure; export points, or the upper layer with --layered",
-                               map.stacked, (int)ret->points);
+        return data_error_fail(
+            session, 0, error,
+            "it is not a height field, because %d of %d texels have structure below structure; "
+            "export points, or export the upper layer with --layered",
+            map.stacked, (int)ret->points);
     return exr_write(file, exr, EXR_ZIP, TRUE, error);
 }
 

@@ -1,7 +1,7 @@
 /*
- * Exports the structure measured by an MDF, for programs that use points and maps: the texels of
- * all views as points of the sample frame in mm (z from the turntable's top), with normals
- * towards the camera, fused. Any thread.
+ * Exports the structure measured by an MDF, for programs that use points and maps. The texels of
+ * all views become points of the sample frame in mm (z from the turntable's top). Their normals
+ * point towards the camera. Points of the same place are fused. Any thread.
  */
 #pragma once
 
@@ -11,28 +11,29 @@ enum export_surface { EXPORT_POINTS, EXPORT_HEIGHT, EXPORT_NORMALS };
 
 struct export_surface_options {
     enum export_surface what;
-    int min_views; /* points that fewer views saw are left out; 0: 2, or 1 if there is one view */
+    int min_views; /* points that fewer views saw are left out; 0 means 2, or 1 if there is only one
+                      view */
     gboolean layered; /* write a map even if the structure is not a height field */
 };
 
 struct export_surface_result {
-    gint64 seen, points; /* points of all views; points written (maps: texels with a value) */
+    /* seen is the number of points of all views. points is the number of points written, or, of a
+     * map, of texels with a value. */
+    gint64 seen, points;
     int n_views, texels, holes;
-    int stacked; /* texels with structure below structure */
+    int stacked; /* number of texels with structure below structure */
 };
 
-/* From products/mdf.exr. EXPORT_POINTS: a binary PLY, of each point x, y, z, nx, ny, nz (float),
- * its spread in mm (float, over the views) and views (uchar); points of all views in a cube of a
- * texel's width are one, their mean weighted by the MDF's standard errors and by how much they face
- * the camera.
- *
- * EXPORT_HEIGHT: an EXR, a part "height" on the session's texels: "Z" the median height in mm, "N"
- * of how many points, 0: a hole, −1: there is more below, and Z is of the upper; "S" their spread
- * in mm. EXPORT_NORMALS: a part "normals", "X", "Y", "Z", all 0 where there is none. Attributes of
- * both: mesorig.kind, texel_mm, reference_mm, holes, stacked.
- *
- * Where more than a twentieth of the texels has structure below structure it is not a height field,
- * and maps are refused unless asked for. */
+/* Exports products/mdf.exr. EXPORT_POINTS writes a binary PLY. Each point has x, y, z, nx, ny, nz
+ * (float), the spread over the views in mm (float) and the number of views (uchar). All points in a
+ * cube whose side is the width of a texel become one point, their mean. The weights are the MDF's
+ * standard errors and the cosine between normal and camera. EXPORT_HEIGHT writes an EXR with a part
+ * "height" on the session's texels. "Z" is the median height in mm, and "S" the spread in mm. "N"
+ * is the number of points: 0 is a hole, and −1 means that Z is the height of the upper of several
+ * layers. EXPORT_NORMALS writes a part "normals" with "X", "Y", "Z", which are all 0 in a hole.
+ * Both maps have the attributes mesorig.kind, texel_mm, reference_mm, holes and stacked. If more
+ * than a twentieth of the texels has structure below structure, the structure is not a height
+ * field. Maps are then refused unless options->layered is set. */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,
                         struct export_surface_result *ret, GError **error);

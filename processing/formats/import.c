@@ -62,7 +62,7 @@ gboolean import_place_end(struct import_place *place, Session *session, gboolean
                           GError **error) {
     session_close(session);
     if (good && !output_file_move_folder(place->session, place->path, error)) {
-        g_rmdir(place->folder); /* unless the session had to stay there */
+        g_rmdir(place->folder); /* the folder remains if the session had to stay in it */
         g_clear_pointer(&place->folder, g_free);
         good = FALSE;
     }
@@ -84,7 +84,7 @@ struct import {
     Session *session;
     gint64 begun_us;
     gint64 holes;
-    int *lights; /* 0 … n_lights − 1 */
+    int *lights; /* indices 0 … n_lights − 1 */
     int asked;
 };
 
@@ -98,7 +98,8 @@ static gboolean check(struct import *import, GError **error) {
         region->width > material->width - region->x ||
         region->height > material->height - region->y)
         return data_error_fail(material->source, 0, error,
-                               "%d × %d texels at %d, %d do not lie within the %d × %d of the file",
+                               "%d × %d texels from column %d, row %d do not lie within the %d × "
+                               "%d texels of the file",
                                region->width, region->height, region->x, region->y, material->width,
                                material->height);
     import->grid = (struct session_grid){.width = region->width,
@@ -134,7 +135,7 @@ static struct exr_part *light_part(const struct import *import, int view, int li
     for (int i = 0; marks && i < r->width * r->height; i++)
         part->planes[3][i] = marks[i];
     if (!marks &&
-        !(m->picture && holes > 0)) { /* a part has the channel only where a texel has a flag */
+        !(m->picture && holes > 0)) { /* a part has the channel “mark” only if a texel has a flag */
         part->n_channels = 3;
         g_clear_pointer(&part->channels[3], g_free);
         g_clear_pointer(&part->planes[3], g_free);
@@ -171,7 +172,8 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
         import->holes += holes[light];
         ok = (double)holes[light] <= IMPORT_MAX_HOLES * (double)n ||
              data_error_fail(m->source, 0, error,
-                             "%d of %zu texels of view %d, light %d are missing or not numbers",
+                             "%d of %zu texels of view %d, light %d are missing or not numbers; at "
+                             "most half may be",
                              holes[light], n, view, light);
         struct exr_part *part = light_part(import, view, light, holes[light]);
         copy_region(import, rgb + 3 * n * (gsize)light, part);
@@ -200,8 +202,8 @@ static gboolean fill_picture(struct exr_part *part, gpointer data, GError **erro
            m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
 }
 
-/* The same as write_view() with one picture in memory. A part states its holes before its pixels,
- * so that pictures that may have some are read twice. */
+/* The same as write_view(), with only one picture in memory. A part states its number of holes
+ * before its pixels. Pictures that may have holes are therefore read twice. */
 static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
     const struct import_material *m = import->material;
     g_autofree char *relative = view_relative(view);
@@ -222,7 +224,7 @@ static gboolean write_view_by_pictures(struct import *import, int view, GError *
            session_add_product(import->session, relative, m->source, error);
 }
 
-/* A map of one view is a picture of its BTF. */
+/* With a single view, the eigen-map of a light is the picture of the BTF. */
 static gboolean fill_map(struct exr_part *part, gpointer data, GError **error) {
     struct import *import = data;
     const int n_lights = import->material->n_lights;
@@ -320,7 +322,7 @@ static gboolean write_views(struct import *import, GError **error) {
     if (!rgb)
         return data_error_fail(
             m->source, 0, error,
-            "there is no memory for a view of %.1f GiB; import fewer texels or lights",
+            "there is no memory for a view of %.1f GiB; import fewer texels or fewer lights",
             3 * (double)n * sizeof(float) / (1 << 30));
     for (int view = 0; view < m->n_views; view++)
         if (!write_view(import, view, rgb, holes, error) ||

@@ -1,11 +1,12 @@
 /*
- * Imports measurements of others as sessions.
+ * Imports measurements of other laboratories as sessions.
  *
  * A finished BTF (rectified pictures) becomes a session with products/btf and
- * products/eigenmaps.exr as in pipeline.h, and no frames; its value "imported" names the source.
- * Values are taken as reflectance that contains n·l. Pictures are made linear by the tone curve
- * that they say; if they say none, 8-bit pictures are sRGB and others are linear. Masked pixels are
- * holes. Row 0 is at +y. The session appears complete or not at all. Any thread.
+ * products/eigenmaps.exr as in pipeline.h. The session has no frames. Its value "imported" names
+ * the source. Pictures are made linear by the tone curve that their files state. Without a
+ * statement, 8-bit pictures are sRGB and others are linear. Values are taken as reflectance that
+ * contains n·l. Masked pixels are holes. Row 0 is at +y. The session appears complete or not at
+ * all. Any thread.
  */
 #pragma once
 
@@ -19,41 +20,43 @@ struct import_region { /* range of texels; all 0: everything */
     int x, y, width, height;
 };
 
-/* Callback: fills n_lights × height × width × 3 (R, G, B) and the number of holes (texels of 0)
- * of each light. */
+/* Callback that reads one view. It fills ret_rgb, n_lights × height × width × 3 (R, G, B), and
+ * ret_holes, the number of holes of each light. A hole is a texel of 0. */
 typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                GError **error);
 
-/* Callback for the view filled last: its texels' flags (btf.h), borrowed, NULL if all are 0; may
- * add attributes to the part. */
+/* Callback for a picture of the view that was read last. Returns the flags of its texels (btf.h),
+ * owned by the callback, or NULL if all are 0. It may add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
-/* Callback: one picture, of which it reads no more than the region (height × width of it) where its
- * format allows. ret_planes: R, G, B and the texels' flags (btf.h), zeroed; the flags are NULL if a
- * picture has no holes; ret_planes is NULL if only the number of holes is asked for. */
+/* Callback that reads one picture. Where the file format allows, it reads only the region (height ×
+ * width). ret_planes are R, G, B and the texels' flags (btf.h), all zeroed. The flags are NULL if a
+ * picture has no holes. ret_planes is NULL if only the number of holes is wanted. */
 typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
                                  float *const *ret_planes, int *ret_holes, gpointer data,
                                  GError **error);
 
-/* Callback: adds what is known of the filled session before it appears. */
+/* Callback that adds values to the filled session before the session appears. */
 typedef gboolean (*ImportFilled)(Session *session, gpointer data, GError **error);
 
 struct import_material {
     const char *source; /* name of the source */
     int width, height;  /* texels */
     double texel_mm;
-    struct import_region region; /* texels to import */
+    struct import_region region; /* the texels to import */
     int n_views, n_lights;
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
-    ImportPixels picture; /* may be NULL; else instead of view, and memory holds one picture */
-    ImportLight light;    /* may be NULL; region must then be everything */
-    ImportFilled filled;  /* may be NULL */
+    ImportPixels picture; /* NULL, or used instead of view; memory then holds only one picture */
+    ImportLight light;    /* NULL is allowed; otherwise region must be everything */
+    ImportFilled filled;  /* NULL is allowed */
     gpointer data;
-    const struct session_grid
-        *grid;       /* may be NULL: from the above, with the reference plane at 0 */
-    const char *mdf; /* NULL, or a file that becomes products/mdf.exr as it is: of these texels */
+    /* NULL means a grid of the above texels, with the reference plane at 0 */
+    const struct session_grid *grid;
+    /* NULL, or a file that is copied to products/mdf.exr. The file must have the texels of this
+     * material. */
+    const char *mdf;
 };
 
 struct import_result {
@@ -62,49 +65,59 @@ struct import_result {
     double eigenmaps_error;
 };
 
-/* path must not exist. Pictures with more than half holes, not counting what is masked, are an
- * error. */
+/* Imports a material. path must not exist. It is an error if more than half of the pixels of a
+ * picture are holes; masked pixels do not count. */
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error);
 
 /* Properties that may be missing in a file. */
 struct import_wish {
-    double texel_mm; /* 0: as in the file, or 1 mm if it does not say */
+    double texel_mm; /* 0 means the size in the file, or 1 mm if the file does not state it */
     struct import_region region;
-    enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID: as they say themselves */
-    const char *directions; /* of import_relight(): a table (btf_directions.h); NULL: the papers' */
-    GPtrArray *notes;       /* NULL, or where sentences for the user are added (g_free()): what was
-                               assumed, and what looks wrong */
+    enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID means as each file states */
+    /* for import_relight(): a table (btf_directions.h); NULL means the 81 directions of the
+     * papers */
+    const char *directions;
+    /* NULL, or receives sentences for the user (g_free()): assumptions, and values that look
+     * wrong */
+    GPtrArray *notes;
 };
 
 /* Imports a ".btf" of Bonn, see bonn.h. Values that do not contain n·l are multiplied by it. */
 gboolean import_bonn(const char *path, const char *file, const struct import_wish *wish,
                      const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports a folder of pictures (JPEG, PNG, TIFF, EXR) whose names contain the keys tl, pl, tv, pv
- * with θ and φ of light and view in degrees, in any order, as in Bonn's UBO2003. Every view needs
- * every light; missing, duplicate and differently sized pictures are errors. */
+/* Imports a folder of pictures (JPEG, PNG, TIFF, EXR). Names of pictures contain the keys tl, pl,
+ * tv and pv, in any order, with θ and φ of light and view in degrees, as in Bonn's UBO2003. Every
+ * view needs every light. Missing or duplicate pictures, and pictures of different sizes, are
+ * errors. */
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
                          const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports a list of the lights of one view, which is seen from above (RTI). Its lines are, in
- * order: the number of pictures, which may be left out (".lp"); then for each picture its name,
- * which may be left out in all lines, and x y z of the direction to its light. Or it is a table
- * whose first line names columns that commas, semicolons or tabs separate: theta and phi in degrees
- * (or theta_rad, phi_rad), or x, y and z; and name, filename, file, image or picture, or none of
- * them. A name may be a path below the list's folder; of other paths only what follows the last
- * slash counts, and the picture lies next to the list. Without names they are the lines of
- * "filenames.txt" next to it, or all pictures there by the times in their EXIF, or, if one of them
- * says none, in the order of their names, numbers by value; names in which a camera's counter has
- * begun again are an error then. A light on the horizon is left out. Numbers may have decimal
- * commas where blanks, tabs or semicolons separate them. Blank lines and those that begin with # do
- * not count. */
+/* Imports the pictures of one view from above (RTI) by a list of their lights. The list has one of
+ * two forms.
+ *
+ * Lines (".lp"): first the number of pictures, which is optional. Then, for each picture, its name
+ * and x y z of the direction to its light. The name may be missing if it is missing in all lines.
+ *
+ * A table, separated by commas, semicolons or tabs, whose first line names the columns: theta and
+ * phi in degrees (or theta_rad and phi_rad), or x, y and z. A column name, filename, file, image or
+ * picture is optional.
+ *
+ * A name may be a path below the list's folder. Of other paths only the part after the last slash
+ * counts, and the picture lies next to the list. If the list has no names, they are the lines of
+ * the file "filenames.txt" next to the list. If that file does not exist, all pictures next to the
+ * list are taken in the order of their times in EXIF. If a picture has no such time, they are taken
+ * in the order of their names, with numbers compared by value. It is then an error if a camera's
+ * counter has begun again within the names. A picture whose light is on the horizon is left out.
+ * Numbers may have decimal commas if blanks, tabs or semicolons separate them. Blank lines and
+ * lines that begin with # are ignored. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports the info.json of a PTM or HSH, in rgb or lrgb, that Relight made for OpenLIME, with its
- * planes (plane_0.jpg or .png, …) next to it: the material under the lights it lists, or those of
- * wish->directions if it lists none. A texel is as
- * wide as it says (pixelSizeInMM). */
+/* Imports the info.json of a PTM or HSH, in rgb or lrgb, that Relight made for OpenLIME. Its planes
+ * (plane_0.jpg or .png, …) must be next to it. The material is evaluated under the lights that
+ * info.json lists. If it lists none, wish->directions is used. The size of a texel is
+ * pixelSizeInMM. */
 gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,
                         const struct work *work, struct import_result *ret, GError **error);

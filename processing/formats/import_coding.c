@@ -1,8 +1,8 @@
 /* Converts the numbers in the files of a table to linear light,
  *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
- * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field, coded
- * likewise, m: the flat field's mean around the middle of the picture. Floating-point numbers have
- * white at 1. */
+ * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field with the
+ * same coding, m: the flat field's mean around the middle of the picture. Floating-point numbers
+ * have white at 1. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -10,7 +10,7 @@
 
 #include "base/data_error.h"
 
-#define MIDDLE 10 /* m is the mean over this part of a picture's width and height */
+#define MIDDLE 10 /* m is the mean over the middle 1/MIDDLE of a picture's width and height */
 
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error) {
@@ -32,15 +32,14 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
     if (bits != 0 && !(bits >= 2 && bits <= 16 && bits == floor(bits)))
         return data_error_fail(
             set->table, row->line, error,
-            "bits of %g are not valid: give 2 to 16, or nothing to use all bits of the file", bits);
+            "bits is %g; give 2 to 16, or leave it empty to use all bits of the file", bits);
     coding->bits = (int)bits;
     while (coding->transfer < G_N_ELEMENTS(transfers) &&
            strcmp(transfer, transfers[coding->transfer]) != 0)
         coding->transfer++;
     if (coding->transfer >= G_N_ELEMENTS(transfers))
         return data_error_fail(set->table, row->line, error,
-                               "a transfer of “%s” is not known; choose from: linear, srgb",
-                               transfer);
+                               "transfer “%s” is not known; choose from: linear, srgb", transfer);
     if (coding->transfer == PICTURE_TONES_UNSAID)
         coding->transfer = set->wish->transfer;
     coding->flat_path = *flat ? g_canonicalize_filename(flat, folder) : NULL;
@@ -49,28 +48,30 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                            coding->flat_path);
 }
 
-/* White of a file of this many bits (0: floating-point). 0: error. */
+/* Returns the white of a file with this many bits (0 means floating-point). Returns 0 with an
+ * error. */
 static double import_coding_white(const struct import_set *set, const struct import_row *row,
                                   const char *name, int bits, GError **error) {
     const struct import_coding *coding = &row->coding;
     if (coding->bits > bits && bits == 0)
         data_error_set(set->table, row->line, error,
-                       "bits is %d, but %s holds floating-point numbers; leave it empty",
+                       "bits is %d, but %s contains floating-point numbers; leave bits empty",
                        coding->bits, name);
     else if (coding->bits > bits)
-        data_error_set(set->table, row->line, error, "bits is %d, but the numbers of %s have %d",
-                       coding->bits, name, bits);
+        data_error_set(set->table, row->line, error,
+                       "bits is %d, but the numbers of %s have %d bits", coding->bits, name, bits);
     if (coding->bits > bits)
         return 0;
     const double white = bits ? (double)((1 << (coding->bits ? coding->bits : bits)) - 1) : 1;
     if (coding->black_level < white)
         return white;
-    data_error_set(set->table, row->line, error, "a black_level of %g is not below white, %g in %s",
+    data_error_set(set->table, row->line, error,
+                   "black_level is %g, but it must be below white, which is %g in %s",
                    coding->black_level, white, name);
     return 0;
 }
 
-/* Reads a file that is coded as a row says. */
+/* Reads a file with the coding of a row. */
 static struct import_picture *decode(const struct import_set *set, const struct import_row *row,
                                      const char *path, GError **error) {
     const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
@@ -88,15 +89,15 @@ static struct import_picture *decode(const struct import_set *set, const struct 
     const int bits = picture->bits;
     if (picture->width != camera->width || picture->height != camera->height) {
         data_error_set(set->table, row->line, error,
-                       "%s has %d × %d pixels, camera %s has %d × %d in %s", name, picture->width,
-                       picture->height, camera->name, camera->width, camera->height,
+                       "%s has %d × %d pixels, but camera %s has %d × %d in %s", name,
+                       picture->width, picture->height, camera->name, camera->width, camera->height,
                        set->wish->calibration);
         return NULL;
     }
     if (*picture->cfa && strcmp(picture->cfa, set->wish->cfa) != 0) {
         data_error_set(set->table, row->line, error,
-                       "%s says that its colour filter is %s, not %s; give --cfa %s", name,
-                       picture->cfa, set->wish->cfa, picture->cfa);
+                       "the colour filter of %s is %s, not %s; give --cfa %s", name, picture->cfa,
+                       set->wish->cfa, picture->cfa);
         return NULL;
     }
     const double white = import_coding_white(set, row, name, bits, error);
@@ -108,8 +109,8 @@ static struct import_picture *decode(const struct import_set *set, const struct 
         const double v = (number - coding->black_level) / (white - coding->black_level);
         if (bits && number > white) {
             data_error_set(set->table, row->line, error,
-                           "%s has a pixel of %g, but %d bits end at %g", name, number,
-                           coding->bits, white);
+                           "%s has a pixel of %g, but the largest number of %d bits is %g", name,
+                           number, coding->bits, white);
             return NULL;
         }
         picture->rgb[i] = (float)picture_tone_light(tone, v);
@@ -122,9 +123,9 @@ struct import_picture *import_coding_picture(const struct import_set *set,
     return decode(set, row, row->path, error);
 }
 
-/* Turns a flat field into factors m / f, f being the value of a pixel and m the mean of the
- * picture's middle: for each colour by itself, and behind a colour filter for each place in its
- * cell of 2 × 2, so that colours keep their balance. */
+/* Converts a flat field to factors m / f. f is the value of a pixel and m the mean in the middle of
+ * the picture. Each colour has its own m, and so has each place in the 2 × 2 cells of a colour
+ * filter. Colours therefore keep their balance. */
 static void invert(struct import_picture *flat, gboolean mosaic) {
     double sum[4][3] = {{0}};
     int n[4] = {0};
@@ -155,8 +156,8 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
         return TRUE;
     if (camera->vignetting != 0 || set->known->camera_radiometry[row->camera].known)
         return data_error_fail(set->table, row->line, error,
-                               "there is a flat_field, but %s describes the vignetting of camera "
-                               "%s, too; leave out one of them",
+                               "there is a flat_field, but %s also describes the vignetting of "
+                               "camera %s; leave out one of them",
                                set->wish->calibration, camera->name);
     g_autofree char *key = g_strdup_printf("%d %.17g %d %d %s", row->camera, coding->black_level,
                                            coding->bits, (int)coding->transfer, coding->flat_path);
@@ -169,9 +170,10 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
         g_hash_table_insert(set->flats, g_steal_pointer(&key), flat);
     }
     if (picture->grey && !flat->grey)
-        return data_error_fail(set->table, row->line, error,
-                               "%s is grey, its flat field %s is not; give a flat field in grey",
-                               row->name, coding->flat_path);
+        return data_error_fail(
+            set->table, row->line, error,
+            "%s is grey, but its flat field %s is in colour; give a grey flat field", row->name,
+            coding->flat_path);
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)
         picture->rgb[i] *= flat->rgb[i];

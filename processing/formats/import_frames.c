@@ -10,18 +10,20 @@
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
-#define SATURATION  0.98    /* of white */
+#define SATURATION  0.98    /* relative to white */
 #define MAX_DN_MS   65504.0 /* the largest half */
 #define UNEVEN      0.05    /* tolerance of an angle, in steps */
-#define MAX_MISSING 0.1     /* largest share of a sweep's pictures */
-#define BESIDE      2.0     /* peaks within so many steps of a missing picture are invalid, */
-#define PULSE       4.0     /* or so many standard deviations of the pulse; the larger counts */
+#define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
+/* A peak is invalid if a missing picture is within BESIDE steps, or within PULSE standard
+ * deviations of its pulse. The larger distance counts. */
+#define BESIDE 2.0
+#define PULSE  4.0
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
 }
 
-/* Reads a picture for the BTF. Those of one view must all be grey, or all in colour. */
+/* Reads a picture for the BTF. All such pictures of one view must be grey, or all in colour. */
 static struct import_picture *read_lamp(const struct import_set *set, const struct import_row *row,
                                         GError **error) {
     g_autoptr(ImportPicture) picture = import_coding_picture(set, row, error);
@@ -35,8 +37,8 @@ static struct import_picture *read_lamp(const struct import_set *set, const stru
     if (picture->grey != set->in_colour[row->view])
         return g_steal_pointer(&picture);
     data_error_set(set->table, row->line, error,
-                   "%s is %s, but %s (line %d) of the same view is not; give all pictures for the "
-                   "BTF that camera %s takes at turntable_deg %g the same kind",
+                   "%s is %s, but %s (line %d) of the same view is not; give only grey or only "
+                   "colour pictures for the BTF that camera %s takes at turntable_deg %g",
                    row->name, picture->grey ? "grey" : "in colour", (*first)->name, (*first)->line,
                    set->known->rig.cameras[row->camera].name, row->turntable_deg);
     return NULL;
@@ -95,7 +97,8 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
     return import_picture_check_holes(picture, bad, n, set->table, row->line, row->name, error);
 }
 
-/* Whether each pixel is saturated in one colour or more; g_free(). */
+/* Returns whether each pixel is saturated in at least one colour; g_free(). ret_n is the number of
+ * such pixels. */
 static guint8 *import_frames_saturated(const struct import_picture *picture, int *ret_n) {
     const gsize n = (gsize)picture->width * (gsize)picture->height;
     guint8 *saturated = g_new0(guint8, n);
@@ -108,7 +111,8 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
     return saturated;
 }
 
-/* Before the flat field, which numbers near white must not be divided by. */
+/* Called before the flat field is applied, because it decides from the undivided values which
+ * pixels are saturated. */
 static void look_at_lamp(const struct import_set *set, const struct import_row *row,
                          const struct import_picture *picture) {
     const struct rig *rig = &set->known->rig;
@@ -124,7 +128,7 @@ static void look_at_lamp(const struct import_set *set, const struct import_row *
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
-    /* Channels by [in colour][a pixel is saturated]. */
+    /* Names of channels by [in colour][a pixel is saturated]. */
     static const char *const names[2][2][5] = {{{"Y"}, {"Y", "saturated"}},
                                                {{"B", "G", "R"}, {"B", "G", "R", "saturated"}}};
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
@@ -156,11 +160,12 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
             part->planes[n_colours][i] = saturated[i];
     }
     if ((double)most * IMPORT_WHITE_DN / row->exposure_ms > MAX_DN_MS)
-        return data_error_fail(set->table, row->line, error,
-                               "exposure_ms: in %g ms %s would show up to %.2g DN/ms, and a frame "
-                               "holds %g; is it in seconds? Give milliseconds",
-                               row->exposure_ms, row->name,
-                               (double)most * IMPORT_WHITE_DN / row->exposure_ms, MAX_DN_MS);
+        return data_error_fail(
+            set->table, row->line, error,
+            "exposure_ms is %g, so that %s would contain up to %.2g DN/ms, but a frame can hold "
+            "only %g; if the value is in seconds, give milliseconds",
+            row->exposure_ms, row->name, (double)most * IMPORT_WHITE_DN / row->exposure_ms,
+            MAX_DN_MS);
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
     exr_set_int(part, "mesorig.saturated", n_saturated);
@@ -169,20 +174,21 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
            write_part(set, row, g_steal_pointer(&part), ret, error);
 }
 
-/* A camera's pictures of one sweep: rows first … first + n − 1; some steps may be missing. */
+/* The pictures of one camera and sweep, which are the rows first … first + n − 1. Some steps may be
+ * missing. */
 struct run {
     const struct import_row *rows;
     int n;
     double from_deg, step_deg;
     int steps;
-    gboolean *missing; /* of each step */
-    /* The session's sweep. offset: if a step's frame is the difference of two pictures, it stands
-     * half a step after the first one. */
+    gboolean *missing; /* whether the picture of each step is missing */
+    /* The sweep that the session states. If a frame is the difference of two pictures, its angle is
+     * half a step after the first picture: offset is then 0.5, otherwise 0. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };
 
-/* Median distance between consecutive pictures. */
+/* Returns the median distance between consecutive pictures. */
 static double usual_step(const struct import_row *rows, int n) {
     g_autofree double *distances = g_new(double, n);
     for (int i = 0; i + 1 < n; i++)
@@ -195,7 +201,7 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     const struct import_row *rows = run->rows, *first = &rows[0], *last = &rows[run->n - 1];
     if (run->n < 4)
         return data_error_fail(set->table, first->line, error,
-                               "a sweep has %d pictures; at least 4 are needed", run->n);
+                               "the sweep has %d pictures; at least 4 are needed", run->n);
     run->from_deg = first->sweep_deg;
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
@@ -217,10 +223,10 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
         const double at = (rows[i].sweep_deg - run->from_deg) / run->step_deg;
         const int k = (int)lround(at);
         if (fabs(at - k) > UNEVEN || !run->missing[k])
-            return data_error_fail(
-                set->table, rows[i].line, error,
-                "the sweep that begins at line %d steps by %g°, but %s is at %g°", first->line,
-                run->step_deg, rows[i].name, rows[i].sweep_deg);
+            return data_error_fail(set->table, rows[i].line, error,
+                                   "the sweep that begins at line %d has steps of %g°, but %s is "
+                                   "at %g°, between two steps",
+                                   first->line, run->step_deg, rows[i].name, rows[i].sweep_deg);
         run->missing[k] = FALSE;
     }
     return TRUE;
@@ -232,19 +238,19 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
         if (run->missing[k] && (run->missing[k - 1] || missing > MAX_MISSING * run->steps))
             return data_error_fail(
                 set->table, run->rows[0].line, error,
-                "the sweep that begins here lacks %d of its %d pictures, for instance that at %g°; "
-                "one in ten may be missing, never two in a row",
+                "the sweep that begins here lacks %d of its %d pictures, for instance the one at "
+                "%g°; at most one picture in ten may be missing, and never two in a row",
                 missing, run->steps, run->from_deg + k * run->step_deg);
     set->ret->n_missing += missing;
     return TRUE;
 }
 
-/* Input of the accumulator. */
+/* Converts the pictures of a sweep to frames for the accumulator. */
 struct feed {
     Sweep *sweep;
     enum import_edge edge;
     gsize n;
-    float *before; /* the previous picture; NULL: none yet */
+    float *before; /* the previous picture; NULL before the first picture */
     guint16 *frame;
 };
 
@@ -265,9 +271,9 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
     sweep_add(feed->sweep, feed->frame);
 }
 
-/* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
- * numbers become 0. In colour pictures the brightest of a pixel's three values counts, since a
- * laser lights one colour, and the brightest value saturates first. */
+/* Reads the pictures. A missing picture is replaced by the previous one. Values that are not
+ * numbers become 0. In colour pictures the largest of a pixel's three values counts, because a
+ * laser has one colour and the largest value saturates first. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);
@@ -291,7 +297,7 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
     return TRUE;
 }
 
-/* Discards peaks whose pulse includes a missing picture. */
+/* Makes peaks invalid whose pulse includes a missing picture. */
 static void forget_missing(const struct run *run, gsize n, const struct sweep_pulses *pulses) {
     float *peak = pulses->peak;
     for (int k = 0; k < run->steps; k++)
@@ -322,7 +328,8 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
     return part;
 }
 
-/* The plan has one sweep for all cameras of a shot: that of the first camera. */
+/* Compares the sweep with the sweep of its shot. The plan has one sweep for all cameras of a shot.
+ * The first camera determines the sweep. */
 static gboolean agree(const struct import_set *set, const struct run *run,
                       struct session_shot *shot, GError **error) {
     if (shot->sweep_steps == 0) {
@@ -332,15 +339,15 @@ static gboolean agree(const struct import_set *set, const struct run *run,
     }
     return (shot->sweep_steps == run->sweep_steps && shot->sweep_from_deg == run->sweep_from_deg &&
             shot->sweep_to_deg == run->sweep_to_deg) ||
-           data_error_fail(
-               set->table, run->rows->line, error,
-               "the sweep that begins here goes from %g° to %g° in %d steps, but that of another "
-               "camera from %g° to %g° in %d; give all cameras the same values of sweep_deg",
-               run->sweep_from_deg, run->sweep_to_deg, run->sweep_steps, shot->sweep_from_deg,
-               shot->sweep_to_deg, shot->sweep_steps);
+           data_error_fail(set->table, run->rows->line, error,
+                           "the sweep that begins here goes from %g° to %g° in %d steps, but the "
+                           "sweep of another camera goes from %g° to %g° in %d; give all cameras "
+                           "the same values of sweep_deg",
+                           run->sweep_from_deg, run->sweep_to_deg, run->sweep_steps,
+                           shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
 }
 
-/* Number of rows of a camera's part of a shot that begins at a row. */
+/* Returns the number of rows that have the shot and camera of row first. */
 static int run_length(const struct import_set *set, guint first) {
     const struct import_row *row = row_at(set, first);
     int n = 1;
@@ -350,7 +357,7 @@ static int run_length(const struct import_set *set, guint first) {
     return n;
 }
 
-/* Called before anything is written, since the plan never changes. */
+/* Called before anything is written, because the plan never changes. */
 gboolean import_frames_plan(struct import_set *set, GError **error) {
     for (guint i = 0; i < set->rows->len;) {
         const struct import_row *row = row_at(set, i);
@@ -368,7 +375,7 @@ gboolean import_frames_plan(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Writes a camera's part of a shot: rows first … first + n − 1. */
+/* Writes the rows first … first + n − 1, which are one camera's part of a shot. */
 static gboolean write_camera(const struct import_set *set, guint first, int n,
                              struct session_frame *ret, GError **error) {
     struct run run = {.rows = row_at(set, first), .n = n};

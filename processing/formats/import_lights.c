@@ -1,4 +1,4 @@
-/* Lists of the lights of one view, in the forms in which such sets are published. */
+/* Reads lists of the lights of one view, in the forms in which RTI data sets are published. */
 #include "import_private.h"
 
 #include <math.h>
@@ -11,14 +11,17 @@
 
 #define MAX_LIGHTS     65536
 #define MAX_LIST_BYTES (64 << 20)
-#define MIN_LENGTH     0.5  /* of a direction in a list, which should be a unit vector */
-#define HORIZON        0.02 /* a light is on it if z is from −this to 0, of the unit vector */
-#define HORIZON_DEG    91
-#define MAX_ON_IT      0.1 /* of the lights, or one */
-#define DEG            (180 / G_PI)
-#define EXPECTED       "a picture's name and x, y, z of the direction to its light"
+/* minimum length of a direction in a list, which should be a unit vector */
+#define MIN_LENGTH 0.5
+/* a light is on the horizon if z of its unit vector is from −HORIZON to 0 */
+#define HORIZON     0.02
+#define HORIZON_DEG 91
+/* largest share of lights on the horizon; one light is always allowed */
+#define MAX_ON_IT 0.1
+#define DEG       (180 / G_PI)
+#define EXPECTED  "a picture's name and x, y, z of the direction to its light"
 
-/* What the columns of a table mean; −1: there is no such column. */
+/* Indices of the columns of a table. −1 means that there is no such column. */
 struct columns {
     char separator[2];
     int name, x, y, z, theta, phi, most;
@@ -29,7 +32,7 @@ struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
-    gint64 count; /* number that the list states; 0: none */
+    gint64 count; /* number of pictures that the list states; 0 means none */
     int count_line;
 };
 
@@ -50,7 +53,7 @@ static gboolean is_number(const char *word) {
     return end > word && !*end;
 }
 
-/* Adds a light, and takes its name. */
+/* Adds a light. Takes ownership of name. */
 static gboolean add(struct list *list, int line, char *name, const double d[3], GError **error) {
     const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     const struct import_light *first = (const struct import_light *)(gpointer)list->lights->data;
@@ -69,14 +72,15 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
                                d[1], d[2]);
     if (list->lights->len > MAX_LIGHTS)
         return data_error_fail(list->path, line, error, "it lists more than %d lights", MAX_LIGHTS);
-    return !mixed || data_error_fail(list->path, line, error,
-                                     named ? "this line has a picture's name, the first one has "
-                                             "none; name all pictures, or none"
-                                           : "a picture's name is expected before x, y, z, as the "
-                                             "lines before have it");
+    return !mixed ||
+           data_error_fail(list->path, line, error,
+                           named ? "this line has a picture's name, but the first line has none; "
+                                   "name all pictures, or none"
+                                 : "x, y, z must follow a picture's name, as in the lines before");
 }
 
-/* Takes the last three words off a text; FALSE: there are fewer. ret_nameless: nothing is left. */
+/* Cuts the last three words off a text. Returns FALSE if there are fewer. ret_nameless is whether
+ * nothing is left. */
 static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     int n = 0;
     while (n < 3 && *g_strchomp(text)) {
@@ -90,8 +94,8 @@ static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     return n == 3;
 }
 
-/* "name x y z" or "x y z"; the name may contain blanks. Three numbers at the end whose commas are
- * decimal ones are taken as such; otherwise commas separate. */
+/* Parses "name x y z" or "x y z". The name may contain blanks. If the text ends with three numbers
+ * with decimal commas, it is read so. Otherwise commas separate. */
 static gboolean parse_words(struct list *list, int line, const char *text, GError **error) {
     g_autofree char *copy = g_strdelimit(g_strdup(text), "\t;", ' ');
     char *words[3] = {NULL};
@@ -110,7 +114,7 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
             if (!number(list, line, words[i], &d[i], error))
                 return FALSE;
     }
-    /* The rest of the text is the name, with its own separators. */
+    /* The rest of the text is the name. It keeps its own separators. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
     return add(list, line, name, d, error);
 }
@@ -123,8 +127,7 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         g_strstrip(g_strdelimit(*cell, "\"", ' '));
     if ((int)g_strv_length(cells) <= c->most)
         return data_error_fail(list->path, line, error,
-                               "it has %u columns; at least %d are expected, as the first line "
-                               "names them",
+                               "it has %u columns; the first line names at least %d",
                                g_strv_length(cells), c->most + 1);
     if (c->theta < 0) {
         if (!number(list, line, cells[c->x], &d[0], error) ||
@@ -138,10 +141,10 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
             return FALSE;
         const double unit = c->radians ? DEG : 1;
         if (!(theta >= 0 && theta * unit <= HORIZON_DEG))
-            return data_error_fail(list->path, line, error,
-                                   "theta is %g%s; the angle from the normal is expected, from 0 "
-                                   "to below %s",
-                                   theta, c->radians ? "" : "°", c->radians ? "π/2" : "90°");
+            return data_error_fail(
+                list->path, line, error,
+                "theta is %g%s; it is the angle from the normal and must be from 0 to below %s",
+                theta, c->radians ? "" : "°", c->radians ? "π/2" : "90°");
         theta *= unit / DEG;
         phi *= unit / DEG;
         d[0] = sin(theta) * cos(phi);
@@ -154,8 +157,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
     return add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
 }
 
-/* A column that is spelt nearly like one of a picture's name or direction, and is none. NULL: no
- * column is. */
+/* Finds a column whose name is not known but resembles a known name. Returns a sentence about it,
+ * or NULL. */
 static char *misspelt(const char *text, const struct columns *c) {
     static const char *const known[] = {"name",  "filename", "file",      "image",   "picture",
                                         "theta", "phi",      "theta_deg", "phi_deg", NULL};
@@ -176,7 +179,8 @@ static char *misspelt(const char *text, const struct columns *c) {
     return NULL;
 }
 
-/* Whether a line names columns: theta and phi, or x, y and z, and perhaps the picture. */
+/* Returns whether a line names columns: theta and phi, or x, y and z. A column of names is
+ * optional. */
 static gboolean parse_head(const char *text, struct columns *ret) {
     static const char separators[] = ",;\t";
     for (const char *s = separators; *s; s++) {
@@ -214,7 +218,7 @@ static gboolean is_count(const char *text, gint64 *ret) {
     return TRUE;
 }
 
-/* FALSE: so many lights are on the horizon that the list must mean something else. */
+/* Returns FALSE if so many lights are on the horizon that the columns must have another meaning. */
 static gboolean check_horizon(const struct list *list, GError **error) {
     const struct import_light *first = NULL;
     guint n = 0;
@@ -225,8 +229,8 @@ static gboolean check_horizon(const struct list *list, GError **error) {
     }
     return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MAX_ON_IT * list->lights->len)) ||
            data_error_fail(list->path, first->line, error,
-                           "the light is not above the sample, and so are %u of %u; the third "
-                           "number is expected to be the height",
+                           "the light is not above the sample, and so are %u of %u lights; the "
+                           "third number must be the height z",
                            n, list->lights->len);
 }
 
@@ -252,7 +256,7 @@ GArray *import_lights_read(const char *path, GError **error) {
             list.count_line = i + 1;
             if (list.count < 1 || list.count > MAX_LIGHTS) {
                 data_error_set(path, i + 1, error,
-                               "the number of pictures is %s; 1 to %d are expected", line,
+                               "the number of pictures is %s; it must be 1 to %d", line,
                                MAX_LIGHTS);
                 return NULL;
             }
@@ -271,8 +275,8 @@ GArray *import_lights_read(const char *path, GError **error) {
         data_error_set(path, 1, error, "the number of pictures, or " EXPECTED " are expected");
     else if (list.count > 0 && lights->len != list.count)
         data_error_set(path, list.count_line, error,
-                       "this line says that there are %d pictures, but the file lists %u; "
-                       "correct the number, or list every picture",
+                       "this line states %d pictures, but the file lists %u; correct the number, "
+                       "or list every picture",
                        (int)list.count, lights->len);
     else if (check_horizon(&list, error))
         return g_steal_pointer(&lights);

@@ -1,13 +1,14 @@
-/* What the pictures of a set tell of themselves when they are imported: the tone curves that were
- * taken, lamps that gave no light, and whether another tone curve or a black level fits better.
+/* Finds facts about the pictures of a set while they are imported: the tone curves that were used,
+ * lamps that gave no light, and whether another tone curve or a black level fits better.
  *
- * A texel with the normal n and the reflectance ρ shows z_l = b + E_l max(0, g·l) under the light l
- * of irradiance E_l, with g = ρ n and b = 0 (Lambert). g is fitted to each texel, for the values as
- * they are, as if they had been decoded from sRGB by mistake, as if they had not been but should,
- * and with a level b under all of them. Cast shadows and highlights are outliers: weights 1 / (1 +
- * (r/s)²), and the misfit is the RMS of the smaller three quarters of the residuals, in units of
- * the values' RMS, and always of the values as they are, so that a curve that only compresses
- * contrast gains nothing. The median over texels counts. */
+ * A texel with the normal n and the reflectance ρ has the value z_l = b + E_l max(0, g·l) under the
+ * light l of irradiance E_l, with g = ρ n and b = 0 (Lambert). g is fitted to each texel for four
+ * candidates: the values as they are; the values re-encoded, if they were decoded from sRGB by
+ * mistake; the values decoded, if that was omitted by mistake; and a constant level b in all
+ * values. Cast shadows and highlights are outliers with weights 1 / (1 + (r/s)²). The misfit is the
+ * RMS of the smallest three quarters of the residuals, relative to the RMS of the values. Residuals
+ * are always converted back to the scale of the original values. A curve that only compresses
+ * contrast therefore gains nothing. A candidate's misfit is the median over all texels. */
 #include "import_private.h"
 
 #include <math.h>
@@ -17,32 +18,35 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define SAMPLES    400 /* texels */
+#define SAMPLES    400 /* number of texels */
 #define MIN_LIGHTS 6
-#define WHITE      0.98 /* values from here on are saturated */
-#define DARK       0.02 /* of what the lights show at their upper quartile */
+#define WHITE      0.98 /* values from WHITE on are saturated */
+/* a light is dark below this share of the upper quartile of all lights */
+#define DARK       0.02
 #define MIN_COS    0.1
-#define MIN_VALUE  0.02 /* of the largest: a texel that is darker says nothing */
-#define STEPS      10   /* of the weights */
+#define MIN_VALUE  0.02 /* relative to the largest value; darker texels are not used */
+#define STEPS      10   /* iterations of the weights */
 #define MIN_MISFIT 0.05
-#define MIN_LIFTED                                                                                 \
-    0.015               /* likewise, to tell a level: most of what it lifts is left out as shadow */
-#define BETTER     3.0  /* another curve must lower the misfit by this factor */
-#define MIN_LEVEL  0.02 /* of the largest value */
-#define MIN_SPREAD 0.08 /* standard deviation of cos θ over the lights, to tell a level */
+/* minimum misfit for which a level is reported. It is smaller than MIN_MISFIT because the weights
+ * already reject most values that a level raises, as if they were shadows. */
+#define MIN_LIFTED 0.015
+#define BETTER     3.0  /* another candidate must reduce the misfit by this factor */
+#define MIN_LEVEL  0.02 /* relative to the largest value */
+/* minimum standard deviation of cos θ over the lights; below it, a level cannot be determined */
+#define MIN_SPREAD 0.08
 
 enum { AS_IS, DECODED_WRONGLY, TO_BE_DECODED, WITH_LEVEL, CANDIDATES };
 
 struct import_look {
     enum picture_tones transfer;
-    GHashTable *tones; /* what was taken for the tone curve → number of pictures */
+    GHashTable *tones; /* description of the tone curve that was used → number of pictures */
     int n_views, n_lights;
     float *theta_deg, *phi_deg; /* of the lights */
     double *light;              /* light × (x, y, z) */
-    double *means;              /* view × light; NaN: no picture */
-    int view;                   /* the one that is fitted */
-    float *values;              /* texel × light of that view; NaN: not known */
-    float *gains;               /* of its lights: E */
+    double *means;              /* view × light; NaN means no picture */
+    int view;                   /* the view to which g is fitted */
+    float *values;              /* texel × light of that view; NaN means unknown */
+    float *gains;               /* irradiance E of the lights of that view */
 };
 
 struct import_look *import_look_new(enum picture_tones transfer, int n_views, int n_lights,
@@ -153,11 +157,11 @@ static void solve(double a[4][5], int n, double *ret) {
 
 struct texel {
     int n;
-    const double *light[256]; /* of each value */
+    const double *light[256]; /* the direction of the light of each value */
     double value[256], gain[256];
 };
 
-/* Fits g, and b if there is a level; returns the misfit. */
+/* Fits g, and b if there is a level. Returns the misfit. */
 static double fit_texel(const struct texel *t, int candidate, double *ret_level) {
     const int n = candidate == WITH_LEVEL ? 4 : 3;
     double p[4] = {0}, weight[256], residual[256], square = 0;
@@ -184,7 +188,8 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
             residual[i] = fabs(back(candidate, z) - t->value[i]);
             weight[i] = residual[i];
         }
-        const double scale = MAX(1.5 * robust_median(residual, t->n), 1e-9); /* sorts residual */
+        /* robust_median() has sorted residual */
+        const double scale = MAX(1.5 * robust_median(residual, t->n), 1e-9);
         for (int i = 0; i < t->n; i++)
             weight[i] = 1 / (1 + weight[i] * weight[i] / (scale * scale));
     }
@@ -198,7 +203,8 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
     return square > 0 ? sqrt(all / most / (square / t->n)) : 0;
 }
 
-/* The values of a texel that are known; FALSE: too few, or it is dark. */
+/* Collects the known values of a texel. Returns FALSE if there are too few, or if none is above
+ * least. */
 static gboolean take_texel(const struct import_look *look, int k, double least, struct texel *ret) {
     double most = 0;
     ret->n = 0;
@@ -224,7 +230,7 @@ static double spread_of_heights(const struct import_look *look) {
     return sqrt(MAX(squares / look->n_lights - mean * mean, 0));
 }
 
-/* Adds what another tone curve or a level would improve. */
+/* Adds a sentence if another tone curve or a level fits much better. */
 static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
     g_autofree double *misfit = g_new(double, CANDIDATES *SAMPLES),
                       *levels = g_new(double, SAMPLES);
@@ -256,23 +262,23 @@ static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
         return;
     if (best == WITH_LEVEL)
         g_ptr_array_add(
-            ret, g_strdup_printf("a level of %.3g of white lies under all values: without it they "
-                                 "follow the lights to %.2g %% instead of %.2g %%; subtract the "
-                                 "camera's black level from the pictures, or keep other light out",
-                                 level, 100 * medians[best], 100 * medians[AS_IS]));
+            ret,
+            g_strdup_printf("a level of %.3g of white is added to all values: without it the "
+                            "values follow the lights to %.2g %% instead of %.2g %%; subtract the "
+                            "camera's black level from the pictures, or keep out other light",
+                            level, 100 * medians[best], 100 * medians[AS_IS]));
     else
         g_ptr_array_add(
-            ret,
-            g_strdup_printf("taken for %s, the pictures follow the lights to %.2g %%, taken for %s "
-                            "only to %.2g %%; import them with --transfer %s if that is what they "
-                            "are",
-                            best == DECODED_WRONGLY ? "linear" : "sRGB", 100 * medians[best],
-                            best == DECODED_WRONGLY ? "sRGB" : "linear", 100 * medians[AS_IS],
-                            best == DECODED_WRONGLY ? "linear" : "srgb"));
+            ret, g_strdup_printf(
+                     "read as %s, the pictures follow the lights to %.2g %%; read as %s, only to "
+                     "%.2g %%. Import them with --transfer %s if that is their tone curve",
+                     best == DECODED_WRONGLY ? "linear" : "sRGB", 100 * medians[best],
+                     best == DECODED_WRONGLY ? "sRGB" : "linear", 100 * medians[AS_IS],
+                     best == DECODED_WRONGLY ? "linear" : "srgb"));
 }
 
-/* Adds the lights under which the sample is dark. The upper quartile says what it should show, so
- * that half of the lamps may be dead. */
+/* Adds the lights under which the sample is dark. They are compared with the upper quartile of all
+ * lights, so that up to half of the lamps may be dead. */
 static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
     g_autofree double *shown = g_new(double, look->n_lights);
     g_autofree guint8 *dark = g_new0(guint8, look->n_lights);
@@ -303,12 +309,12 @@ static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
     }
     if (n_dark > 0)
         g_ptr_array_add(
-            ret,
-            g_strdup_printf("%d of %d lights are dark: under the first, at θ %.4g° φ %.4g°, the "
-                            "sample shows %.2g %% of what it shows under the others; was the "
-                            "lamp on? Take the pictures again, or leave them out",
-                            n_dark, look->n_lights, (double)look->theta_deg[first],
-                            (double)look->phi_deg[first], 100 * share));
+            ret, g_strdup_printf(
+                     "%d of %d lights are dark. Under the first one, at θ %.4g° φ %.4g°, the "
+                     "sample shows %.2g %% of what it shows under the others. Check whether the "
+                     "lamp was on, and take these pictures again or leave them out",
+                     n_dark, look->n_lights, (double)look->theta_deg[first],
+                     (double)look->phi_deg[first], 100 * share));
 }
 
 static int by_text(gconstpointer a, gconstpointer b) {

@@ -1,4 +1,4 @@
-/* Imports pictures whose names, or a list, contain their directions. */
+/* Imports pictures whose directions are in their names or in a list. */
 #include "import_private.h"
 
 #include "base/data_error.h"
@@ -12,7 +12,8 @@
 #include "btf/btf.h"
 #include "pictures/picture_part.h"
 
-#define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
+/* directions that differ by less than a step of 1/STEPS_A_DEG degree are equal */
+#define STEPS_A_DEG    10000
 #define MAX_LIST_BYTES (64 << 20)
 
 struct direction {
@@ -22,17 +23,18 @@ struct direction {
 struct named {
     char *path;
     struct direction view, light;
-    int line;         /* line of the list; 0: none */
-    gboolean counted; /* its tone curve, in tones */
+    int line;         /* line of the list; 0 means that there is no list */
+    gboolean counted; /* whether its tone curve is already counted in look */
 };
 
 struct pictures {
     const char *source;
-    GPtrArray *all;         /* of struct named */
+    GPtrArray *all;         /* all pictures, of struct named */
     GArray *views, *lights; /* of struct direction, in order */
     GPtrArray *of;          /* of struct named, view × light */
     const struct import_wish *wish;
-    struct import_picture *first; /* without its pixels */
+    /* the first picture without its pixels, whose size all pictures must have */
+    struct import_picture *first;
     struct import_look *look;
 };
 
@@ -41,7 +43,8 @@ static void named_free(gpointer data) {
     g_free(data);
 }
 
-/* The number after a key that does not end a longer word: "tl045.0". FALSE: none, or two. */
+/* Finds the number after a key, as in "tl045.0". A key is not the end of a longer word. Returns
+ * FALSE if the key is missing or occurs twice. */
 static gboolean find_key(const char *name, const char *key, double *ret_deg) {
     const gsize n = strlen(key);
     int found = 0;
@@ -103,16 +106,15 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
         &g_array_index(pictures->views, struct direction, first / n_lights);
     const struct direction *light =
         &g_array_index(pictures->lights, struct direction, first % n_lights);
-    return data_error_fail(
-        pictures->source, 0, error,
-        "%u of %u views × %u lights have no picture, the first seen from θ %g° φ %g° "
-        "and lit from θ %g° φ %g°",
-        missing, pictures->views->len, n_lights, (double)view->theta / STEPS_A_DEG,
-        (double)view->phi / STEPS_A_DEG, (double)light->theta / STEPS_A_DEG,
-        (double)light->phi / STEPS_A_DEG);
+    return data_error_fail(pictures->source, 0, error,
+                           "%u of %u views × %u lights have no picture. The first one is the view "
+                           "from θ %g° φ %g° under the light from θ %g° φ %g°",
+                           missing, pictures->views->len, n_lights,
+                           (double)view->theta / STEPS_A_DEG, (double)view->phi / STEPS_A_DEG,
+                           (double)light->theta / STEPS_A_DEG, (double)light->phi / STEPS_A_DEG);
 }
 
-/* Arranges the pictures: each view under each light, once. */
+/* Arranges the pictures by view and light. Each pair must occur once. */
 static gboolean arrange(struct pictures *pictures, GError **error) {
     for (guint i = 0; i < pictures->all->len; i++) {
         const struct named *named = pictures->all->pdata[i];
@@ -130,7 +132,7 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
         const struct named *other = *at;
         if (other)
             return data_error_fail(pictures->source, named->line, error,
-                                   "%s is of the same view and light as %s; remove one of them",
+                                   "%s has the same view and light as %s; remove one of them",
                                    named->path, other->path);
         *at = named;
     }
@@ -153,14 +155,14 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     for (guint i = 0; i < names->len; i++) {
         name = names->pdata[i];
         double tl, pl, tv, pv;
-        if (*name == '.' || !import_is_picture(name)) /* “._a.jpg” of macOS is no picture */
+        if (*name == '.' || !import_is_picture(name)) /* “._a.jpg” of macOS is not a picture */
             continue;
         if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) ||
             !find_key(name, "tv", &tv) || !find_key(name, "pv", &pv))
             return data_error_fail(
                 folder, 0, error,
-                "the name “%s” does not say its directions; expected are tl, pl, tv and "
-                "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+                "the name “%s” does not contain its directions; it needs tl, pl, tv and pv, each "
+                "once and followed by degrees, as in “tl030 pl090 tv000 pv000.jpg”",
                 name);
         struct named *named = g_new0(struct named, 1);
         *named = (struct named){g_build_filename(folder, name, NULL),
@@ -176,8 +178,9 @@ static int by_number(gconstpointer a, gconstpointer b) {
     return strverscmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* The picture of a list, which may name it as it was on another machine, with either kind of slash:
- * in that folder below the list's own, or else next to the list; g_free(). */
+/* Returns the path of a picture that a list names; g_free(). The name may be a path of another
+ * machine, with either kind of slash. The picture may be at that path below the list's folder, or
+ * directly in the list's folder. */
 static char *find_picture(const char *folder, const char *name) {
     g_autofree char *plain = g_strdelimit(g_strdup(name), "\\", '/');
     g_autofree char *base = g_path_get_basename(plain);
@@ -187,7 +190,8 @@ static char *find_picture(const char *folder, const char *name) {
     return g_build_filename(folder, base, NULL);
 }
 
-/* The last number in a name, and how many digits it has; FALSE: there is none. */
+/* Returns the last number in a name and its number of digits. Returns FALSE if the name has no
+ * number. */
 static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
     const char *end = strrchr(name, '.');
     end = end ? end : name + strlen(name);
@@ -201,8 +205,9 @@ static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
     return end > begin;
 }
 
-/* Whether the counter of a camera has begun again at 0 within these names, which are in order: the
- * first and the last number lie near the ends of what its digits can count, and there is a gap. */
+/* Returns whether a camera's counter has begun again at 0 within these sorted names. That is
+ * assumed if the first number is near 0, the last number is near the largest number with these
+ * digits, and there is a gap. */
 static gboolean counter_wrapped(const GPtrArray *names) {
     gint64 first = 0, last = 0, gap = 0;
     int digits = 0;
@@ -223,7 +228,7 @@ static gboolean counter_wrapped(const GPtrArray *names) {
 struct taken {
     char *name;
     gint64 us;
-    guint order; /* by name */
+    guint order; /* rank in the order of names */
 };
 
 static int by_time(gconstpointer a, gconstpointer b) {
@@ -232,8 +237,8 @@ static int by_time(gconstpointer a, gconstpointer b) {
                           : (x->order > y->order) - (x->order < y->order);
 }
 
-/* Orders pictures, which are in the order of their names, by the time at which they were taken, if
- * all of them say one. */
+/* Sorts pictures by the time at which they were taken, if all files state it. names is sorted by
+ * name. */
 static gboolean order_by_time(const char *list, const char *folder, GPtrArray *names,
                               GPtrArray *notes, GError **error) {
     g_autofree struct taken *taken = g_new0(struct taken, MAX(names->len, 1));
@@ -248,28 +253,28 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     }
     if (!all)
         return !counter_wrapped(names) ||
-               data_error_fail(
-                   list, 0, error,
-                   "the names of its pictures go from %s to %s with a gap, as if the "
-                   "camera's counter had begun again, and the files do not say when they "
-                   "were taken; write a picture's name before each direction",
-                   (const char *)names->pdata[0], (const char *)names->pdata[names->len - 1]);
+               data_error_fail(list, 0, error,
+                               "the names of its pictures go from %s to %s with a gap, as if the "
+                               "camera's counter had begun again, and not all files state when "
+                               "they were taken; write a picture's name before each direction",
+                               (const char *)names->pdata[0],
+                               (const char *)names->pdata[names->len - 1]);
     qsort(taken, names->len, sizeof *taken, by_time);
     for (guint i = 0; i < names->len; i++) {
         differs |= names->pdata[i] != taken[i].name;
         names->pdata[i] = taken[i].name;
     }
     if (differs && notes)
-        g_ptr_array_add(
-            notes, g_strdup_printf("the pictures are taken in the order of their times in EXIF, "
-                                   "from %s to %s, which is not that of their names",
-                                   (const char *)names->pdata[0],
-                                   (const char *)names->pdata[names->len - 1]));
+        g_ptr_array_add(notes, g_strdup_printf("the pictures are sorted by their times in EXIF, "
+                                               "from %s to %s; the order of their names differs",
+                                               (const char *)names->pdata[0],
+                                               (const char *)names->pdata[names->len - 1]));
     return TRUE;
 }
 
-/* Names of pictures for a list that has none: the lines of "filenames.txt" next to it, or all
- * pictures there by their times, or in the order of their names, "9.png" before "10.png". */
+/* Returns the names of pictures for a list that has none. They are the lines of "filenames.txt"
+ * next to the list, or otherwise all pictures next to the list, sorted by time or by name. "9.png"
+ * is before "10.png". */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);
@@ -299,23 +304,22 @@ static GPtrArray *names_beside(const struct pictures *pictures, const char *list
         return listed || order_by_time(list, folder, names, pictures->wish->notes, error)
                    ? g_steal_pointer(&names)
                    : NULL;
-    data_error_set(list, 0, error,
-                   "it lists %u directions without names of pictures, but %s has %u pictures%s%s; "
-                   "move what does not belong to them, or write a picture's name before each "
-                   "direction",
-                   n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
-                   names->len ? (const char *)names->pdata[names->len - 1] : "");
+    data_error_set(
+        list, 0, error,
+        "it lists %u directions without names of pictures, but %s has %u pictures%s%s; remove the "
+        "pictures that do not belong to the list, or write a picture's name before each direction",
+        n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
+        names->len ? (const char *)names->pdata[names->len - 1] : "");
     return NULL;
 }
 
 static void tell_horizon(const struct pictures *pictures, const char *list,
                          const struct import_light *light, const char *path) {
     if (pictures->wish->notes)
-        g_ptr_array_add(
-            pictures->wish->notes,
-            g_strdup_printf("%s:%d: %s is left out: its light stands on the horizon and "
-                            "does not reach the sample",
-                            list, light->line, path));
+        g_ptr_array_add(pictures->wish->notes,
+                        g_strdup_printf("%s:%d: %s is left out, because its light is on the "
+                                        "horizon and does not reach the sample",
+                                        list, light->line, path));
 }
 
 static gboolean read_list(struct pictures *pictures, const char *list, GError **error) {
@@ -345,7 +349,8 @@ static gboolean read_list(struct pictures *pictures, const char *list, GError **
     return TRUE;
 }
 
-/* Files of 8 or 16 bits hold numbers only; those that mask some pixels say so. */
+/* Returns whether a file may have masked pixels or values that are not numbers. This is an EXR, a
+ * TIFF, or a PNG with opacity. */
 static gboolean may_have_holes(const char *path) {
     const char *dot = strrchr(path, '.');
     if (dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||
@@ -428,7 +433,8 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
     if (!read_names(&pictures, source, error) || !arrange(&pictures, error))
         return FALSE;
     const struct named *named = all->pdata[0];
-    /* Of the first one only its size is needed; it may be too large to be read as a whole. */
+    /* Only the size of the first picture is needed here. The picture may be too large to be read as
+     * a whole. */
     const struct import_region corner = {0, 0, 1, 1};
     g_autoptr(ImportPicture) first = import_picture_read_part(
         named->path, wish->region.width > 0 ? &corner : NULL, wish->transfer, error);
@@ -438,7 +444,7 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
             picture_part_can(named->path, &width, &height) && height > INPUT_FILE_PIXELS / width) {
             g_autofree char *why = g_steal_pointer(&(*error)->message);
             (*error)->message =
-                g_strconcat(why, "; or import a part of it: --region X,Y,WIDTH,HEIGHT", NULL);
+                g_strconcat(why, "; or import only a part with --region X,Y,WIDTH,HEIGHT", NULL);
         }
         return FALSE;
     }

@@ -35,7 +35,7 @@ gboolean import_is_picture(const char *name) {
     return has_end(name, ends) || raw_is(name);
 }
 
-/* A mosaic as it is: grey. */
+/* Copies the numbers of a mosaic as a grey picture. */
 static void take_mosaic(struct import_picture *to, const struct picture *from, const char *cfa) {
     const gsize n = (gsize)from->width * (gsize)from->height;
     to->width = from->width;
@@ -47,7 +47,7 @@ static void take_mosaic(struct import_picture *to, const struct picture *from, c
         to->rgb[i] = from->values[i / 3];
 }
 
-/* A pixel for each cell of a mosaic. */
+/* Makes one pixel of each 2 × 2 cell of a mosaic. */
 static void take_cells(struct import_picture *to, const struct picture *from, const char *cfa) {
     to->width = from->width / 2;
     to->height = from->height / 2;
@@ -76,8 +76,9 @@ static struct import_picture *read_raw(const char *path, gboolean mosaic, GError
     return picture;
 }
 
-/* The layer whose channels R, G and B are to be read, with its dot: "" if these are the names
- * themselves. NULL: there is none, or there are several, which ret_layers lists. */
+/* Returns the prefix of the layer, with its dot, whose channels R, G and B are to be read. It is ""
+ * if these are the full names of the channels. Returns NULL if there is no such layer or if there
+ * are several. ret_layers then lists them. */
 static char *find_layer(const struct exr_part *part, GString *ret_layers) {
     g_autofree char *found = NULL;
     int n = 0;
@@ -105,7 +106,7 @@ static float *plane_of(const struct exr_part *part, const char *layer, const cha
     return exr_part_plane(part, name);
 }
 
-/* Masked pixels of an EXR are those that are not opaque, and those outside of its data window. */
+/* Pixels of an EXR are masked if they are not opaque or are outside its data window. */
 static struct import_picture *take_exr(const struct exr_part *part, const float *const planes[3],
                                        const float *opacity, gboolean grey) {
     struct import_picture *picture = g_new0(struct import_picture, 1);
@@ -130,7 +131,7 @@ static struct import_picture *read_exr(const char *path, GError **error) {
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)
         return NULL;
-    /* The pixels need memory twice here: once as planes, once interleaved. */
+    /* The pixels are in memory twice here, as planes and interleaved. */
     GStatBuf status;
     if (!input_file_check_pixels(path, (guint64)part->width, (guint64)part->height,
                                  g_stat(path, &status) == 0 ? (guint64)status.st_size : 0, error))
@@ -141,10 +142,10 @@ static struct import_picture *read_exr(const char *path, GError **error) {
     if (!grey && !layer) {
         if (layers->len)
             data_error_set(path, 0, error,
-                           "R, G and B are there in several layers: %s; save the one that is meant",
+                           "there are several layers with R, G and B: %s; save only one of them",
                            layers->str);
         else
-            data_error_set(path, 0, error, "there are neither R, G and B in it nor Y");
+            data_error_set(path, 0, error, "it has neither the channels R, G and B nor Y");
         return NULL;
     }
     const float *const planes[3] = {grey ? grey : plane_of(part, layer, "R"),
@@ -153,7 +154,7 @@ static struct import_picture *read_exr(const char *path, GError **error) {
     return take_exr(part, planes, plane_of(part, layer ? layer : "", "A"), grey != NULL);
 }
 
-/* part NULL: all. */
+/* part NULL means the whole picture. */
 static struct import_picture *read_other(const char *path, const struct import_region *part,
                                          GError **error) {
     struct picture_codes codes;
@@ -179,8 +180,8 @@ static struct import_picture *read_other(const char *path, const struct import_r
     return picture;
 }
 
-/* codes: the numbers in the file, and of camera raw the mosaic. part: only of pictures of which a
- * part can be read. */
+/* codes asks for the numbers in the file, and for the mosaic of camera raw. part is used only for
+ * files of which a part can be read. */
 static struct import_picture *read_any(const char *path, gboolean codes,
                                        const struct import_region *part, GError **error) {
     g_autoptr(GError) found = NULL;
@@ -228,14 +229,13 @@ gboolean import_picture_check_same(const struct import_picture *first,
                                    const char *name, GError **error) {
     if (second->width != first->width || second->height != first->height)
         return data_error_fail(list, line, error,
-                               "%s has %d × %d pixels, the first picture %d × %d", name,
+                               "%s has %d × %d pixels, but the first picture has %d × %d", name,
                                second->width, second->height, first->width, first->height);
     return (second->left_px == first->left_px && second->top_px == first->top_px) ||
            data_error_fail(
                list, line, error,
-               "the display window of %s begins at %d, %d, that of the first picture at "
-               "%d, %d, so that they show different parts of the scene; crop all "
-               "pictures alike",
+               "the display window of %s begins at %d, %d, but that of the first picture begins at "
+               "%d, %d; they show different parts of the scene, so crop all pictures alike",
                name, second->left_px, second->top_px, first->left_px, first->top_px);
 }
 
@@ -247,8 +247,8 @@ gboolean import_picture_check_holes(const struct import_picture *picture, gsize 
                                : g_strdup_printf("its %zu pixels", n_pixels);
     if ((double)n_bad > IMPORT_MAX_MASKED * (double)n_pixels && masked > 0)
         return data_error_fail(list, line, error,
-                               "%zu of %s are masked or not numbers; remove the channel of opacity "
-                               "if they show the sample",
+                               "%zu of %s are masked or not numbers; remove the opacity channel if "
+                               "these pixels show the sample",
                                n_bad, of);
     return (double)(n_bad - masked) <= IMPORT_MAX_HOLES * (double)(n_pixels - masked) ||
            data_error_fail(list, line, error, "%zu of %s are not numbers", n_bad, of);

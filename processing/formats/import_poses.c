@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-#define STEPS_A_DEG 10000 /* angles within 1/this degree are equal */
+/* angles that differ by less than a step of 1/STEPS_A_DEG degree are equal */
+#define STEPS_A_DEG 10000
 #define MAX_ROWS    1000000
 
 const char *const import_poses_columns[] = {
@@ -22,7 +23,7 @@ static gint64 steps(double deg) {
     return at < 0 ? at + turn : at;
 }
 
-/* Index of an element whose field at name_at is the name; −1: none. */
+/* Returns the index of the element whose field at name_at equals name, or −1. */
 static int find_device(gconstpointer list, gsize size, gsize name_at, int n, const char *name) {
     for (int i = 0; i < n; i++)
         if (strcmp((const char *)list + (gsize)i * size + name_at, name) == 0)
@@ -33,7 +34,7 @@ struct columns {
     int file, camera, lamp, laser, turntable, arc, exposure, sweep;
 };
 
-/* Reads the camera, and the lamp or laser. */
+/* Reads the camera, and the lamp or the laser. */
 static gboolean read_devices(const struct import_set *set, const TextTable *table,
                              const struct columns *columns, int index, struct import_row *row,
                              GError **error) {
@@ -53,8 +54,7 @@ static gboolean read_devices(const struct import_set *set, const TextTable *tabl
         return data_error_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
                                set->wish->calibration);
     if ((*lamp != '\0') == row->sweep)
-        return data_error_fail(set->table, row->line, error,
-                               "either a lamp or a laser is expected");
+        return data_error_fail(set->table, row->line, error, "give either a lamp or a laser");
     if (row->device < 0)
         return data_error_fail(set->table, row->line, error, "%s “%s” is not in %s",
                                row->sweep ? "laser" : "lamp", row->sweep ? laser : lamp,
@@ -80,8 +80,8 @@ static gboolean read_row(const struct import_set *set, const TextTable *table,
     if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
         return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
     if (!(row->exposure_ms > 0))
-        return data_error_fail(set->table, row->line, error, "an exposure of %g ms is not valid",
-                               row->exposure_ms);
+        return data_error_fail(set->table, row->line, error,
+                               "exposure_ms is %g; it must be above 0", row->exposure_ms);
     return !row->sweep || isfinite(row->sweep_deg) ||
            data_error_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
 }
@@ -104,12 +104,12 @@ static gboolean read_rows(struct import_set *set, const TextTable *table, GError
     if (!text_table_check_columns(table, import_poses_columns, error))
         return FALSE;
     if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
-        return data_error_fail(
-            text_table_path(table), 0, error,
-            "the header line lacks the column %s; it needs file, camera, and lamp or laser",
-            columns.file < 0     ? "file"
-            : columns.camera < 0 ? "camera"
-                                 : "lamp or laser");
+        return data_error_fail(text_table_path(table), 0, error,
+                               "the header line lacks the column %s; the columns file, camera, and "
+                               "lamp or laser are needed",
+                               columns.file < 0     ? "file"
+                               : columns.camera < 0 ? "camera"
+                                                    : "lamp or laser");
     if (text_table_rows(table) > MAX_ROWS)
         return data_error_fail(set->table, 0, error, "it has more than %d rows", MAX_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
@@ -122,7 +122,7 @@ static gboolean read_rows(struct import_set *set, const TextTable *table, GError
     return TRUE;
 }
 
-/* Order: shot, camera, sweep angle. */
+/* Sorts by shot, camera and sweep angle. */
 static int compare_shots(const struct import_row *a, const struct import_row *b) {
     const gint64 keys[4][2] = {{a->sweep, b->sweep},
                                {steps(a->turntable_deg), steps(b->turntable_deg)},
@@ -148,16 +148,16 @@ static double radians(double deg) {
     return deg * G_PI / 180;
 }
 
-/* Direction of a device at_mm in the rig frame, seen from the centre of the reference plane in the
- * sample frame. */
+/* Returns the direction of a device at at_mm in the rig frame. It is seen from the centre of the
+ * reference plane, in the sample frame. */
 static struct vec3 import_poses_direction(const struct import_set *set, struct vec3 at_mm,
                                           double turntable_deg) {
     at_mm.z -= set->wish->grid.reference_mm;
     return vec3_unit(rig_turn(at_mm, -radians(turntable_deg)));
 }
 
-/* Index of a view, light or laser position in the list: that of the same device at the same angle,
- * or one whose direction is at most within_deg away, or a new one. */
+/* Returns the index of a view, light or laser position in the list. It is the entry of the same
+ * device at the same angle, or one whose direction is at most within_deg away, or a new one. */
 static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
                            double within_deg) {
     const double least = cos(radians(within_deg));
@@ -217,23 +217,24 @@ static void make_shots(struct import_set *set) {
     }
 }
 
-/* Refuses two pictures with the same pose and light. */
+/* Reports an error if two pictures have the same pose and light. */
 static gboolean check_double(const struct import_set *set, GError **error) {
     for (guint i = 1; i < set->rows->len; i++) {
         const struct import_row *a = &g_array_index(set->rows, struct import_row, i - 1);
         const struct import_row *b = &g_array_index(set->rows, struct import_row, i);
         if (a->shot == b->shot && a->camera == b->camera &&
             (!a->sweep || a->sweep_deg == b->sweep_deg))
-            return data_error_fail(
-                set->table, b->line, error,
-                "%s has the same camera, angles and light as line %d, %s; remove one of them",
-                b->name, a->line, a->name);
+            return data_error_fail(set->table, b->line, error,
+                                   "%s has the same camera, angles and light as the picture of "
+                                   "line %d, %s; remove one of them",
+                                   b->name, a->line, a->name);
     }
     return TRUE;
 }
 
-/* Adds a skipped shot for a picture that is not in the table. FALSE: nothing says which lamp would
- * have lit it: another camera's picture shows it, or the lamp turns with the arc. */
+/* Adds a skipped shot for a picture that is missing in the table. Returns FALSE if it is not known
+ * which lamp would have lit the picture. It is known if the lamp turns with the arc, or from a
+ * picture of another camera. */
 static gboolean add_missing(struct import_set *set, int view_index, int light_index) {
     const struct session_direction *view =
         &g_array_index(set->views, struct session_direction, view_index);
@@ -253,7 +254,7 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
         if (other->kind != SHOT_LAMP || other->source != light_index ||
             steps(other->turntable_deg) != steps(view->turntable_deg))
             continue;
-        if (other->state == SHOT_SKIPPED) { /* it is missing for another camera, too */
+        if (other->state == SHOT_SKIPPED) { /* the same shot is missing for another camera */
             other->cameras |= 1u << view->device;
             return TRUE;
         }
@@ -273,18 +274,18 @@ static gboolean fail_missing(const struct import_set *set, const struct session_
                              const struct session_direction *light, int n_missing, GError **error) {
     return data_error_fail(
         set->table, 0, error,
-        "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g, or one "
-        "in its direction; every view needs every light, but for one in ten, and this one lacks "
-        "%d of %u. If lamps that do not turn with the sample take each other's places, say how "
-        "exactly with --same-light; --target is for pictures of a calibration target, without a "
-        "BTF",
+        "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g, nor "
+        "under another lamp in that direction. Every view needs at least nine lights in ten; this "
+        "one lacks %d of %u. If lamps stand still and the sample turns, lamps that reach the same "
+        "direction only roughly can be joined with --same-light. For pictures of a calibration "
+        "target, without a BTF, use --target",
         set->known->rig.cameras[view->device].name, view->turntable_deg,
         set->known->rig.lamps[light->device].name,
         remainder(light->turntable_deg + view->turntable_deg, 360), n_missing, set->lights->len);
 }
 
-/* Each view with a picture for the BTF needs one under every light, and no two. A captured session
- * may lack some, and so may a table. */
+/* Checks that each view with pictures for the BTF has one picture under every light, and not two.
+ * As in a captured session, a few may be missing. */
 static gboolean check_lights(struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
     if (set->wish->target)
@@ -302,7 +303,7 @@ static gboolean check_lights(struct import_set *set, GError **error) {
         if (*other)
             return data_error_fail(set->table, row->line, error,
                                    "%s shows the view of %s (line %d) under a lamp whose direction "
-                                   "is within %g° of that one's; give less to --same-light",
+                                   "differs by less than %g°; give a smaller value to --same-light",
                                    row->name, (*other)->name, (*other)->line,
                                    set->wish->same_light_deg);
         *other = row;
@@ -328,8 +329,8 @@ static gboolean check_lights(struct import_set *set, GError **error) {
             g_ptr_array_add(
                 set->wish->notes,
                 g_strdup_printf("camera %s at turntable_deg %g lacks %d of its %u pictures under "
-                                "lamps, such as that under %s at arc_deg %g; mesorig process "
-                                "predicts and marks them",
+                                "lamps, for instance the one under %s at arc_deg %g; mesorig "
+                                "process predicts and marks them",
                                 set->known->rig.cameras[of->device].name, of->turntable_deg,
                                 missing, n_lights, set->known->rig.lamps[first->device].name,
                                 remainder(first->turntable_deg + of->turntable_deg, 360)));
@@ -338,7 +339,7 @@ static gboolean check_lights(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Looks at the view that is nearest to the normal. */
+/* Fits the view that is nearest to the normal. */
 static struct import_look *new_look(const struct import_set *set) {
     const guint n = set->lights->len;
     g_autofree float *theta = g_new(float, MAX(n, 1)), *phi = g_new(float, MAX(n, 1));
@@ -395,8 +396,8 @@ static gboolean make(struct import_set *set, const char *path, const struct work
     return import_place_end(&place, set->session, ok, error);
 }
 
-/* Says how the pictures of cameras that look straight down are taken to lie, since there is no
- * level to measure their turn by. */
+/* Adds a note for each camera that looks straight down. There is no level direction in its
+ * pictures, so their rotation is an assumption. */
 static void tell_downward(const struct import_set *set) {
     const struct rig *rig = &set->known->rig;
     for (int c = 0; set->wish->notes && c < rig->n_cameras; c++) {
@@ -409,8 +410,8 @@ static void tell_downward(const struct import_set *set) {
         g_ptr_array_add(
             set->wish->notes,
             g_strdup_printf(
-                "camera %s looks straight down; the right of its pictures is taken to "
-                "point to %.0f° (0°: x, 90°: y); if it does not, correct turn_deg in %s",
+                "camera %s looks straight down. The right side of its pictures is assumed to point "
+                "to %.0f° (0° is x, 90° is y); correct turn_deg in %s if it does not",
                 camera->name, fabs(azimuth), set->wish->calibration));
     }
 }

@@ -1,9 +1,9 @@
 /*
- * What Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of coefficients as
- * pictures plane_0, plane_1, … next to it. As OpenLIME's ShaderRTI draws them, with c = byte / 255,
- * scale and bias of each of the planes' channels, and b_j (l) the terms of a PTM or of HSH:
- *   rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j               plane j has term j of R, G, B
- *   lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale    plane 0 is a colour, the
+ * The format that Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of
+ * coefficients as pictures plane_0, plane_1, … next to it. As OpenLIME's ShaderRTI draws them, with
+ * c = byte / 255, scale and bias of each of the planes' channels, and b_j (l) the terms of a PTM or
+ * of HSH: rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j               plane j has term j of R, G,
+ * B lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale    plane 0 is a colour, the
  *         channels of the planes after it have a term each
  *   ptm   b = 1, lx, ly, lx², lx ly, ly²
  *   hsh   b of hsh.h, of lights no lower than 0.15 rad above the horizon
@@ -28,11 +28,11 @@
 struct relight {
     const char *path;
     const struct import_wish *wish;
-    JsonObject *info; /* of the parser */
+    JsonObject *info; /* owned by the parser */
     gboolean hsh, lrgb;
-    int n_terms, n_planes; /* planes: pictures */
+    int n_terms, n_planes; /* number of terms, and of planes; a plane is one picture */
     int width, height, n_lights;
-    double *lights, *scale, *bias; /* n_lights × 3; n_planes × 3 each */
+    double *lights, *scale, *bias; /* lights: n_lights × 3; scale and bias: n_planes × 3 each */
     guint8 *planes[MAX_PLANES];    /* height × width × 3 */
 };
 
@@ -60,7 +60,7 @@ static gboolean relight_number(JsonNode *node, double *ret) {
     return isfinite(*ret);
 }
 
-/* An array of n numbers; n 0: any multiple of three. */
+/* Reads an array of n numbers. n = 0 allows any multiple of three. */
 static double *relight_numbers(const struct relight *relight, JsonObject *of, const char *key,
                                guint n, guint *ret_n, GError **error) {
     JsonNode *node = json_object_get_member(of, key);
@@ -75,18 +75,18 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     if (good)
         return g_steal_pointer(&ret);
     if (n)
-        data_error_set(relight->path, 0, error, "“%s” has %u values; %u numbers are expected", key,
+        data_error_set(relight->path, 0, error, "“%s” has %u values, but needs %u numbers", key,
                        length, n);
     else
         data_error_set(relight->path, 0, error,
-                       "“%s” has %u values; x, y and z of each of 1 to %d lights are expected, "
-                       "under which the material is made",
+                       "“%s” has %u values, but needs x, y and z of 1 to %d lights, under which "
+                       "the material is evaluated",
                        key, length, MAX_LIGHTS);
     return NULL;
 }
 
-/* The lights under which the material is made if the file lists none: it can be lit from anywhere.
- */
+/* Chooses the lights under which the material is evaluated if the file lists none. It can be
+ * evaluated under any light. */
 static gboolean relight_take_directions(struct relight *relight, GError **error) {
     const char *path = relight->wish->directions;
     struct btf_directions *from = path ? btf_directions_read(path, error) : btf_directions_81();
@@ -104,8 +104,9 @@ static gboolean relight_take_directions(struct relight *relight, GError **error)
     if (relight->wish->notes)
         g_ptr_array_add(
             relight->wish->notes,
-            g_strdup_printf("%s lists no lights: the material is made under the %d of %s",
-                            relight->path, relight->n_lights, path ? path : "the papers"));
+            g_strdup_printf(
+                "%s lists no lights; the material is evaluated under the %d lights of %s",
+                relight->path, relight->n_lights, path ? path : "the papers"));
     btf_directions_free(from);
     return TRUE;
 }
@@ -119,16 +120,17 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
     relight->lrgb = g_str_equal(space, "lrgb");
     if ((!relight->hsh && !g_str_equal(type, "ptm")) ||
         (!relight->lrgb && !g_str_equal(space, "rgb")))
-        return data_error_fail(relight->path, 0, error,
-                               "type is %s and colorspace %s; ptm or hsh with rgb or lrgb is read",
-                               type, space);
+        return data_error_fail(
+            relight->path, 0, error,
+            "type is %s and colorspace is %s; only ptm or hsh with rgb or lrgb can be read", type,
+            space);
     relight_number(json_object_get_member(relight->info, "width"), &width);
     relight_number(json_object_get_member(relight->info, "height"), &height);
     relight_number(json_object_get_member(relight->info, "nplanes"), &planes);
     if (!(width >= 1 && width <= 65536) || !(height >= 1 && height <= 65536))
         return data_error_fail(relight->path, 0, error,
-                               "width is %g and height %g; 1 to 65536 pixels are expected", width,
-                               height);
+                               "width is %g and height is %g; both must be 1 to 65536 pixels",
+                               width, height);
     relight->width = (int)width;
     relight->height = (int)height;
     relight->n_planes = (int)CLAMP(planes / 3, 0, MAX_PLANES);
@@ -164,27 +166,29 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
     g_autofree char *path = g_build_filename(folder, name, NULL);
     const gsize n = (gsize)relight->width * (gsize)relight->height * 3;
     if (!g_file_test(path, G_FILE_TEST_EXISTS))
-        return data_error_fail(relight->path, 0, error,
-                               "there is no %s beside it; planes that are cut into tiles (.dzi, "
-                               ".tzi, planes.tzi) are not read: build the set again in Relight "
-                               "without tiles, as plain pictures, or import the photographs that "
-                               "it was made of (mesorig import rti)",
-                               name);
+        return data_error_fail(
+            relight->path, 0, error,
+            "there is no %s next to it. Planes that are cut into tiles (.dzi, .tzi, planes.tzi) "
+            "cannot be read; build the set again in Relight as plain pictures without tiles, or "
+            "import the photographs from which it was made (mesorig import rti)",
+            name);
     g_autoptr(ImportPicture) picture = import_picture_read_codes(path, error);
     if (!picture)
         return FALSE;
     if (picture->width != relight->width || picture->height != relight->height)
-        return data_error_fail(path, 0, error, "it has %d × %d pixels, info.json says %d × %d",
+        return data_error_fail(path, 0, error,
+                               "it has %d × %d pixels, but info.json states %d × %d",
                                picture->width, picture->height, relight->width, relight->height);
     if (picture->bits != 8)
-        return data_error_fail(path, 0, error, "its numbers have not 8 bits, as planes have");
+        return data_error_fail(path, 0, error,
+                               "its numbers do not have 8 bits, which planes must have");
     relight->planes[plane] = g_new(guint8, n);
     for (gsize i = 0; i < n; i++)
         relight->planes[plane][i] = isfinite(picture->rgb[i]) ? (guint8)picture->rgb[i] : 0;
     return TRUE;
 }
 
-/* b_j of a light, a unit vector. */
+/* Computes b_j of a light, which is a unit vector. */
 static void relight_terms(const struct relight *relight, const float l[3], float *ret) {
     const float ptm[PTM_TERMS] = {1, l[0], l[1], l[0] * l[0], l[0] * l[1], l[1] * l[1]};
     if (!relight->hsh) {
@@ -287,8 +291,8 @@ gboolean import_relight(const char *path, const char *file, const struct import_
     if (g_str_has_suffix(info, ".xml") ||
         (!g_file_test(info, G_FILE_TEST_EXISTS) && g_file_test(other, G_FILE_TEST_EXISTS)))
         return data_error_fail(g_str_has_suffix(info, ".xml") ? info : other, 0, error,
-                               "it is of WebRTI, whose tiles are not read; import the .ptm or .rti "
-                               "that it was made from (mesorig import ptm)");
+                               "it is a file of WebRTI, whose tiles cannot be read; import the "
+                               ".ptm or .rti file from which it was made (mesorig import ptm)");
     GError *found = NULL;
     g_autofree char *text = input_file_read_text(info, MAX_INFO_BYTES, &found);
     g_autoptr(JsonParser) parser = json_parser_new_immutable();
@@ -297,7 +301,7 @@ gboolean import_relight(const char *path, const char *file, const struct import_
         return FALSE;
     }
     if (!json_parser_load_from_data(parser, text, -1, &found)) {
-        data_error_set(info, 0, error, "it is no JSON: %s", found->message);
+        data_error_set(info, 0, error, "it is not JSON: %s", found->message);
         g_error_free(found);
         return FALSE;
     }

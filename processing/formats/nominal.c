@@ -12,7 +12,7 @@
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
-#define STEEP_DEG  1.0 /* a camera within this of straight down has no level of its own */
+#define STEEP_DEG  1.0 /* a camera that looks down within this angle has no level direction */
 
 struct nominal_place {
     double width, height, focal_px, cx_px, cy_px, k1, k2, k3, p1, p2, vignetting, response,
@@ -23,34 +23,37 @@ struct nominal_place {
 struct nominal_key {
     const char *name;
     gsize offset;
-    int n; /* numbers */
+    int n; /* how many numbers the value has */
     double min, max;
-    const char *otherwise; /* NULL: must be given */
+    const char *otherwise; /* default value; NULL means that the key is required */
     const char *help;
 };
 
 #define PLACE(member) G_STRUCT_OFFSET(struct nominal_place, member)
 #define POINT(member) PLACE(member), 3, -LARGEST_MM, LARGEST_MM
 static const struct nominal_key camera_keys[] = {
-    {"width", PLACE(width), 1, 1, 65536, NULL, "pixels of a picture across"},
-    {"height", PLACE(height), 1, 1, 65536, NULL, "and down"},
-    {"focal_px", PLACE(focal_px), 1, 1e-3, 1e9, NULL, "focal length / width of a pixel"},
-    {"eye_mm", POINT(eye_mm), NULL, "where the lens is: x; y; z from the middle of the turntable"},
+    {"width", PLACE(width), 1, 1, 65536, NULL, "width of a picture in pixels"},
+    {"height", PLACE(height), 1, 1, 65536, NULL, "height of a picture in pixels"},
+    {"focal_px", PLACE(focal_px), 1, 1e-3, 1e9, NULL,
+     "focal length in pixels: focal length / width of a pixel"},
+    {"eye_mm", POINT(eye_mm), NULL,
+     "position of the lens: x; y; z from the middle of the turntable"},
     {"target_mm", POINT(target_mm), "0; 0; 0", "the point that is in the middle of the picture"},
     {"turn_deg", PLACE(turn_deg), 1, -360, 360, "0",
-     "camera's turn about its line of sight, clockwise from behind; 0: the picture is level, or, "
-     "of "
-     "a camera that looks straight down, x points to its right and y to its top"},
+     "rotation of the camera about its line of sight, clockwise from behind; 0: the picture is "
+     "level, or, for a camera that looks straight down, x points to its right and y to its top"},
     {"response", PLACE(response), 1, RIG_MIN_RESPONSE, RIG_MAX_RESPONSE,
      G_STRINGIFY(NOMINAL_RESPONSE),
-     "4095 × share of white in a second per W/(sr m²); calibrate radiometry finds it"},
+     "4095 × share of white per second and W/(sr m²); calibrate radiometry measures it"},
     {"full_well_e", PLACE(full_well_e), 1, 1, 1e9, "nan",
-     "electrons of a white pixel, as the data sheet says; values then have error bars"},
-    {"read_noise_e", PLACE(read_noise_e), 1, 0, 1e6, "0", "and those of its noise without light"},
-    {"vignetting", PLACE(vignetting), 1, -1, 1, "0", "share by which the corners are darker"},
-    {"cx_px", PLACE(cx_px), 1, -1e9, 1e9, "nan", "principal point; the middle if nothing is said"},
+     "electrons of a white pixel, from the data sheet; values then have error bars"},
+    {"read_noise_e", PLACE(read_noise_e), 1, 0, 1e6, "0",
+     "electrons of the noise without light, from the data sheet"},
+    {"vignetting", PLACE(vignetting), 1, -1, 1, "0",
+     "relative decrease of brightness in the corners"},
+    {"cx_px", PLACE(cx_px), 1, -1e9, 1e9, "nan", "principal point in x; the middle if empty"},
     {"cy_px", PLACE(cy_px), 1, -1e9, 1e9, "nan", ""},
-    {"k1", PLACE(k1), 1, -1e9, 1e9, "0", "distortion, as OpenCV has it"},
+    {"k1", PLACE(k1), 1, -1e9, 1e9, "0", "distortion coefficient of OpenCV"},
     {"k2", PLACE(k2), 1, -1e9, 1e9, "0", ""},
     {"k3", PLACE(k3), 1, -1e9, 1e9, "0", ""},
     {"p1", PLACE(p1), 1, -1e9, 1e9, "0", ""},
@@ -58,17 +61,18 @@ static const struct nominal_key camera_keys[] = {
     {NULL},
 };
 static const struct nominal_key lamp_keys[] = {
-    {"position_mm", POINT(position_mm), NULL, "where it is when arc_deg is 0: x; y; z"},
-    {"aim_mm", POINT(aim_mm), "0; 0; 0", "the point that it is aimed at"},
-    {"intensity", PLACE(intensity), 1, 1e-12, RIG_MAX_INTENSITY, "1", "W/sr along its aim"},
+    {"position_mm", POINT(position_mm), NULL, "position at arc_deg = 0: x; y; z"},
+    {"aim_mm", POINT(aim_mm), "0; 0; 0", "the point to which it is aimed"},
+    {"intensity", PLACE(intensity), 1, 1e-12, RIG_MAX_INTENSITY, "1",
+     "W/sr in the direction of its aim"},
     {"exponent", PLACE(exponent), 1, 0, 1e6, "0",
-     "n of its fall-off cos^n beside its aim; 0: equally bright all around"},
+     "n of its fall-off cos^n away from the aim; 0: the same in all directions"},
     {NULL},
 };
 static const struct nominal_key laser_keys[] = {
-    {"position_mm", POINT(position_mm), NULL, "where its sheet comes from when arc_deg is 0"},
+    {"position_mm", POINT(position_mm), NULL, "position of the origin of its sheet at arc_deg = 0"},
     {"axis", PLACE(axis), 3, -1e6, 1e6, NULL,
-     "direction that the sheet turns about; sweep_deg is 0 when it goes through 0; 0; 0"},
+     "axis of rotation of the sheet; at sweep_deg = 0 the sheet goes through 0; 0; 0"},
     {NULL},
 };
 
@@ -87,7 +91,7 @@ static gboolean numbers(const struct config_section *section, const struct nomin
     const char *text = given ? given : key->otherwise;
     if (!text)
         return config_set_error(error, CONFIG_ERROR_MISSING, section, key->name,
-                                "it is missing: %s", key->help);
+                                "a value is missing: %s", key->help);
     g_auto(GStrv) words = g_strsplit(text, ";", -1);
     gboolean good = (int)g_strv_length(words) == key->n;
     for (int i = 0; good && i < key->n; i++) {
@@ -118,7 +122,7 @@ static gboolean nominal_camera(const struct config_section *section, const struc
     const struct vec3 eye = nominal_vec3(p->eye_mm), target = nominal_vec3(p->target_mm);
     if (p->width != floor(p->width) || p->height != floor(p->height))
         return config_set_error(error, CONFIG_ERROR_VALUE, section, "width",
-                                "%g × %g pixels are not whole numbers", p->width, p->height);
+                                "%g × %g pixels must be whole numbers", p->width, p->height);
     if (!(vec3_length(vec3_sub(eye, target)) > 1))
         return config_set_error(error, CONFIG_ERROR_VALUE, section, "eye_mm",
                                 "it is less than 1 mm from target_mm");
@@ -137,7 +141,8 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                   .response = p->response};
     g_strlcpy(camera->name, section->name, RIG_NAME);
     rig_camera_look_at(camera, eye, target);
-    if (nominal_looks_down(camera)) { /* no direction is level: as a map has it */
+    /* no direction is level; the picture is oriented like a map */
+    if (nominal_looks_down(camera)) {
         const struct vec3 forward = vec3_unit(vec3_sub(target, eye));
         const struct vec3 right = vec3_unit(
             vec3_sub(vec3(1, 0, 0), vec3_scale(forward, vec3_dot(vec3(1, 0, 0), forward))));
@@ -172,7 +177,7 @@ static gboolean nominal_lamp(const struct config_section *section, const struct 
     return TRUE;
 }
 
-/* The sheet contains the axis and, at 0, the origin: its normal is position × axis. */
+/* The sheet contains the axis and, at sweep_deg = 0, the origin. Its normal is position × axis. */
 static gboolean nominal_laser(const struct config_section *section, const struct nominal_place *p,
                               struct rig *rig, GError **error) {
     struct rig_laser *laser = &rig->lasers[rig->n_lasers++];
@@ -181,7 +186,7 @@ static gboolean nominal_laser(const struct config_section *section, const struct
     if (!(vec3_length(normal) > 1e-6 * vec3_length(position) * vec3_length(axis)))
         return config_set_error(
             error, CONFIG_ERROR_VALUE, section, "axis",
-            "it is 0 or points from position_mm to the middle of the turntable");
+            "it is 0, or it points from position_mm to the middle of the turntable");
     *laser = (struct rig_laser){
         .position_mm = position, .axis = vec3_unit(axis), .normal = vec3_unit(normal)};
     g_strlcpy(laser->name, section->name, RIG_NAME);
@@ -196,11 +201,11 @@ static gboolean nominal_section(const struct config_section *section,
     struct nominal_place place = {0};
     if (!section->name || strlen(section->name) >= RIG_NAME)
         return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
-                                "a name of 1 to %d bytes is missing: [%s NAME]", RIG_NAME - 1,
-                                kind->class_name);
+                                "the section needs a name of 1 to %d bytes: [%s NAME]",
+                                RIG_NAME - 1, kind->class_name);
     if (counts[kind - kinds] >= kind->most)
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "there are more than %d",
-                                kind->most);
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                                "there are more than %d sections of this kind", kind->most);
     for (const char *const *name = config_keys(section); *name; name++) {
         const struct nominal_key *key = kind->keys;
         while (key->name && strcmp(key->name, *name) != 0)
@@ -212,10 +217,10 @@ static gboolean nominal_section(const struct config_section *section,
             if (nearest.name)
                 return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
                                         "there is no such key; did you mean %s?", nearest.name);
-            return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
-                                    "a %s has no such key; import poses --template writes all that "
-                                    "there are",
-                                    kind->class_name);
+            return config_set_error(
+                error, CONFIG_ERROR_UNKNOWN, section, *name,
+                "a %s has no such key; “mesorig import poses --template” writes all keys",
+                kind->class_name);
         }
     }
     for (const struct nominal_key *key = kind->keys; key->name; key++)
@@ -224,7 +229,7 @@ static gboolean nominal_section(const struct config_section *section,
     if (kind->keys == camera_keys) {
         if (!nominal_camera(section, &place, rig, error))
             return FALSE;
-        /* Of the photon transfer the gain alone is known: DN of an electron, white being 4095. */
+        /* Of the photon transfer only the gain is known: DN per electron, with white at 4095. */
         if (isfinite(place.full_well_e))
             to->noise[rig->n_cameras - 1] = (struct calibration_noise){
                 .known = TRUE,
@@ -251,8 +256,8 @@ static struct calibration *from_config(const Config *config, GError **error) {
             strcmp(section->class_name, "rig") == 0 ? config_value(section, "id", NULL) : NULL;
         if (!kind && !id) {
             config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                             "only [rig] with its id, [camera NAME], [lamp NAME] and [laser NAME] "
-                             "are known");
+                             "this section is not known; use [rig] with its id, [camera NAME], "
+                             "[lamp NAME] and [laser NAME]");
             return NULL;
         }
         if (id)
@@ -266,7 +271,8 @@ static struct calibration *from_config(const Config *config, GError **error) {
 struct calibration *nominal_read(const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autofree char *text = input_file_read_text(path, 1 << 20, NULL);
-    /* A calibration has the key format; a file that is no key file gets a calibration's error. */
+    /* A calibration file has the key “format”. A file that is not a key file gets the error of
+     * calibration_read(). */
     if (!text || !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL) ||
         g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
         return calibration_read(path, error);
@@ -274,7 +280,8 @@ struct calibration *nominal_read(const char *path, GError **error) {
     return config ? from_config(config, error) : NULL;
 }
 
-/* Appends a section with all keys. picture: a camera's; NULL for others. */
+/* Appends a section with all keys. picture is a picture of the camera, or NULL for lamps and
+ * lasers. */
 static void append(GString *text, const struct nominal_kind *kind, const char *name,
                    const struct import_picture *picture) {
     g_string_append_printf(text, "\n[%s %s]\n", kind->class_name, name);
@@ -303,12 +310,11 @@ char *nominal_template(const char *path, GError **error) {
         return NULL;
     if (text_table_column(table, "file") < 0 || text_table_column(table, "camera") < 0) {
         data_error_set(path, 0, error,
-                       "its head needs the columns file, camera, and lamp or laser");
+                       "its header line needs the columns file, camera, and lamp or laser");
         return NULL;
     }
-    GString *text =
-        g_string_new("# Fill in what says ?. Points are x; y; z in mm, from the middle of "
-                     "the turntable's top, z up.\n[rig]\nid = nominal\n");
+    GString *text = g_string_new("# Replace each ? by a value. Points are x; y; z in mm, from the "
+                                 "middle of the turntable's top, z up.\n[rig]\nid = nominal\n");
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++)
         for (int i = 0; i < text_table_rows(table); i++) {
             const char *name =

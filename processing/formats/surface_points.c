@@ -11,10 +11,11 @@
 #include "frames/rectify.h"
 #include "mdf/mdf_views.h"
 
-#define CONNECTED 3.0  /* in texels: largest distance of neighbours on one surface */
+#define CONNECTED 3.0  /* in texels: largest distance between neighbours on one surface */
 #define MIN_ERROR 0.02 /* of a texel: lower bound of a standard error from few sweeps */
-#define UNKNOWN   0.5  /* of a texel: error of a point that one sweep measured */
-#define MIN_FACE  0.05 /* lower bound of the cosine between normal and camera, for the weight */
+#define UNKNOWN   0.5  /* of a texel: error of a point measured by a single sweep */
+/* lower bound in the weight for the cosine between normal and camera */
+#define MIN_FACE 0.05
 
 void surface_clear(struct surface *surface) {
     g_clear_pointer(&surface->points, g_array_unref);
@@ -29,8 +30,8 @@ struct view {
     int index;
 };
 
-/* Tangent from one neighbour to the other, or from the texel to the one that exists. FALSE: they
- * are on different surfaces. */
+/* Computes the tangent between the two neighbours, or between the texel and its only neighbour.
+ * Returns FALSE if neither neighbour is on the surface of the texel. */
 static gboolean along(const struct view *view, int i, int before, int after, struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
     int from = before >= 0 && view->distance[before] >= 0 ? before : i;
@@ -43,7 +44,8 @@ static gboolean along(const struct view *view, int i, int before, int after, str
     return from != to;
 }
 
-/* Normal: cross product of the tangents along columns and rows, towards the camera. */
+/* Computes the normal: the cross product of the tangents along columns and rows, towards the
+ * camera. */
 static gboolean normal_at(const struct view *view, int column, int row, struct vec3 *ret) {
     const int width = view->surface->grid.width, height = view->surface->grid.height;
     const int i = row * width + column;
@@ -117,10 +119,11 @@ gboolean surface_points_read(const char *session, const struct work *work, struc
     g_autofree char *path = session_file(from, "products/mdf.exr");
     ret->texel_mm = ret->grid.width_mm / ret->grid.width;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: there is no MDF; process the session if it has laser positions; without "
-                    "them, a PTM gives heights and normals: mesorig compress %s --method ptm",
-                    path, session);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+            "%s: there is no MDF; process the session if it has laser positions. Without laser "
+            "positions, a PTM gives heights and normals: mesorig compress %s --method ptm",
+            path, session);
         return FALSE;
     }
     if (!session_check_products(from, "products/mdf.exr", NULL, error))

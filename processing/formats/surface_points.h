@@ -1,4 +1,5 @@
-/* The points that an MDF's views measured, with normals: input of export_surface.h. */
+/* Reads the points that the views of an MDF measured, with normals. They are the input of
+ * export_surface.h. */
 #pragma once
 
 #include "base/vec.h"

@@ -72,14 +72,15 @@ static gboolean fit_normals_open(struct fit *fit, const char *path, GError **err
         fit->n_terms = fit->hsh ? fit->hsh->n_terms : 0;
     } else {
         return data_error_fail(file, 0, error,
-                               "it is of the kind %s; normals are found from ptm and hsh: make one "
-                               "with mesorig compress --method ptm",
+                               "it is of kind %s, but normals need a ptm or an hsh; make one with "
+                               "mesorig compress --method ptm",
                                kind ? kind : "none");
     }
-    return fit->layout && (fit->ptm || fit->method != FIT_NORMALS_MAXIMUM ||
-                           data_error_fail(file, 0, error,
-                                           "an hsh has no polynomial whose maximum could be taken; "
-                                           "leave out --maximum, or make a ptm"));
+    return fit->layout &&
+           (fit->ptm || fit->method != FIT_NORMALS_MAXIMUM ||
+            data_error_fail(
+                file, 0, error,
+                "an hsh has no polynomial with a maximum; leave out --maximum, or make a ptm"));
 }
 
 /* Fibonacci's spiral over the cap above the lowest light, which gives equal areas. */
@@ -106,8 +107,8 @@ static void choose_lights(struct fit *fit) {
     }
 }
 
-/* Gives the coefficients of luminance. Those of a PTM are relative to its colour, which does not
- * change the direction. */
+/* Gives the coefficients of luminance. The coefficients of a PTM are relative to its colour, which
+ * does not change the direction. */
 static void coefficients(const struct fit *fit, gsize texel, double *ret) {
     const gsize at = fit->slice * btf_layout_texels(fit->layout) + texel;
     for (int k = 0; k < fit->n_terms; k++)

@@ -8,12 +8,12 @@
 
 enum fit_normals_method {
     /* The fit is evaluated under lights that are spread evenly down to the lowest measured one. The
-     * normal b / |b| is that of Lambert's law, min Σ (f(l) − b·l)². The sum is over the lights that
-     * the surface faces and under which it is neither in shadow nor in a highlight: b·l > 0.15 |b|
-     * and |f(l) − b·l| < 0.1 |b|. These lights are found by repeating the fit (Woodham 1980).
+     * normal b / |b| follows from Lambert's law, min Σ (f(l) − b·l)². The sum is over the lights
+     * that the surface faces and under which it is neither in shadow nor in a highlight: b·l > 0.15
+     * |b| and |f(l) − b·l| < 0.1 |b|. These lights are found by repeating the fit (Woodham 1980).
      * Median errors on Lambertian surfaces are 0.6° for a PTM, 1.1° for HSH of 4 terms, and 0.3°
      * for 9 and 16 terms. With cast shadows or a highlight they are 8° for a PTM, which spreads
-     * these over all lights, and 1° for HSH of 16 terms. */
+     * shadows and highlights over all lights, and 1° for HSH of 16 terms. */
     FIT_NORMALS_LAMBERT,
     /* For PTM only: the light under which the polynomial has its maximum (Malzbender et al. 2001),
      * with C0 … C5 as in lobes.h
@@ -25,7 +25,7 @@ enum fit_normals_method {
 
 struct fit_normals_result {
     const char *model; /* "ptm" or "hsh" */
-    int texels, holes; /* holes is the number of texels without light, or clipped */
+    int texels, holes; /* holes is the number of texels without light, or with a clipped maximum */
     int clipped;       /* for FIT_NORMALS_MAXIMUM the number of texels whose maximum is clipped */
     /* for FIT_NORMALS_LAMBERT the number of texels in shadow or in a highlight under more than a
      * quarter of the lights that they face; their normals are less certain */

@@ -13,7 +13,7 @@
 
 #define COARSEST   8    /* number of texels across below which a coarser grid is of no use */
 #define ITERATIONS 400  /* maximum number of iterations on each grid */
-#define PRECISION  1e-7 /* maximum residual, relative to that of heights of 0 */
+#define PRECISION  1e-7 /* maximum residual, relative to the residual of heights of 0 */
 
 struct grid {
     const float *p, *q;

@@ -50,10 +50,11 @@ static gboolean take_planes(const ExrFile *file, const char *path, int n_texels,
             to->planes[3 * light + (guint)c] = exr_part_plane(part, channels[c]);
         if (part->width * part->height != n_texels || !to->planes[3 * light] ||
             !to->planes[3 * light + 1] || !to->planes[3 * light + 2])
-            return data_error_fail(path, 0, error,
-                                   "under light %u it has no R, G and B of the session's texels; "
-                                   "delete the file and process again, or import again",
-                                   light);
+            return data_error_fail(
+                path, 0, error,
+                "its picture under light %u lacks R, G or B or has another size than the session; "
+                "delete the file and process again, or import again",
+                light);
     }
     return TRUE;
 }
@@ -171,11 +172,10 @@ gboolean light_normals(const char *path, const char *file, gboolean heights,
     gboolean ok = near_field != NULL;
     *ret = (struct light_normals_result){0};
     if (ok && near_field->lights.n < PHOTOMETRIC_MIN_LIGHTS)
-        ok =
-            data_error_fail(path, 0, error,
-                            "it has %d %s; normals need three lights or more, five to tell shadows "
-                            "and highlights",
-                            PLURAL((int)near_field->lights.n, "light"));
+        ok = data_error_fail(path, 0, error,
+                             "it has %d %s; normals need at least three lights, and at least five "
+                             "to detect shadows and highlights",
+                             PLURAL((int)near_field->lights.n, "light"));
     if (ok) {
         for (gsize v = 1; v < near_field->views.n; v++)
             if (near_field->views.theta_deg[v] < near_field->views.theta_deg[ret->view])

@@ -91,15 +91,15 @@ static void summarise(struct maps *maps) {
     }
 }
 
-/* The fit and its errors. */
+/* Fits the maps and computes their errors. */
 static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
                             const struct work *work, GError **error) {
     const gsize n = btf_layout_texels(&btf->layout);
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
     if (n > MAPS_MAX_TEXELS) {
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
-                       "%zu × %zu texels are more than the maps of an export may have: %d, as "
-                       "4096 × 4096",
+                       "%zu × %zu texels are too many for an export of maps, which may have %d "
+                       "texels (4096 × 4096)",
                        btf->layout.width, btf->layout.height, MAPS_MAX_TEXELS);
         return NULL;
     }

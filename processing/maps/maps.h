@@ -28,7 +28,7 @@ struct maps_errors {
 };
 
 struct maps {
-    char *name; /* of the session, made of letters, digits, "-" and "_" */
+    char *name; /* name of the session, reduced to letters, digits, "-" and "_" */
     int width, height;
     double texel_mm;
     int n_views, n_lights;
@@ -78,8 +78,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
  * total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. Also adds NAME_errors.csv,
  * NAME_errors_directions.png and NAME_errors_texels.png. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
-/* Adds the errors: a table of views and lights; the same as a picture with a row for each view and
- * a column for each light; and a picture of the texels. Black is 0, white is 10 or more. */
+/* Adds the errors as a table of views and lights, as a picture with a row for each view and a
+ * column for each light, and as a picture of the texels. Black is 0, white is 10 or more. */
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };

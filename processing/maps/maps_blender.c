@@ -91,7 +91,7 @@ static const char script[] =
     "Metallic=metallic,\n"
     "                              Specular=specular, **layers, **common)\n"
     "    else:\n"
-    "        # Lambert's lobe below the interface, as glTF has it; the Principled BSDF's own "
+    "        # Lambert's lobe below the interface, as in glTF. The lobe of the Principled BSDF "
     "grows\n"
     "        # with roughness towards grazing directions, which the maps were not fitted to.\n"
     "        facing = tree.nodes.new('ShaderNodeLayerWeight')\n"
@@ -203,18 +203,12 @@ gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **er
     GString *text = g_string_new(NULL);
     g_string_append_printf(
         text,
-        "# Makes the material %s in Blender 3.4 from the maps beside this file, and a plane and a\n"
-        "# sphere that have it: blender --python %s_blender.py\n"
-        "NAME = '%s'\n"
-        "SIZE_M = (%s, %s)\n"
-        "TEXELS = (%d, %d)\n"
-        "RELIEF_M = %s\n"
-        "ANISOTROPIC = %s\n"
-        "SHEEN_ROUGHNESS = %s\n"
-        "COAT_ROUGHNESS = %s\n"
-        "DISPLACEMENT = False  # True: heights move a fine mesh, in place of the normal map\n"
-        "PRINCIPLED = False  # True: one Principled BSDF, easier to change and less exact\n"
-        "\n",
+        "# Makes the material %s in Blender 3.4 from the maps in the folder of this file, and a "
+        "plane and\n# a sphere with this material: blender --python %s_blender.py\nNAME = "
+        "'%s'\nSIZE_M = (%s, %s)\nTEXELS = (%d, %d)\nRELIEF_M = %s\nANISOTROPIC = "
+        "%s\nSHEEN_ROUGHNESS = %s\nCOAT_ROUGHNESS = %s\nDISPLACEMENT = False  # True: heights move "
+        "a fine mesh instead of changing the normal\nPRINCIPLED = False  # True: one Principled "
+        "BSDF, which is easier to change but less exact\n\n",
         maps->name, maps->name, maps->name, width, height, maps->width, maps->height, relief,
         maps->anisotropic ? "True" : "False", sheen, coat);
     g_string_append(text, script);

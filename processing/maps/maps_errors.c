@@ -19,7 +19,7 @@ struct maps_errors_run {
     GError *error;
 };
 
-/* Row y of the texels. */
+/* Compares the texels of row y. */
 static void maps_errors_row(int y, gpointer data) {
     struct maps_errors_run *run = data;
     struct maps *maps = run->maps;

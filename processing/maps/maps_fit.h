@@ -12,8 +12,8 @@
  * the model, y0 a twentieth of the mean, and h_i Huber's factor. Shadows and other effects that the
  * model does not contain then count less. Metallic and specular follow from d and S. Then base,
  * specular colour and sheen are solved for each colour: first by least squares, then with weights
- * that give the least sum of absolute differences of all three (iteratively reweighted least
- * squares). A view counts with v·z.
+ * that minimise the sum of absolute differences of all three (iteratively reweighted least
+ * squares). The weight of a view is v·z.
  *
  * In the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give metallic m.
  *

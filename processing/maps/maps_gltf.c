@@ -87,7 +87,7 @@ static void comma(GString *list) {
         g_string_append(list, ",\n  ");
 }
 
-/* target is 0 if there is none. Returns the index of the view. */
+/* Adds a buffer view. target is 0 if it has none. Returns the index of the buffer view. */
 static int put(struct maps_gltf *to, gconstpointer data, gsize size, int stride, int target) {
     static const guint8 zeros[4] = {0};
     g_byte_array_append(to->bytes, zeros, (4 - to->bytes->len % 4) % 4);
@@ -292,7 +292,7 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
     return TRUE;
 }
 
-/* The material, and the extensions that it uses. */
+/* Writes the material, and lists the extensions that it uses. */
 static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GString *extensions,
                                    GError **error) {
     const struct maps *maps = to->maps;

@@ -32,9 +32,10 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
     if (!part)
         return FALSE;
     if (part->width != maps->width || part->height != maps->height)
-        return data_error_fail(session, 0, error,
-                               "its MDF has %d × %d texels, but its BTF %d × %d; process it again",
-                               part->width, part->height, maps->width, maps->height);
+        return data_error_fail(
+            session, 0, error,
+            "its MDF has %d × %d texels, but its BTF has %d × %d; process the session again",
+            part->width, part->height, maps->width, maps->height);
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     const float *z = exr_part_plane(part, "Z"), *count = exr_part_plane(part, "N");
     for (gsize i = 0; i < n; i++) {

@@ -70,7 +70,8 @@ static void maps_materialx_map(const struct maps *maps, GString *to, const char 
         closest ? "    <input name=\"filtertype\" type=\"string\" value=\"closest\" />\n" : "");
 }
 
-/* The lobe's tangent: that of the mesh, rotated about its normal by the map's angle. */
+/* Writes the lobe's tangent: the tangent of the mesh, rotated about its normal by the map's
+ * angle. */
 static void maps_materialx_tangent(GString *to) {
     g_string_append(
         to,

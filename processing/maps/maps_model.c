@@ -67,7 +67,7 @@ double maps_sheen_albedo(const struct maps_layers *layers, double cosine) {
            (at - i) * ((double)layers->sheen_albedo[i + 1] - layers->sheen_albedo[i]);
 }
 
-/* The angles of a texel in two directions. */
+/* The cosines of the angles between a texel's normal, two directions and their half vector. */
 struct angles {
     double nl, nv, nh, vh;
     double specular; /* D V */

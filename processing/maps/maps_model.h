@@ -1,7 +1,7 @@
 /*
  * The reflectance model of material files: metallic-roughness with a microfacet lobe, as glTF 2.0
  * (appendix B) and its extensions KHR_materials_specular, _anisotropy, _sheen and _clearcoat define
- * it. Values are those of the BTF: π f(v, l) ⟨n·l⟩, relative to a white diffuser lit from its
+ * it. Values are defined as in the BTF: π f(v, l) ⟨n·l⟩, relative to a white diffuser lit from its
  * normal.
  *
  * With normal n, tangent t (where the lobe is wider) and bitangent b = n × t of a texel, h the half
@@ -30,8 +30,8 @@
 struct maps_texel {
     float base[3], metallic, roughness;
     float specular, specular_colour[3]; /* s: 0 … MAPS_MAX_SPECULAR */
-    /* anisotropy is 0 … 1; direction is that of t, a unit vector before it is made orthogonal to n
-     */
+    /* anisotropy is 0 … 1; direction is that of t, a unit vector before it is made orthogonal
+     * to n */
     float anisotropy, direction[2];
     float normal[3]; /* unit, z > 0 */
     float sheen[3], coat;

@@ -17,9 +17,9 @@ struct maps_register {
 
 /* Finds the depth at which the views agree best: the minimum of
  *   Σ_v (M_v(x) − M(x))² / Σ (M(x) − M)².
- * M_v are the pictures' means over lights, relative to that of the whole picture, and M is their
- * mean over views. The depth is 0 unless it is better by a tenth than the reference plane, because
- * a surface without a pattern does not show its depth. The progress stage is "depth". */
+ * M_v are the pictures' means over lights, relative to the mean of the whole picture, and M is the
+ * mean of M_v over views. The depth is 0 unless it is better by a tenth than the reference plane,
+ * because a surface without a pattern does not show its depth. The progress stage is "depth". */
 struct maps_register *maps_register_new(const struct btf_matrix *btf, const struct work *work,
                                         GError **error);
 void maps_register_free(struct maps_register *registered); /* NULL is ignored */

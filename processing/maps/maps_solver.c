@@ -27,7 +27,7 @@
 
 /* The usual deviations of a shape's values. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
-static const float min_log = -4.60517F; /* of α = MAPS_LEAST_ROUGHNESS² */
+static const float min_log = -4.60517F; /* logarithm of the minimum α, MAPS_LEAST_ROUGHNESS² */
 
 struct maps_solver {
     const struct maps_pairs *pairs;
@@ -96,7 +96,7 @@ static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
     return ret;
 }
 
-/* n·l, and π D V n·l. */
+/* Computes the lobes of a frame for all pairs: n·l, and π D V n·l. */
 static void maps_solver_columns(struct maps_solver *solver, const struct maps_frame *frame) {
     const float *const *p = (const float *const *)solver->pairs->planes;
     const struct maps_frame f = *frame;
@@ -414,7 +414,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
         }
         descend(solver, cost, ret);
     }
-    /* The reported cost is that of the lobes only. */
+    /* The reported cost only includes the lobes. */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
     double squares = 0;
     for (int i = 0; i < solver->n; i++)

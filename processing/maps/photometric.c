@@ -16,12 +16,13 @@
 #define IMPLAUSIBLE 3.0  /* weight of a light that is dimmer without a cause, relative to others */
 #define AGREES      3.5  /* in σ: maximum difference of a light that agrees */
 #define ROUNDS      12
-#define TURNS       3    /* of least squares over the lights that the surface faces */
-#define PRIOR       4.0  /* degrees of freedom with which σ counts in a texel's own scale */
-#define LIT         5.0  /* in σ: minimum value of a texel that is not dark */
-#define FLATTEST    20.0 /* degrees: maximum error of a normal */
-#define MIN_REAL    1e-4 /* relative to |b|: minimum σ, for pictures without noise */
-#define VOLUME      0.02 /* minimum |det| of a triple of lights */
+/* iterations of least squares over the lights that the surface faces */
+#define TURNS    3
+#define PRIOR    4.0  /* degrees of freedom with which σ counts in a texel's own scale */
+#define LIT      5.0  /* in σ: minimum value of a texel that is not dark */
+#define FLATTEST 20.0 /* degrees: maximum error of a normal */
+#define MIN_REAL 1e-4 /* relative to |b|: minimum σ, for pictures without noise */
+#define VOLUME   0.02 /* minimum |det| of a triple of lights */
 /* number of simulated texels that give the bias of the scale of a few lights */
 #define REHEARSALS 256
 /* quantile of the samples' scales that is σ; texels with highlights have larger scales */
@@ -68,8 +69,8 @@ static void lit_read(const struct photometric_input *input, int texel, float *rg
     }
 }
 
-/* Solves Σ w l lᵀ b = Σ w I l by Cramer's rule, with columns x, y, z. Returns FALSE if it is nearly
- * singular. ret_inverse are the rows of the inverse, or NULL. */
+/* Solves Σ w l lᵀ b = Σ w I l by Cramer's rule, with columns x, y, z. Returns FALSE if the matrix
+ * is nearly singular. ret_inverse receives the rows of the inverse, or is NULL. */
 static gboolean solve(struct vec3 x, struct vec3 y, struct vec3 z, struct vec3 sum,
                       struct vec3 *ret, struct vec3 ret_inverse[3]) {
     const struct vec3 yz = vec3_cross(y, z), zx = vec3_cross(z, x), xy = vec3_cross(x, y);
@@ -137,8 +138,8 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Returns the quantile of |r| below which half of the lights are, plus one more than determine b
- * (least median of squares, Rousseeuw 1984). */
+/* Returns the median of |r| (least median of squares, Rousseeuw 1984), but at least the fourth
+ * smallest |r|, because three lights determine b. */
 static double median_of(const struct lit *lit, struct vec3 b, double sigma, double *buffer) {
     int n = 0;
     /* unlit lights agree with every solution that does not face them */
@@ -209,7 +210,8 @@ static double sigma_at(const struct solver *solver, double length, double times)
     return times * MAX((1 - t) * solver->sigma[k - 1] + t * solver->sigma[k], MIN_REAL * length);
 }
 
-/* Reweighted least squares from a start. sigma is that at the length of b. */
+/* Repeats weighted least squares from a start. σ is taken at the length of b and multiplied by
+ * times. */
 static struct vec3 refine(const struct solver *solver, const struct lit *lit, struct vec3 b,
                           double times, gboolean *ret_ok) {
     *ret_ok = FALSE;

@@ -26,9 +26,9 @@ struct along {
     const struct near_field *near;
     struct btf_matrix *btf;
     Reprojection *reprojection;
-    struct direction_weights *lights; /* for each new light, the weights of the measured ones */
-    float *fade;                      /* the same */
-    const int *pole;                  /* of the measured lights */
+    struct direction_weights *lights; /* the weights of the measured lights for each new light */
+    float *fade;                      /* directions_fade_weights() of each new light */
+    const int *pole;                  /* the measured lights whose mean is the value at the pole */
     int n_pole;
     int n_texels;
     struct mdf_result **mdf; /* of each new view */
@@ -248,7 +248,8 @@ static gboolean run(struct along *a, const char *path, struct along_surface_resu
     g_autofree char *mdf = g_strdup_printf("%s.mdf-XXXXXX", path);
     const int file = g_mkstemp(mdf);
     if (file < 0)
-        return data_error_fail(path, 0, error, "cannot write beside it: %s", g_strerror(errno));
+        return data_error_fail(path, 0, error, "no file can be written next to it: %s",
+                               g_strerror(errno));
     g_close(file, NULL);
     const gboolean ok = mdf_write(mdf, a->mdf, (int)a->to->views.n, &a->near->grid, error) &&
                         import(a, path, mdf, ret, error);
@@ -260,11 +261,10 @@ static gboolean along_open(struct along *a, gint64 memory, struct along_surface_
                            GError **error) {
     g_autofree char *mdf = g_build_filename(a->source, "products", "mdf.exr", NULL);
     if (!g_file_test(mdf, G_FILE_TEST_EXISTS)) {
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-            "%s: it has no MDF (products/mdf.exr), which says where the surface is; capture "
-            "it with lasers, or resample without --along-surface",
-            a->source);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: it has no MDF (products/mdf.exr) with the position of the surface; "
+                    "capture it with lasers, or resample without --along-surface",
+                    a->source);
         return FALSE;
     }
     a->btf = session_check_product(mdf, error)
@@ -279,9 +279,10 @@ static gboolean along_open(struct along *a, gint64 memory, struct along_surface_
         return FALSE;
     const struct mdf_plane *plane = reprojection_plane(a->reprojection);
     if ((gsize)plane->width != layout->width || (gsize)plane->height != layout->height)
-        return data_error_fail(mdf, 0, error,
-                               "%d × %d texels, but the BTF has %zu × %zu; process again",
-                               plane->width, plane->height, layout->width, layout->height);
+        return data_error_fail(
+            mdf, 0, error,
+            "the MDF has %d × %d texels, but the BTF has %zu × %zu; process the session again",
+            plane->width, plane->height, layout->width, layout->height);
     a->n_texels = plane->width * plane->height;
     ret->n_views = (int)layout->views.n;
     ret->n_lights = (int)layout->lights.n;

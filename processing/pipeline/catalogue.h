@@ -49,8 +49,9 @@ struct mdf_input {
     double arc_rad, from_rad, to_rad;
     int steps, position; /* position: index of the laser position */
     struct laser_known known;
-    const struct rig_sheet_errors *errors; /* NULL: not known */
-    double line_rad;                       /* of the line on plates; 0: not known */
+    const struct rig_sheet_errors *errors; /* NULL if unknown */
+    double line_rad; /* standard deviation of the line's profile on plates, as a sweep angle; 0 if
+                        unknown */
     struct input input;
 };
 
@@ -60,7 +61,8 @@ struct mdf_job {
     double turntable_rad;
     const struct rig *rig;
     const struct laser_reference *reference;
-    double sight_px2[2][2]; /* covariance of where the camera sees the sample; 0: not known */
+    double sight_px2[2][2]; /* covariance of the pixel at which the camera sees the sample; 0 if
+                               unknown */
     GArray *sweeps;         /* of struct mdf_input, in order of laser position */
     gboolean lines_in_pictures;
     char *inputs; /* hash of all members above */

@@ -15,7 +15,7 @@
 #define MIN_LINES  0.02
 #define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */
 #define MAX_FRAMES 8  /* maximum number of frames of a view that are examined */
-/* mean reflectance under the steepest light; that of the blackest paints is higher */
+/* mean reflectance under the steepest light; the blackest paints reflect more */
 #define DARK          0.0005
 #define DARK_SHARE    0.02 /* share of the median view's reflectance */
 #define DARK_DN       5.0
@@ -199,8 +199,8 @@ static char *name_views(const struct texts *texts, int n, int of, const struct s
         texts->calibration->rig.cameras[first->view->device].name, n == 1 ? "is" : "are");
 }
 
-/* Explains views that are dark, or so much darker than the others that their pictures must be
- * wrong. */
+/* Explains views that are dark, and views whose pictures must be wrong because they are much darker
+ * than the others. */
 static void explain_dark(Session *session, const struct texts *texts, const GArray *seen,
                          GPtrArray *ret) {
     g_autofree double *means = g_new(double, seen->len);

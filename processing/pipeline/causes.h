@@ -6,7 +6,7 @@
 /* Appends sentences (g_free()) about likely mistakes, each with a number and the key to change.
  * They cover texels that no laser saw or only few did, views that are dark or saturated, and a
  * camera whose response was not given. Reads the headers of the products, one light of each view,
- * and some frames. calibration is the text that the session was processed with, or NULL for its
- * own. */
+ * and some frames. calibration is the text of the calibration with which the session was processed,
+ * or NULL for the session's own. */
 gboolean pipeline_causes(const char *directory, const char *calibration,
                          const struct pipeline_result *result, GPtrArray *ret, GError **error);

@@ -24,8 +24,8 @@ struct Course {
     struct time_left_made made[TIME_LEFT_WORKS]; /* measured by this run */
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work of the present work after the views; −1 if none */
-    double worked_s; /* CPU time of the process when that began */
-    double share;    /* share of the present work that is done; 0 if not known */
+    double worked_s; /* CPU time of the process when the present work began */
+    double share;    /* share of the present work that is done; 0 if unknown */
     struct time_left_speed speed;
     int n_busy; /* number of busy threads since the last measurement */
     gint64 begun_us, looked_us;

@@ -50,11 +50,10 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
     if (fabs(from * degree - input->from_rad) < 1e-9 && fabs(to * degree - input->to_rad) < 1e-9 &&
         steps == input->steps)
         return TRUE;
-    return data_error_fail(input->input.path, 0, error,
-                           "swept from %g° to %g° in %d steps, but the session's plan says %g° to "
-                           "%g° in %d",
-                           from, to, steps, input->from_rad / degree, input->to_rad / degree,
-                           input->steps);
+    return data_error_fail(
+        input->input.path, 0, error,
+        "swept from %g° to %g° in %d steps, but the session's plan has %g° to %g° in %d steps",
+        from, to, steps, input->from_rad / degree, input->to_rad / degree, input->steps);
 }
 
 /* Minimum height of a line above the median of the reference region; the default of

@@ -157,7 +157,7 @@ static gboolean resample_texels(struct job *job, GError **error) {
     gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
     if (users)
         g_cancellable_disconnect(users, id);
-    if (job->error) { /* report the error instead of the cancelling */
+    if (job->error) { /* report the error, not the cancellation that it caused */
         g_clear_error(error);
         g_propagate_error(error, g_steal_pointer(&job->error));
         ok = FALSE;
@@ -184,7 +184,7 @@ static void set_from(struct near_field_correction_band *band, const struct resam
 }
 
 static void set_to(struct near_field_correction_band *band, const struct resampler_to *sums,
-                   double n /* texels of all its views */, gboolean own) {
+                   double n /* number of texels of all views */, gboolean own) {
     band->moved_deg = sums->moved_deg / n;
     band->max_moved_deg = sums->max_moved_deg;
     band->held = sums->clamped / n;

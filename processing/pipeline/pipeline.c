@@ -45,10 +45,10 @@ struct run {
     const struct pipeline_options *options;
     struct catalogue *catalogue;
     int n_views;
-    gboolean *made[N_STAGES]; /* for each view */
+    gboolean *made[N_STAGES]; /* whether the product of each view of a stage is made */
     GHashTable *whole;        /* relative paths of intact products */
     int n_damaged;            /* number of damaged products made by the pipeline */
-    char *lock_path;          /* of lock: */
+    char *lock_path;          /* path of the lock file */
     int lock;                 /* lock file, held while products are made */
     char **btf_inputs;        /* of each view that is made */
     int *missing;             /* missing lights of each view in the BTF */
@@ -439,7 +439,7 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
     return ok;
 }
 
-/* Predicts the pictures that were left out on purpose from those of all views. */
+/* Predicts the pictures that were left out on purpose from the captured pictures of all views. */
 static gboolean predict(struct run *run, struct pipeline_result *ret, GError **error) {
     struct work work = run->options->work;
     struct prediction_product product;
@@ -606,7 +606,7 @@ static gboolean begin(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Finds causes in all products of the session, including those of an earlier run. */
+/* Finds causes in all products of the session, including products of an earlier run. */
 static gboolean find_causes(struct run *run, const struct pipeline_result *result, GError **error) {
     const struct pipeline_options *options = run->options;
     if (!options->causes)

@@ -1,41 +1,41 @@
 /*
- * From the frames of a session to its products; follows a capture that is still running.
+ * Makes the products of a session from its frames. Can follow a capture that is still running.
  *
- *   products/btf/view_0000.exr   one per view, with a part "light_0000" per light: channels B G R,
- *                                half: reflectance (see below) on the texel grid; "mark" where any
- *                                texel has a flag, and how many have each: see btf.h; "sigma" and
- *                                its attributes where the camera's noise is calibrated: see
- *                                btf_sigma.h. Attributes of every part:
- *                                  view.theta_deg view.phi_deg light.theta_deg light.phi_deg
+ *   products/btf/view_0000.exr   A file for each view, with a part "light_0000" for each light. The
+ *                                channels B G R (half) are the reflectance (see below) on the texel
+ *                                grid. The channel "mark" exists if any texel has a flag, with the
+ *                                number of texels of each flag in attributes; see btf.h. The
+ * channel "sigma" and its attributes exist if the noise of the camera is calibrated; see
+ * btf_sigma.h. Attributes of every part: view.theta_deg view.phi_deg light.theta_deg light.phi_deg
  *                                  (double): nominal directions
- *                                  view.centre_mm light.position_mm (v3d): camera and lamp as
- *                                  calibrated, sample frame; the exact directions of a texel are
- *                                  those towards them
- *                                  mesorig.saturated (int): pixels of the frame that even the
- *                                  shortest exposure saturated
+ *                                  view.centre_mm light.position_mm (v3d): calibrated positions of
+ *                                  camera and lamp, sample frame. The exact directions of a texel
+ *                                  point from the texel to these positions.
+ *                                  mesorig.saturated (int): number of pixels of the frame that are
+ *                                  saturated in the shortest exposure
  *
- *   products/mdf.exr             a part "view_0000" per view, float channels:
- *                                  "D" the distance, mm; −1: not known
- *                                  "M" what the view itself has measured; −1: nothing
- *                                  "N" number of laser positions that M is the mean of
- *                                  "O" what else it may have seen (mdf_view_other()); −1: nothing
- *                                  "P" where D is from: 0 nowhere, 1 it is M, 2 it is O, 3
- *                                  predicted by other views, not measured (mdf_views_settle())
- *                                  "S" standard error of M, mm (mdf_view_merge()); −1: M is not
- *                                  known
+ *   products/mdf.exr             A part "view_0000" for each view, with float channels:
+ *                                  "D" distance, mm; −1: unknown
+ *                                  "M" distance measured by this view; −1: not measured
+ *                                  "N" number of laser positions over which M is the mean
+ *                                  "O" another distance that this view may have measured
+ *                                  (mdf_view_other()); −1: none
+ *                                  "P" source of D: 0 none, 1 M, 2 O, 3 predicted from other views,
+ *                                  not measured (mdf_views_settle())
+ *                                  "S" standard error of M, mm (mdf_view_merge()); −1: no M
  *                                Attributes: view.theta_deg view.phi_deg, view.centre_mm (v3d: the
- *                                camera, sample frame), reference_mm, texel_mm, and lines.*: what
- *                                the laser's line around the sample says of the calibration
- *                                (mdf_lines.h)
+ *                                camera, sample frame), reference_mm, texel_mm, and lines.*: the
+ *                                agreement of the laser's line around the sample with the
+ *                                calibration (mdf_lines.h)
  *
- *   products/eigenmaps.exr       see eigenmaps.h
+ *   products/eigenmaps.exr       See eigenmaps.h.
  *
- * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
- * is at +y), in the reference plane. A BTF value is the reflected radiance relative to that of a
- * white diffuser lying there and lit from its normal by the same lamp at the same distance,
- * L·π / E_⊥: it contains n·l. A view shows the surface as seen through the reference plane: the
- * value at p belongs to the ray from p away from the camera. MDF values are lengths along that ray
- * from p to the surface. Both use the true (near-field) ray of each texel.
+ * The centre of texel (i, j) is at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame
+ * (row 0 is at +y), in the reference plane. A BTF value is the reflected radiance relative to the
+ * radiance of a white diffuser in that plane that is lit along its normal by the same lamp at the
+ * same distance, L·π / E_⊥. It contains n·l. A view shows the surface as seen through the reference
+ * plane: the value at p belongs to the ray from the camera through p. MDF values are lengths along
+ * that ray from p to the surface. Both use the true (near-field) ray of each texel.
  */
 #pragma once
 
@@ -53,7 +53,8 @@ struct pipeline_options {
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
-    GPtrArray *causes; /* of char *: pipeline_causes() are added; NULL if they are not needed */
+    GPtrArray *causes; /* receives the sentences of pipeline_causes() (char *); NULL if they are not
+                          needed */
     struct work work;
 };
 
@@ -78,7 +79,7 @@ struct pipeline_result {
      * seen). */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
-    double line_width, line_scatter; /* mdf_lines.h; 0: not known */
+    double line_width, line_scatter; /* see mdf_lines.h; 0 if unknown */
 };
 
 /* Makes the products of a session, in the calling thread and a pool of threads. Products that are

@@ -104,8 +104,8 @@ static gboolean product_take_view(struct product_job *job, int view, GError **er
     return TRUE;
 }
 
-/* Groups the pairs that the cameras take together: those of one angle of the turntable and one
- * light. */
+/* Groups the pairs that the cameras take together, which have the same angle of the turntable and
+ * the same light. */
 static void product_set_groups(struct product_job *job, const int *views) {
     for (int v = 0; v < job->n_views; v++) {
         const struct session_direction *view = job->catalogue->views->pdata[views[v]];

@@ -1,6 +1,6 @@
 /* The remaining time of processing, over all of its stages. Costs are CPU time, which does not
  * depend on other programs. The speed at which the process gets CPU time is measured separately.
- * Pure functions, except those of rates. */
+ * Pure functions, except the functions that load and save rates. */
 #pragma once
 
 #include <glib.h>
@@ -12,8 +12,8 @@ enum time_left_work {
     TIME_LEFT_MDF,      /* unit: a million pixels of sweeps */
     TIME_LEFT_SETTLE,   /* unit: a million texels, times the number of views squared */
     TIME_LEFT_MDF_FILE, /* unit: a million texels, times the number of views */
-    /* unit: a million texels, times the numbers of views and lights: reading a BTF for eigen-maps
-     */
+    /* unit: a million texels, times the numbers of views and lights: reading a BTF for
+     * eigen-maps */
     TIME_LEFT_COLUMNS,
     TIME_LEFT_FACTORS, /* unit: the same, for factoring the BTF and writing the eigen-maps */
     TIME_LEFT_CAUSES,  /* unit: a view of the BTF, for finding out why little was measured */
@@ -27,7 +27,7 @@ struct time_left_rates {
 };
 
 /* Reads the rates of this user's earlier runs on this machine from a file in the user's cache.
- * Returns FALSE if there is no such file. The rates are then those of one particular processor,
+ * Returns FALSE if there is no such file. The rates are then the rates of one particular processor,
  * which may be wrong by a factor of two or three. */
 gboolean time_left_rates_load(struct time_left_rates *ret);
 /* Writes the rates that are above 0. Ignores failures, because the file is not necessary. */

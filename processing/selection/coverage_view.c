@@ -10,9 +10,10 @@
 #define MIN_SINE 0.03
 /* share of the peaks in the best phase of the colour filter, as in mdf.c */
 #define LIVE_SHARE 0.25
-/* distances of two sweeps agree if they differ by at most this part of a texel */
+/* Distances of two sweeps agree if they differ by at most TEXEL_SHARE of a texel, or by at most
+ * FRAME_SHARE of the depth that corresponds to one frame of a sweep. */
 #define TEXEL_SHARE 0.5
-#define FRAME_SHARE 0.3 /* or by this part of the depth of a sweep's frame */
+#define FRAME_SHARE 0.3
 /* in texels: points higher above the reference plane, or deeper below the deepest structure, do not
  * belong to the sample */
 #define OUTSIDE_SHARE 2.0
@@ -22,7 +23,7 @@ struct sample { /* a texel */
     /* the pixel next to its centre; its neighbours have the other phases of the filter */
     int x, y;
     struct vec3 ray[4]; /* of the pixel (x + (k & 1), y + (k >> 1)) */
-    float onset_mm[4];  /* distance along the ray from the camera to the reference plane */
+    float onset_mm[4];  /* distance along ray[k] from the camera to the reference plane */
 };
 
 struct seen {

@@ -136,8 +136,8 @@ static gboolean factorise(Prediction *prediction, GError **error) {
     if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', m, prediction->factor, m) == 0)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "the covariance of %d measured pairs of directions cannot be inverted: are "
-                "directions of views or lights not numbers?",
+                "the covariance of %d measured pairs of directions cannot be inverted; check that "
+                "the directions of views and lights are numbers",
                 m);
     return FALSE;
 }
@@ -263,7 +263,7 @@ static gboolean learn(Prediction *prediction, const float *probes, const struct 
                       int n_probes, const struct work *work, GError **error) {
     if (prediction->n_measured > PREDICTION_MAX_MEASURED) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d pairs of directions are measured; prediction works with %d at most",
+                    "%d pairs of directions are measured, but the prediction can use at most %d",
                     prediction->n_measured, PREDICTION_MAX_MEASURED);
         return FALSE;
     }

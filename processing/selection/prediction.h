@@ -85,8 +85,8 @@ void prediction_fill(const Prediction *prediction, float *values, const struct v
  * variance. Returns 1 if nothing is measured. */
 double prediction_error(const Prediction *prediction);
 
-/* Return the same of cross-validation, √(Σ (predicted − measured)² / Σ measured²) over measured
- * pairs, and the share of their values within 2 σ. Return NAN if nothing is measured. */
+/* Return the relative error of cross-validation, √(Σ (predicted − measured)² / Σ measured²) over
+ * measured pairs, and the share of their values within 2 σ. Return NAN if nothing is measured. */
 double prediction_left_out_error(const Prediction *prediction);
 double prediction_left_out_share(const Prediction *prediction);
 
@@ -114,8 +114,8 @@ int prediction_choose(const Prediction *prediction, const struct prediction_shot
                       int n_shots, const gboolean *taken, int most, struct prediction_choice *ret,
                       const struct work *work, GError **error);
 
-/* Chooses the shots with which every material begins: the first n that prediction_choose() takes
- * when nothing is measured. The sets are nested: a smaller set is the beginning of a larger one.
- * Returns the number of shots, or −1 as above. */
+/* Chooses the shots with which the capture of every material begins: the first n that
+ * prediction_choose() takes when nothing is measured. The sets are nested: a smaller set is the
+ * beginning of a larger one. Returns the number of shots, or −1 as above. */
 int prediction_start(const struct prediction_pairs *pairs, const struct prediction_shot *shots,
                      int n_shots, int n, int *ret, const struct work *work, GError **error);

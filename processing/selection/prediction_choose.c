@@ -17,13 +17,13 @@
 
 struct choice {
     const Prediction *prediction;
-    /* numbers of pairs that are considered, and of those of them that are targets */
+    /* number of pairs that are considered, and number of targets among them */
     int n_pairs, n_targets;
-    int *pairs; /* n_pairs; the targets first */
+    int *pairs; /* n_pairs indices of pairs; the targets are first */
     int *place; /* for each pair of the material, its index in pairs, or −1 */
     int n_factors, room;
     double *factors; /* F: n_pairs × room, row by row */
-    double *c;       /* n_pairs × n_targets, row by row; times g s of the target */
+    double *c;       /* C: n_pairs × n_targets, row by row, multiplied by g s of the target */
     double *left;    /* n_targets: conditional variances of ρ */
     double to_all;   /* ratio of the sum over all missing pairs to that over targets */
 };

@@ -34,13 +34,15 @@ struct prediction {
     double constants[PREDICTION_CONSTANTS]; /* of the covariance */
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
-    double *factor;    /* n_measured²: Cholesky factor L of K, lower, columns one after another */
-    float *weights;    /* n_missing × n_measured; NULL if nothing is measured */
-    double *variance;  /* n_missing: k_uu − k_uᵀ K⁻¹ k_u, without s² */
-    double *squares;   /* n_pairs: mean of g² s² over the rows of probes */
-    double energy;     /* Σ ρ² over all pairs, mean over the rows of probes */
-    double excess_rms; /* squared errors of cross-validation over their variances: mean, */
-    double excess_95;  /* and the factor for which 95 % of them are within 2 σ */
+    double *factor;   /* n_measured²: Cholesky factor L of K, lower, columns one after another */
+    float *weights;   /* n_missing × n_measured; NULL if nothing is measured */
+    double *variance; /* n_missing: k_uu − k_uᵀ K⁻¹ k_u, without s² */
+    double *squares;  /* n_pairs: mean of g² s² over the rows of probes */
+    double energy;    /* Σ ρ² over all pairs, mean over the rows of probes */
+    /* Factors on variances, from cross-validation. excess_rms is the mean of squared errors over
+     * variances. With excess_95, 95 % of the errors are within 2 σ. */
+    double excess_rms;
+    double excess_95;
     double left_out_error, left_out_share;
 };
 
@@ -66,10 +68,10 @@ double prediction_relative_error(const Prediction *prediction, double variances)
 /* Computes k(p, p') without ε of pairs a[i], b[j]: ret[i + n_a · j]. */
 void prediction_covariance(const Prediction *prediction, const int *a, int n_a, const int *b,
                            int n_b, double *ret);
-/* The same with ε, of a few pairs among themselves, without threads: n². */
+/* The same with ε, of a few pairs among themselves: n². Does not use threads. */
 void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
                                  double *ret);
-double prediction_prior_variance(const Prediction *prediction, int pair); /* with ε */
+double prediction_prior_variance(const Prediction *prediction, int pair); /* includes ε */
 
 /* Fits the constants to rows (n_rows × n_measured) of ratios z of measured pairs. Errors are
  * weighted by g (of the same shape). Returns FALSE when cancelled. */

@@ -27,8 +27,9 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     }
     if (input->sha256 && *input->sha256 && strcmp(sum, input->sha256) != 0) {
         data_error_set(input->path, 0, error,
-                       "the file (%" G_GINT64_FORMAT " bytes) is not the one the session "
-                       "committed: its SHA-256 is %s, the session has %s" REMEDY,
+                       "the file (%" G_GINT64_FORMAT
+                       " bytes) is not the file that the session committed: its SHA-256 is %s, but "
+                       "the session has %s" REMEDY,
                        bytes, sum, input->sha256);
         return NULL;
     }
@@ -43,10 +44,10 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
         return NULL;
     }
     if (part->width != input->width || part->height != input->height) {
-        data_error_set(input->path, 0, error,
-                       "it has %d × %d pixels, but the session's calibration says that its camera "
-                       "has %d × %d",
-                       part->width, part->height, input->width, input->height);
+        data_error_set(
+            input->path, 0, error,
+            "it has %d × %d pixels, but the camera has %d × %d pixels in the session's calibration",
+            part->width, part->height, input->width, input->height);
         return NULL;
     }
     for (int i = 0; channels[i]; i++)

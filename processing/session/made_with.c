@@ -24,7 +24,7 @@ gboolean made_with_read(Session *session, struct made_with *ret, GError **error)
     ret->mixed = mixed != NULL;
     ret->where = where        ? g_steal_pointer(&where)
                  : begun_with ? g_steal_pointer(&begun_with)
-                              /* the session was imported, or made by a test */
+                              /* the session was imported, or was made by a test */
                               : g_strdup("nominal");
     return TRUE;
 }

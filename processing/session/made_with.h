@@ -10,8 +10,8 @@ struct made_with {
     char *where;  /* "nominal", or the path of the calibration file when it was read */
     char *text;   /* of the calibration */
     gboolean own; /* whether the session was captured with this calibration */
-    /* processing with this calibration was not finished: some products may be of the calibration
-     * before */
+    /* processing with this calibration was not finished; some products may be of the previous
+     * calibration */
     gboolean mixed;
 };
 

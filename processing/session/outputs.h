@@ -19,6 +19,7 @@ struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
 void outputs_free(struct outputs *outputs); /* NULL is ignored */
 double outputs_of(const struct outputs *outputs, gint64 shot);
-/* Standard error of the output; 0: it was not measured in this shot. */
+/* Returns the standard error of a shot's output, or 0 if the output was not measured in this
+ * shot. */
 double outputs_error(const struct outputs *outputs, gint64 shot);
 int outputs_measured(const struct outputs *outputs); /* number of shots with a measurement */

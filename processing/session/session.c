@@ -21,14 +21,14 @@ int session_lock(const char *path, GError **error) {
         g_snprintf(who, sizeof who, "%ld\n", (long)getpid());
         if (ftruncate(fd, 0) != 0 || pwrite(fd, who, strlen(who), 0) < 0)
             g_debug("%s: %s", file,
-                    g_strerror(errno)); /* the process id is only for the message below */
+                    g_strerror(errno)); /* the process id is only used in the message below */
         return fd;
     }
     if (fd >= 0 && errno == EWOULDBLOCK) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
         session_fail(error, SESSION_ERROR_LOCKED,
-                     "%s: another process captures into it (process %ld); end that first", path,
+                     "%s: another process (%ld) captures into it; end that process first", path,
                      strtol(who, NULL, 10));
     } else {
         session_fail(error,

@@ -79,8 +79,7 @@ struct session_shot {
     enum session_shot_kind kind;
     int pose;                      /* number of the pose in planned order */
     double turntable_deg, arc_deg; /* commanded */
-    /* for SHOT_LAMP the index of the light, for SHOT_SWEEP that of the laser position, otherwise
-     * −1 */
+    /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
     int device;                          /* lamp or laser of the calibration; −1 for dark */
     guint32 cameras;                     /* bit c is set if camera c takes part */
@@ -175,16 +174,17 @@ GPtrArray *session_events(Session *session, GError **error);
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
 /* Commits all frames of a shot and the state of the shot in one transaction, after the files are
- * synced. The frames replace those of an earlier take. Each file must exist and have its recorded
- * size. For capture. */
+ * synced. The frames replace the frames of an earlier take. Each file must exist and have its
+ * recorded size. For capture. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);
 gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
                            const char *message, GError **error);
 
-/* Values by name ("state", "clock_s", …), for the records of capture and results of processing.
- * session_read_value() sets *ret to NULL if the value is not set, and on an error; g_free(). */
+/* Values by name ("state", "clock_s", …) record the capture and the results of processing.
+ * session_read_value() sets *ret to NULL if the value is not set, and also on an error;
+ * g_free(). */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
 /* The same for values that are only shown to people. Returns NULL if the value is not set or cannot
@@ -209,7 +209,7 @@ gboolean session_add_product(Session *session, const char *relative, const char 
  * are ignored. made_by contains the arguments with which mesorig makes the file again: "compress …"
  * or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
-GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
+GHashTable *session_products(Session *session, GError **error); /* the set of their paths */
 
 struct session_product {
     char *path; /* relative */
@@ -223,7 +223,7 @@ GPtrArray *session_list_products(Session *session, GError **error);
 /* A committed file that differs from its row in the database. */
 struct session_damage {
     char *path; /* relative */
-    char *what; /* a clause such as "it is gone" or "its SHA-256 is …, the session has …" */
+    char *what; /* a clause such as "it is gone" or "its SHA-256 is …, but the session has …" */
     char *sha256;
     /* the command that makes the file again; NULL if there is none and the file must be imported
      * again */

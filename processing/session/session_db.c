@@ -1,5 +1,5 @@
 /* Access to SQLite. A database may come from a stranger. It is opened only if its format, the texts
- * of its tables and its structure are those of this program. */
+ * of its tables and its structure are as this program writes them. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -29,8 +29,8 @@ static gboolean damaged(const Session *session, const char *what, GError **error
 
     if (session->is_new)
         return session_fail(error, SESSION_ERROR_IO,
-                            "%s/session.db: a new database is not as it was written: %s; no "
-                            "session was made: check the disk and start again",
+                            "%s/session.db: a new database differs from what was written: %s; no "
+                            "session was made; check the disk and start again",
                             session->path, valid);
     return session_fail(error, SESSION_ERROR_FORMAT,
                         "%s/session.db: damaged: %s; restore it from a backup, or try "
@@ -85,7 +85,7 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
 
     if (primary == SQLITE_FULL || (primary == SQLITE_IOERR && (saved == ENOSPC || saved == EDQUOT)))
         return session_fail(error, SESSION_ERROR_FULL,
-                            "%s: the disk is full; nothing was lost: free some space and continue",
+                            "%s: the disk is full; nothing was lost; free some space and continue",
                             session->path);
     if (primary == SQLITE_NOTADB)
         return session_fail(error, SESSION_ERROR_FORMAT,
@@ -193,7 +193,7 @@ void session_rollback(Session *session) {
         session_db_run(session, NULL, "ROLLBACK", "");
 }
 
-/* For queries that always return a row, unless the file is damaged. */
+/* For queries that always return a row unless the file is damaged. */
 static char *must_text(Session *session, const char *sql, const char *key, GError **error) {
     char *text = NULL;
 
@@ -324,7 +324,7 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         return TRUE;
     /* The index of the WAL, which processes share, cannot be created on a read-only medium or on a
      * full disk. In this case no other process has the session open. If the WAL is empty, the
-     * database file alone is complete. Otherwise the index is kept in memory, which needs a
+     * database file is complete without it. Otherwise the index is kept in memory, which needs a
      * connection without locks of the file. */
     const int rc = sqlite3_errcode(session->db) & 0xff;
     const gboolean full = g_error_matches(own, SESSION_ERROR, SESSION_ERROR_FULL);

@@ -108,8 +108,9 @@ struct session_damage *session_examine(const Session *session, const char *relat
     damage->missing = missing;
     damage->unreadable = unreadable;
     damage->sha256 = g_strdup(sha256);
-    damage->what = wrong ? g_steal_pointer(&wrong)
-                         : g_strdup_printf("its SHA-256 is %s, the session has %s", found, sha256);
+    damage->what =
+        wrong ? g_steal_pointer(&wrong)
+              : g_strdup_printf("its SHA-256 is %s, but the session has %s", found, sha256);
     return damage;
 }
 

@@ -20,25 +20,26 @@ static gboolean wrong(GError **error, const char *what, gint64 which) {
 gboolean session_check_grid(const struct session_grid *grid, GError **error) {
     if (grid->width < 1 || grid->width > MAX_TEXELS || grid->height < 1 ||
         grid->height > MAX_TEXELS)
-        return wrong(error, "texels across must be 1 to 16384, not",
+        return wrong(error, "the numbers of texels in each direction must be 1 to 16384, not",
                      grid->width < 1 || grid->width > MAX_TEXELS ? grid->width : grid->height);
     if (!(grid->width_mm > 0) || !isfinite(grid->width_mm) || !(grid->height_mm > 0) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !(grid->depth_mm >= 0) ||
         !isfinite(grid->depth_mm))
-        return wrong(error, "a length of the grid is negative or not a number, grid", 1);
+        return wrong(error, "a length is negative or is not a number in grid", 1);
     return TRUE;
 }
 
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error) {
-    g_autofree char *what = g_strdup_printf("out of order or not a number: %s", kind);
+    g_autofree char *what =
+        g_strdup_printf("an index or angle is out of order or is not a number in %s", kind);
 
     if (direction->index != index || direction->device < 0 || direction->device > MAX_NUMBER ||
         !isfinite(direction->theta_deg) || !isfinite(direction->phi_deg) ||
         !isfinite(direction->turntable_deg))
         return wrong(error, what, index);
     return !direction->note || g_utf8_validate(direction->note, -1, NULL) ||
-           wrong(error, "the note is not UTF-8: direction", index);
+           wrong(error, "the note is not UTF-8 in direction", index);
 }
 
 /* Ids are consecutive. Devices and sources must exist in the calibration. */
@@ -47,19 +48,19 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
 
     if (shot->id != id)
-        return wrong(error, "ids must be 1, 2, 3 and so on: shot", shot->id);
+        return wrong(error, "the ids are not 1, 2, 3 and so on at shot", shot->id);
     if (shot->kind > SHOT_SWEEP || shot->state > SHOT_SKIPPED)
-        return wrong(error, "unknown kind or state: shot", id);
+        return wrong(error, "the kind or the state is unknown in shot", id);
     if (shot->kind == SHOT_DARK ? shot->source != -1 : shot->source < 0 || shot->source >= sources)
-        return wrong(error, "no such light or laser position: shot", id);
+        return wrong(error, "the light or laser position does not exist in shot", id);
     if (shot->device < -1 || shot->device > MAX_NUMBER || shot->pose < 0 ||
         shot->pose > MAX_NUMBER || shot->sweep_steps < 0 || shot->sweep_steps > MAX_NUMBER)
-        return wrong(error, "a device, pose or number of steps is out of range: shot", id);
+        return wrong(error, "a device, a pose or the number of steps is out of range in shot", id);
     if (!isfinite(shot->turntable_deg) || !isfinite(shot->arc_deg) ||
         !isfinite(shot->sweep_from_deg) || !isfinite(shot->sweep_to_deg))
-        return wrong(error, "an angle is not a number: shot", id);
+        return wrong(error, "an angle is not a number in shot", id);
     return !shot->note || g_utf8_validate(shot->note, -1, NULL) ||
-           wrong(error, "the note is not UTF-8: shot", id);
+           wrong(error, "the note is not UTF-8 in shot", id);
 }
 
 /* Replaces values out of range by one that no check accepts. */
@@ -111,7 +112,7 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
     int rc = row ? session_db_next(session, row, error) : -1;
 
     if (rc <= 0)
-        return rc == 0 && wrong(error, "no grid, format", SESSION_FORMAT);
+        return rc == 0 && wrong(error, "there is no grid, although the format is", SESSION_FORMAT);
     *ret = (struct session_grid){
         .width = column_int(row, 0),
         .height = column_int(row, 1),
@@ -209,7 +210,7 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
     shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
     shot->note = session_db_text(row, 12);
     if (cameras < 0 || cameras > G_MAXUINT32)
-        wrong(error, "more than 32 cameras: shot", shot->id);
+        wrong(error, "there are more than 32 cameras in shot", shot->id);
     else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
         return shot;
     shot_free(shot);
@@ -249,7 +250,7 @@ static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError 
     if (session_is_relative(frame->path) && frame->sha256 && frame->camera >= 0 &&
         frame->camera < MAX_CAMERAS && frame->bytes >= 0 && isfinite(frame->turntable_deg))
         return frame;
-    wrong(error, "a frame's camera, path or angle is not valid: shot", frame->shot);
+    wrong(error, "the camera, the path or an angle of a frame is not valid in shot", frame->shot);
     frame_free(frame);
     return NULL;
 }

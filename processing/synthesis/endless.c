@@ -22,7 +22,7 @@ struct shown {
 struct endless_choice {
     struct endless *endless;
     struct endless_pictures pictures; /* means 0, deviations 1 */
-    struct shown all;                 /* of the centres that are placed */
+    struct shown all;                 /* sums of the centres that are placed */
 };
 
 /* Gives the maximum extent of a hexagon from its centre in each dimension, in tiles. The flat sides

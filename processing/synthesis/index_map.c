@@ -83,7 +83,7 @@ static const char *take(struct index_map *map, const struct exr_part *part, int 
         return "a channel X or Y is missing";
     if (part->width != index_map_size(map->width, level) ||
         part->height != index_map_size(map->height, level))
-        return "a level has another size than half of that before";
+        return "the size of a level is not half the size of the level before it";
     if (level > 0)
         map->levels[level] = g_new0(guint16, 2 * n);
     for (gsize i = 0; i < 2 * n; i++) {

@@ -4,7 +4,7 @@
 
 #define MIN_PEAK 0.3
 #define MIN_RISE 0.1
-#define MIN_LAG  3    /* texels */
+#define MIN_LAG  3    /* minimum lag in texels */
 #define DRAWN    2048 /* number of places of a map that are examined */
 #define SEED     0x6f726465u
 

@@ -7,7 +7,8 @@
 #include "min_cut.h"
 #include "order.h"
 
-/* a block is drawn at random from those whose error is within this of the least error */
+/* a block is drawn at random from the blocks whose error exceeds the minimum error by at most this
+ * share */
 #define TOLERANCE 0.1F
 /* maximum number of texels of an overlap that are compared for the choice of a block */
 #define COMPARED 600

@@ -12,8 +12,8 @@
  * side. */
 int quilting_block(const struct texel_features *features);
 
-/* Fills level 0 of the map, whose sample is that of the features. block is the result of
- * quilting_block(), or another side. The result depends only on the seed and the features, not on
- * the number of threads. Returns FALSE when cancelled. */
+/* Fills level 0 of the map. The map and the features must have the same sample. block is the result
+ * of quilting_block(), or another side. The result depends only on the seed and the features, not
+ * on the number of threads. Returns FALSE when cancelled. */
 gboolean quilting_synthesize(const struct texel_features *features, int block, guint32 seed,
                              const struct work *work, struct index_map *map, GError **error);

@@ -126,7 +126,7 @@ static gboolean check(const struct synthesis_options *options, const char *path,
     if (least < MIN_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
         return data_error_fail(
             path, 0, error,
-            "the sample has %zu × %zu texels; synthesis accepts %d to %d in each dimension",
+            "the sample has %zu × %zu texels, but synthesis needs %d to %d in each dimension",
             layout->width, layout->height, MIN_SAMPLE, INDEX_MAP_SAMPLE);
     for (int k = 0; k < 2 && options->method != SYNTHESIS_TILEABLE; k++)
         if (sides[k] < MIN_MAP || sides[k] > INDEX_MAP_MAX)
@@ -134,7 +134,7 @@ static gboolean check(const struct synthesis_options *options, const char *path,
                                    options->width, options->height, MIN_MAP, INDEX_MAP_MAX);
     if (options->block != 0 && (options->block < 4 || options->block > least))
         return data_error_fail(path, 0, error,
-                               "--block %d is out of range: 4 to %d texels, as the sample has them",
+                               "--block %d is out of range: 4 to %d texels for this sample",
                                options->block, least);
     return TRUE;
 }

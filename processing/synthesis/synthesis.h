@@ -1,5 +1,5 @@
-/* Synthesis of a larger material from a sample, as an index map (index_map.h): from a whole BTF and
- * its MDF to the map with its mip levels, with figures of its quality. */
+/* Synthesis of a larger material from a sample, as an index map (index_map.h). Makes the map with
+ * its mip levels from a whole BTF and its MDF, and computes figures of its quality. */
 #pragma once
 
 #include "index_map.h"
@@ -7,7 +7,7 @@
 #include "texel_features.h"
 
 enum synthesis_method {
-    /* makes both of the next two. Chooses textons, which repeat no whole blocks, unless quilting
+    /* tries the next two methods. Chooses textons, which repeat no whole blocks, unless quilting
      * keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE */
     SYNTHESIS_AUTO,
     SYNTHESIS_TEXTONS,

@@ -7,7 +7,7 @@
 
 #include "base/data_error.h"
 
-#define SPARE   8                        /* oversampling */
+#define SPARE   8                        /* additional columns of Ω (oversampling) */
 #define WIDE    (TEXEL_FEATURES + SPARE) /* number of columns of Ω */
 #define ROWS    256                      /* texels of a block */
 #define SEED    0x74657874u
@@ -234,7 +234,7 @@ struct texel_features *texel_features_compute(const struct btf_matrix *btf,
                         .a_view = COLOURS * (int)btf->layout.lights.n};
     if (mdf && ((gsize)mdf->width != btf->layout.width || (gsize)mdf->height != btf->layout.height))
         return data_error_set(btf->directory, 0, error,
-                              "the MDF has %d × %d texels and the BTF %zu × %zu; process the "
+                              "the MDF has %d × %d texels, but the BTF has %zu × %zu; process the "
                               "session again",
                               mdf->width, mdf->height, btf->layout.width, btf->layout.height),
                NULL;

@@ -3,7 +3,7 @@
 #include <float.h>
 #include <string.h>
 
-#define TEXTONS     256 /* maximum number */
+#define TEXTONS     256 /* maximum number of textons */
 #define PER_TEXTON  8   /* minimum of the average number of texels of a texton */
 #define MEANS_STEPS 12
 #define REACH       2 /* extent of a neighbourhood in each direction */
@@ -13,7 +13,7 @@
 /* number of textons that are searched for these, in addition to the texel's own */
 #define COUSINS 3
 #define PASSES  3 /* number of passes over a level that is complete */
-#define LEVELS  4 /* maximum number */
+#define LEVELS  4 /* maximum number of levels */
 /* minimum size of the sample at the coarsest level, in texels in each dimension */
 #define COARSEST 12
 #define JUMP     1.1F /* factor on the cost of a candidate that continues no neighbour */
@@ -331,7 +331,7 @@ gboolean textons_synthesize(const struct texel_features *features, guint32 seed,
     GRand *random = g_rand_new_with_seed(seed);
     gboolean good = TRUE;
     for (int k = n_levels - 1; good && k >= 0; k--) {
-        /* One pass more fills the picture. */
+        /* One additional pass fills the picture. */
         good = texton_level_run(features, 1 << k, k == n_levels - 1 ? PASSES + 1 : PASSES, random,
                                 work, &picture, error);
         if (k > 0)

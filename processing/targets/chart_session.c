@@ -1,5 +1,5 @@
-/* Reflectance of chart patches in the geometry 45°:0°: per patch, Σ values / Σ cos θ_l over its
- * texels and the lights near 45°, in the view nearest to the normal. */
+/* Reflectance of chart patches in the geometry 45°:0°. For each patch it is Σ values / Σ cos θ_l
+ * over its texels and the lights near 45°, in the view nearest to the normal. */
 #include "chart_session.h"
 
 #include <math.h>
@@ -9,10 +9,9 @@
 #include "base/text_table.h"
 #include "btf/btf.h"
 
-#define NEAR_DEG                                                                                   \
-    2.0 /* tolerance of the angle of the lights used, beyond that of the nearest one               \
-         */
-#define FARTHEST_DEG 20.0 /* largest deviation from the geometry 45°:0° */
+/* lights are used if they deviate from 45° by at most this more than the nearest light */
+#define NEAR_DEG     2.0
+#define FARTHEST_DEG 20.0 /* maximum deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0
 
 static gboolean parse_line(const char *line, struct chart_field *ret) {
@@ -52,16 +51,17 @@ struct chart {
     struct session_grid grid;
     struct rig rig;
     GPtrArray *views, *lights;
-    GArray *near; /* of int: lights used */
+    GArray *near; /* of int: indices of the lights that are used */
     float *rgb;   /* near->len × texels × 3 */
 };
 
-/* |θ − 45°| of a light. */
+/* Returns |θ − 45°| of a light. */
 static double off_45(const struct session_direction *light) {
     return fabs(light->theta_deg - CHART_DEG);
 }
 
-/* Loads the view nearest to the normal, under all lights nearly as close to 45° as the closest. */
+/* Loads the view nearest to the normal, under all lights that are nearly as close to 45° as the
+ * closest one. */
 static gboolean load(struct chart *chart, Session *session, GError **error) {
     g_autofree char *text = session_text(session, "calibration.conf", error);
     const struct session_direction *view = NULL;
@@ -82,7 +82,7 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
             g_array_append_val(chart->near, i);
     if (!view || !(view->theta_deg <= FARTHEST_DEG) || !(least <= FARTHEST_DEG)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                    "%s: charts are measured from above under light at 45°; the session has no "
+                    "%s: a chart is measured from above under light at 45°, but the session has no "
                     "view within %.0f° of the normal, or no light within %.0f° of 45°",
                     session_path(session), FARTHEST_DEG, FARTHEST_DEG);
         return FALSE;
@@ -96,8 +96,8 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
                          &chart->grid, chart->rgb, error);
 }
 
-/* Averages over the texels within the patch's disc and over the lights: the measured value, and
- * that of a perfect white, cos θ_l. FALSE: the disc holds no texel. */
+/* Averages over the texels within the patch's disc and over the lights. Gives the measured value
+ * and the value of a perfect white, cos θ_l. Returns FALSE if the disc contains no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;
@@ -135,10 +135,10 @@ gboolean chart_session(Session *session, const GArray *fields, struct colour_pat
         const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
         ok = measure_field(&chart, field, &ret[i]);
         if (!ok)
-            g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
-                        "patch %u at %g, %g mm holds no texel of the session's sample of %g × %g "
-                        "mm",
-                        i + 1, field->x_mm, field->y_mm, chart.grid.width_mm, chart.grid.height_mm);
+            g_set_error(
+                error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                "patch %u at %g, %g mm contains no texel of the session's sample of %g × %g mm",
+                i + 1, field->x_mm, field->y_mm, chart.grid.width_mm, chart.grid.height_mm);
     }
     g_array_unref(chart.near);
     g_clear_pointer(&chart.views, g_ptr_array_unref);

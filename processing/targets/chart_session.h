@@ -5,16 +5,16 @@
 #include "session/session.h"
 
 struct chart_field {              /* a disc within one patch */
-    double x_mm, y_mm, radius_mm; /* sample frame */
+    double x_mm, y_mm, radius_mm; /* in the sample frame */
     double xyz[3];
 };
 
-/* Lines "x_mm,y_mm,radius_mm,X,Y,Z", Y = 1 for a perfect white; '#' begins a comment. Semicolons or
- * tabs may separate the numbers, which may have decimal commas then. Elements are struct
- * chart_field. NULL: COLOUR_ERROR_FILE, which names path and line. */
+/* Parses lines "x_mm,y_mm,radius_mm,X,Y,Z", with Y = 1 for a perfect white. '#' begins a comment.
+ * If semicolons or tabs separate the numbers, the numbers may have decimal commas. Returns an array
+ * of struct chart_field, or NULL with COLOUR_ERROR_FILE, which names path and line. */
 GArray *chart_parse(const char *text, const char *path, GError **error);
 
-/* Measures in the view nearest to the normal under the lights nearest to 45°, the geometry of
- * charts (CIE 45°:0°). ret: one per field. */
+/* Measures all patches in the view nearest to the normal, under the lights nearest to 45°, which is
+ * the geometry of charts (CIE 45°:0°). ret has one element for each field. */
 gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
                        GError **error);

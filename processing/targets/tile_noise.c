@@ -1,5 +1,5 @@
-/* Photon transfer from the raw exposures that a capture keeps on request: pairs of frames with
- * the same exposure, in the dark and under a lamp. */
+/* Measures the photon transfer from the raw exposures that a capture keeps on request: pairs of
+ * frames with the same exposure, in the dark and under a lamp. */
 #include "tile_noise.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 
 struct pairs {
     struct transfer_pair pair[MAX_PAIRS];
-    GPtrArray *parts; /* owner of the pixels */
+    GPtrArray *parts; /* owns the pixels */
     int n, bits;
 };
 
@@ -24,8 +24,8 @@ static struct exr_part *read_raw(const char *path, const struct rig_camera *came
             *ret_bits <= 16 && exr_part_plane(part, "Y"))
             return part;
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "%s: %d × %d pixels of %d bits, but camera %s has %d × %d of 8 to 16 bits, in "
-                    "channel Y",
+                    "%s: it has %d × %d pixels of %d bits, but camera %s needs %d × %d pixels of 8 "
+                    "to 16 bits, in channel Y",
                     path, part->width, part->height, *ret_bits, camera->name, camera->width,
                     camera->height);
     }
@@ -37,7 +37,7 @@ static void free_part(gpointer part) {
     exr_part_free(part);
 }
 
-/* Takes the first two of consecutive frames with equal exposure as a pair. */
+/* Reads pairs. The first two of consecutive frames with equal exposure are a pair. */
 static gboolean read_pairs(const char *folder, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
     struct exr_part *before = NULL;
@@ -70,7 +70,7 @@ static gboolean read_pairs(const char *folder, const struct rig_camera *camera, 
     return TRUE;
 }
 
-/* The pairs of the brightest shot of a kind. */
+/* Finds the pairs of the brightest shot of a kind. */
 static gboolean find_pairs(Session *session, const GPtrArray *shots, enum session_shot_kind kind,
                            int c, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {

@@ -4,8 +4,8 @@
 #include "calibration/calibration.h"
 #include "session/session.h"
 
-/* For each camera with kept dark frames and pairs of exposures under a lamp (the brightest shot):
- * sets calibration's noise. ret_n: number of such cameras. Unusable pairs are an error, missing
- * ones are not. */
+/* Sets the noise in the calibration for each camera with kept dark frames and pairs of exposures
+ * under a lamp (of the brightest shot). ret_n is the number of such cameras. Pairs that cannot be
+ * used are an error; missing pairs are not. */
 gboolean tile_noise(Session *session, struct calibration *calibration, const GPtrArray *shots,
                     int *ret_n, GError **error);

@@ -1,6 +1,6 @@
-/* Three passes over the frames: the tile gives the radiometry of cameras and lamps, what is dark
- * around it the veiling glare, then the fiducials next to it are calibrated with that radiometry.
- */
+/* Processes the frames in three passes. The tile determines the radiometry of cameras and lamps.
+ * The dark surroundings of the tile determine the veiling glare. Then the fiducials next to the
+ * tile are calibrated with this radiometry. */
 #include "tile_session.h"
 
 #include <math.h>
@@ -10,18 +10,21 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-#define MAX_WHITE                                                                                  \
-    1.1 /* of a fiducial; at most 1 is possible, but level and colour have errors                  \
-         */
-#define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
-#define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
-#define MODEL_ERROR 5e-4 /* of the signal: how well the model describes tiles, lamps and lenses */
-#define MAX_PAIRED  16   /* of more lamps, neighbours only */
+/* maximum reflectance of a fiducial; above 1 because level and colour have errors */
+#define MAX_WHITE 1.1
+/* an aim that deviates so much from the nominal aim is doubted */
+#define ASIDE_RAD (8 * G_PI / 180)
+/* lamps are exchanged if this reduces the deviation by this factor */
+#define ASIDE_LESS 4.0
+/* relative to the signal: error of the model of tiles, lamps and lenses */
+#define MODEL_ERROR 5e-4
+/* if there are more lamps, only neighbours are tested for an exchange */
+#define MAX_PAIRED 16
 
 /* A frame under a lamp. */
 struct lit_frame {
     struct input input;
-    int camera, shot; /* index into tile_shots */
+    int camera, shot; /* camera: index in the rig; shot: index into tile_shots */
 };
 
 struct run {
@@ -29,10 +32,10 @@ struct run {
     struct calibration *calibration;
     const struct tile_options *options;
     struct tile tile;
-    GPtrArray *shots;   /* of the session */
+    GPtrArray *shots;   /* all shots of the session */
     GArray *frames;     /* of struct lit_frame, in planned order */
     GArray *tile_shots; /* of struct tile_shot */
-    GArray *taken_s;    /* of double: time of each tile_shot */
+    GArray *taken_s;    /* of double: time of each element of tile_shots */
     GPtrArray *rejected;
     GArray *cells;
     struct tile_fit fit;
@@ -84,7 +87,7 @@ static gboolean find_frames(struct run *run, GError **error) {
     return FALSE;
 }
 
-/* Reports progress before frame i, or after the last. FALSE: cancelled. */
+/* Reports progress before frame i, or after the last frame. Returns FALSE when cancelled. */
 static gboolean tell(struct run *run, const char *stage, guint i) {
     run->stopped |=
         !work_tell(run->options->work, stage, (int)i, (int)run->frames->len, run->begun_us, NULL);
@@ -97,7 +100,7 @@ static gboolean check_stopped(const struct run *run, GError **error) {
     return !run->stopped;
 }
 
-/* NULL: rejected; the reason is recorded. */
+/* Returns NULL if the frame is rejected; the reason is then recorded. */
 static struct exr_part *read_frame(struct run *run, const struct input *input,
                                    const float **ret_mosaic, const char **ret_cfa) {
     static const char *const any[] = {NULL};
@@ -134,15 +137,15 @@ static gboolean measure_tile(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
-/* The light of a lamp on the tile at a point, relative. */
+/* Returns the relative light of a lamp at a point of the tile. */
 static double light_at(const struct rig *rig, int lamp, double arc_rad, struct vec3 p) {
     const struct rig_lamp *l = &rig->lamps[lamp];
     const struct vec3 path = vec3_sub(rig_lamp_position_mm(&rig->arc, l, arc_rad), p);
     return MAX(path.z / vec3_length(path), 1e-3) * rig_lamp_irradiance(&rig->arc, l, arc_rad, p);
 }
 
-/* A fit, and the angles between the lamps' fitted aims and those of the rig file: the RMS over the
- * shots, and the largest. */
+/* A fit, and the angles between the lamps' fitted aims and the aims in the rig file: the RMS over
+ * the shots, and the maximum. */
 struct light_fit {
     double residual, aside_rad, most_aside_rad;
 };
@@ -162,8 +165,8 @@ static void light_fit_set(const struct run *run, const struct rig *found, double
 }
 
 /* Fits under the assumption that the lamp noted as i was in truth lamps[i], and that the arc stood
- * at `arc` times the noted angles. A cell is small, so that its expected value changes like the
- * light at its centre. FALSE: the fit fails. */
+ * at `arc` times the noted angles. Cells are small, so that the expected value of a cell changes
+ * like the light at its centre. Returns FALSE if the fit fails. */
 static gboolean try_light(const struct run *run, const int *lamps, double arc,
                           struct light_fit *ret) {
     const guint n_shots = run->tile_shots->len, n_cells = run->cells->len;
@@ -190,9 +193,9 @@ static gboolean try_light(const struct run *run, const int *lamps, double arc,
     return TRUE;
 }
 
-/* Checks whether two lamps are exchanged in the notes: their light then falls on the tile from
- * another side, and a fit finds lamps that point elsewhere. is: the fit of the noted lamps; NULL:
- * it failed. FALSE: the error says which lamps are exchanged. */
+/* Checks whether two lamps are exchanged in the notes. Their light then falls on the tile from
+ * another side, and a fit finds lamps that point elsewhere. `is` is the fit with the noted lamps,
+ * or NULL if that fit failed. Returns FALSE with an error that names the exchanged lamps. */
 static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
     const struct rig *rig = &run->calibration->rig;
     const int n = rig->n_lamps;
@@ -219,23 +222,24 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     if (a < 0)
         return TRUE;
     g_autofree char *fit =
-        is ? g_strdup_printf("lamps would point up to %.0f° beside their aim, and %.1f° otherwise",
-                             is->most_aside_rad * 180 / G_PI, best.most_aside_rad * 180 / G_PI)
-           : g_strdup_printf("the pictures show no tile, and otherwise one to %.2g %%",
-                             100 * best.residual);
+        is ? g_strdup_printf(
+                 "as noted, lamps would point up to %.0f° away from their aim; exchanged, %.1f°",
+                 is->most_aside_rad * 180 / G_PI, best.most_aside_rad * 180 / G_PI)
+           : g_strdup_printf(
+                 "as noted, the pictures show no tile; exchanged, they fit a tile to %.2g %%",
+                 100 * best.residual);
     g_clear_error(error);
-    g_set_error(
-        error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-        "%s: lamps %s and %s are exchanged (as they are noted %s); exchange the indexes of "
-        "[lamp %s] and [lamp %s] in the rig file, or their wiring, or for imported pictures their "
-        "names in the table, and capture or import again",
-        session_path(run->session), rig->lamps[a].name, rig->lamps[b].name, fit, rig->lamps[a].name,
-        rig->lamps[b].name);
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                "%s: lamps %s and %s are exchanged (%s). Exchange the indexes of [lamp %s] and "
+                "[lamp %s] in the rig file, or their wiring, or, for imported pictures, their "
+                "names in the table, and capture or import again",
+                session_path(run->session), rig->lamps[a].name, rig->lamps[b].name, fit,
+                rig->lamps[a].name, rig->lamps[b].name);
     return FALSE;
 }
 
-/* If the tile's pictures fit with one mistake in lamps or angles undone, sets the error to that
- * mistake. */
+/* Tries to undo one mistake in lamps or angles at a time. If the tile's pictures fit then, sets the
+ * error that describes the mistake. */
 static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
@@ -255,7 +259,7 @@ static void find_mistake(struct run *run, GError **error) {
     struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
     const gsize n = run->tile_shots->len;
     g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);
-    double measured = 1; /* with this factor of the turntable's angles */
+    double measured = 1; /* the turntable's angles are multiplied by this factor */
     struct light_fit fit;
     int lamps[RIG_MAX_LAMPS];
     for (int l = 0; l < RIG_MAX_LAMPS; l++)
@@ -263,7 +267,7 @@ static void find_mistake(struct run *run, GError **error) {
     if (!check_lamps(run, NULL, error))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
-        if (all[i].turntable != measured) { /* other pixels show the tile */
+        if (all[i].turntable != measured) { /* with other angles, other pixels show the tile */
             measured = all[i].turntable;
             for (gsize s = 0; s < n; s++)
                 shots[s].turntable_rad = noted[s].turntable_rad * measured;
@@ -275,16 +279,17 @@ static void find_mistake(struct run *run, GError **error) {
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s: the pictures fit a tile, to %.2g %%, only if that is taken into "
-                    "account; correct %s in the rig file, or for imported pictures the angles in "
-                    "the table, and capture or import again",
+                    "%s: %s; only with this corrected do the pictures fit a tile, to %.2g %%. "
+                    "Correct %s in the rig file or, for imported pictures, the angles in the "
+                    "table, and capture or import again",
                     session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }
 }
 
-/* Finds the veiling glare of each camera with the radiometry in run->fit and the rig it belongs to,
- * subtracts it from the cells' signals, and fits again. rig: nominal on input as well as found. */
+/* Finds the veiling glare of each camera with the radiometry in run->fit and the rig of that fit,
+ * subtracts the glare from the cells' signals, and fits again. found is the rig of the first fit on
+ * input, and the rig of the new fit on output. */
 static gboolean correct_glare(struct run *run, struct rig *found, GError **error) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
     g_autoptr(GArray) cells = g_array_new(FALSE, FALSE, sizeof(struct glare_cell));
@@ -302,7 +307,8 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
                           cells);
         exr_part_free(part);
     }
-    g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
+    /* the rejected frames are already in the list */
+    g_ptr_array_set_size(run->rejected, (int)rejected);
     for (int c = 0; c < found->n_cameras; c++)
         any |= glare_fit((struct glare_cell *)(void *)cells->data, (int)cells->len, c, shots,
                          &known[c].glare, &known[c].glare_error);
@@ -326,7 +332,7 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
     return TRUE;
 }
 
-/* Fits the cells of all frames and takes over the result. */
+/* Fits the cells of all frames and stores the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture can be used: %s",
@@ -384,14 +390,15 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     fiducials_measure(&scene, cfa, mosaic, seen);
-    for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
+    /* make the values relative to the fiducial's own white */
+    for (guint k = first; k < seen->len; k++) {
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];
     }
     exr_part_free(part);
 }
 
-/* Estimates each fiducial's position and white from all frames. */
+/* Estimates the position and the white of each fiducial from all frames. */
 static gboolean calibrate_marks(struct run *run, GError **error) {
     struct calibration *to = run->calibration;
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
@@ -401,14 +408,15 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
     for (guint i = 0; to->rig.n_fiducials > 0 && i < run->frames->len; i++)
         if (tell(run, "marks", i))
             add_marks(run, &g_array_index(run->frames, struct lit_frame, i), seen);
-    g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
+    /* the rejected frames are already in the list */
+    g_ptr_array_set_size(run->rejected, (int)rejected);
     for (int l = 0; l < to->rig.n_lamps; l++)
         if (to->lamp_radiometry[l].known) {
             squares +=
                 to->lamp_radiometry[l].intensity_error * to->lamp_radiometry[l].intensity_error;
             n++;
         }
-    /* Relative error of the absolute level, which cameras and lamps share. */
+    /* Relative error of the absolute level, which all cameras and lamps share. */
     const double level_error = n > 0 ? sqrt(squares / n) : 0;
     for (int m = 0; m < to->rig.n_fiducials; m++) {
         struct fiducial_fit fit;
@@ -425,9 +433,9 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
             if (to->rig.fiducials[m].reflectance[k] <= MAX_WHITE)
                 continue;
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                        "if the tile has reflectance %.3g, [mark %s] reflects %.3g times the light "
-                        "that falls on it: the tile is darker than --reflectance says, or "
-                        "not clean; measure it, or give the number that its maker states",
+                        "with the tile's reflectance of %.3g, [mark %s] would reflect %.3g times "
+                        "the light that falls on it. The tile is darker than --reflectance says, "
+                        "or not clean; measure the tile, or give the number that its maker states",
                         run->options->reflectance[k], to->rig.fiducials[m].name,
                         to->rig.fiducials[m].reflectance[k]);
             return FALSE;
@@ -437,7 +445,7 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
-/* Size and height of the tile, from the options or from the session's grid. */
+/* Sets size and height of the tile, from the options or from the session's grid. */
 static gboolean set_tile(struct run *run, GError **error) {
     const struct tile_options *o = run->options;
     struct session_grid grid;
@@ -450,7 +458,7 @@ static gboolean set_tile(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Stores each lamp's relative output over time, for reports. */
+/* Stores each lamp's relative output over time for reports. */
 static void keep_drift(struct run *run) {
     static const char *const keys[] = {"taken_s", "lamp", "output", "output_error"};
     for (guint k = 0; k < G_N_ELEMENTS(keys); k++) {
@@ -467,7 +475,7 @@ static void keep_drift(struct run *run) {
     }
 }
 
-/* Describes the calibration in its part. */
+/* Writes the description of the calibration into its part. */
 static void set_part(struct run *run) {
     g_autoptr(GPtrArray) checksums = g_ptr_array_new();
     for (guint i = 0; i < run->frames->len; i++)

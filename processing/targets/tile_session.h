@@ -1,7 +1,7 @@
 /*
- * Radiometric calibration from a session of a white tile (radiometry/radiometry.h): every lamp
- * frame shows the tile, whose face is the session's reference plane. Fiducials next to it are
- * calibrated along with it. Raw exposures that were kept in pairs give each camera's noise and
+ * Radiometric calibration from a session of a white tile (radiometry/radiometry.h). Every lamp
+ * frame shows the tile, whose face is the session's reference plane. Fiducials next to the tile are
+ * calibrated with it. If raw exposures were kept in pairs, they give each camera's noise and
  * linearity.
  */
 #pragma once
@@ -11,22 +11,22 @@
 #include "session/session.h"
 
 struct tile_options {
-    double reflectance[3];      /* of the tile, at the cameras' red, green, blue */
-    double width_mm, height_mm; /* of the tile; 0: the session's sample */
-    const struct work *work;    /* may be NULL */
+    double reflectance[3];      /* reflectance of the tile for the cameras' red, green and blue */
+    double width_mm, height_mm; /* size of the tile; 0 means the size of the session's sample */
+    const struct work *work;    /* NULL is allowed */
 };
 
 struct tile_result {
     int pictures, cells;
     double residual, quality;         /* relative RMS; χ² per degree of freedom */
-    double expected;                  /* residual that noise explains, relative */
-    double exponent_off, aim_off_rad; /* of the lamps, RMS, as in struct tile_fit */
-    double drift;  /* largest minus least output of a lamp, relative to its mean */
+    double expected;                  /* relative residual that noise explains */
+    double exponent_off, aim_off_rad; /* RMS of the lamps' deviations, as in struct tile_fit */
+    double drift;  /* maximum minus minimum output of a lamp, relative to its mean */
     int marks;     /* number of calibrated fiducials */
     int transfers; /* number of cameras with known noise */
 };
 
-/* Updates the calibration and its part CALIBRATION_RADIOMETRY. The geometry is taken as it is.
- * Errors of single pictures are recorded with the part as rejected ones. */
+/* Updates the calibration and its part CALIBRATION_RADIOMETRY. The geometry is not changed. Errors
+ * of single pictures are recorded in the part as rejected pictures. */
 gboolean tile_session(Session *session, struct calibration *calibration,
                       const struct tile_options *options, struct tile_result *ret, GError **error);

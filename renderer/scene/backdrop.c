@@ -16,7 +16,8 @@ enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
     guint environment;
-    float foot[3], corner, radius; /* of the mesh: half its width and depth, and its lowest z */
+    /* of the mesh: half its width and half its depth, and its lowest z */
+    float foot[3], corner, radius;
 };
 
 static gboolean need(Backdrop *backdrop, int which, GError **error) {
@@ -78,8 +79,8 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (environment->width > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "the environment map has %d × %d pixels, and %s supports %d in each direction; "
-                    "make it smaller, or omit --backdrop",
+                    "the environment map has %d × %d pixels, but %s supports only %d in each "
+                    "direction; make it smaller, or omit --backdrop",
                     environment->width, environment->height, gpu_renderer(), largest);
         return FALSE;
     }

@@ -19,8 +19,8 @@ void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, doubl
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 
-/* Draws the background where nothing was drawn yet, with alpha 0. The projection is that of
- * camera.h. */
+/* Draws the background where nothing was drawn yet, with alpha 0. The projection is computed by
+ * camera_matrix(). */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

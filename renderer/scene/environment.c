@@ -107,11 +107,10 @@ int environment_lamps(const float *rgb, int width, int height, int n,
 }
 
 static gboolean refuse(const char *path, const char *why, GError **error) {
-    g_set_error(
-        error, GPU_ERROR, GPU_ERROR_FAILED,
-        "%s is not an environment map: %s; an EXR with R, G, B of radiance, twice as wide as "
-        "high, is expected",
-        path, why);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "%s is not an environment map: %s; use an EXR with R, G and B of radiance that is "
+                "twice as wide as high",
+                path, why);
     return FALSE;
 }
 
@@ -173,7 +172,8 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
     const int most = VIEWER_MAX_LAMPS - (settings->light_distance > 0.0); /* see lamp_settings() */
     if (settings->n_lamps >= most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "%d lamps leave none for the environment; give fewer lamps", settings->n_lamps);
+                    "%d lamps leave no room for the environment; give fewer lamps",
+                    settings->n_lamps);
         return FALSE;
     }
     const int room = most - settings->n_lamps;
@@ -181,7 +181,7 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
                                     MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the environment map is black everywhere: choose another");
+                    "the environment map is black everywhere; choose another one");
         return FALSE;
     }
     for (int k = 0; k < n; k++)

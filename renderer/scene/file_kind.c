@@ -32,9 +32,9 @@ gboolean file_kind_is_session(const char *folder) {
 
 static gboolean refuse(const char *path, const char *why, GError **error) {
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-                "%s %s; a session's folder, a file that “mesorig process” or “mesorig compress” "
-                "made, an environment map (.exr, twice as wide as high), a normal map (.png) or a "
-                "shape (.obj, .gltf, .glb) can be opened",
+                "%s %s; choose a session's folder, a file of “mesorig process” or “mesorig "
+                "compress”, an environment map (.exr, twice as wide as high), a normal map (.png) "
+                "or a shape (.obj, .gltf, .glb)",
                 path, why);
     return FALSE;
 }

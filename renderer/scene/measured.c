@@ -32,7 +32,7 @@ static float *read_measured(const Reference *reference, const struct measured *m
     g_autofree float *rgba = g_new(float, 4 * texels);
     if (all == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "no memory for a view of %d lights of %d × %d texels", info.n_lights,
+                    "there is no memory for a view of %d lights of %d × %d texels", info.n_lights,
                     info.width, info.height);
         return NULL;
     }

@@ -21,7 +21,7 @@ static void picture_on_bytes(png_structp png, png_bytep bytes, size_t n) {
     g_byte_array_append(png_get_io_ptr(png), bytes, (guint)n);
 }
 
-/* Contains everything between setjmp and a longjmp. None of its variables is used afterwards. */
+/* Contains everything between setjmp and longjmp. None of its variables is used afterwards. */
 static gboolean encode(png_structp png, png_infop info, GByteArray *to, const guint8 *rgb,
                        int width, int height, const char *const *texts) {
     if (setjmp(png_jmpbuf(png)))
@@ -73,8 +73,8 @@ gboolean picture_write_exr(const char *path, const float *rgb, int width, int he
     exr_set_string(part, COMPARE_PICTURE_KIND, "picture");
     for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
         g_autofree char *key = g_ascii_strdown(texts[0], -1);
-        g_autofree char *name =
-            g_strconcat("picture.", key, NULL); /* EXR has a standard attribute "tiles" */
+        /* EXR has a standard attribute "tiles", so the attribute of a text has a prefix */
+        g_autofree char *name = g_strconcat("picture.", key, NULL);
         exr_set_string(part, name, texts[1]);
     }
     for (gsize i = 0; i < (gsize)width * height; i++)

@@ -58,7 +58,8 @@ struct shading {
     guint n_samples;
     const float *texel, *view; /* values of viewer_render_geometry() */
     const float *light, *lit;  /* the same values, for the lamp that is added */
-    double rgb[3], ambient;    /* of that lamp, and of an even sky that is added with it */
+    /* colour of that lamp, and brightness of an even sky that is added with it */
+    double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;
@@ -100,7 +101,7 @@ static gboolean reference_read_direction(const struct exr_part *part, const char
     if (btf_direction(part, of, ret_theta, ret_phi))
         return TRUE;
     g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                "part %s: an angle of its %s is missing or not a number", part->name, of);
+                "part %s: an angle of its %s is missing or is not a number", part->name, of);
     return FALSE;
 }
 
@@ -140,9 +141,9 @@ static gboolean reference_take_view(Reference *r, const char *path, GError **err
     g_array_append_val(r->view_phi, phi);
     if (!good)
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "%s: %s; delete it and process again", path,
+                    "%s: %s; delete the file and process the session again", path,
                     why != NULL ? why->message
-                                : "its lights or texels are not those of the other views");
+                                : "its lights or texels differ from those of the other views");
     return good;
 }
 
@@ -161,7 +162,7 @@ Reference *reference_open(const char *btf, GError **error) {
     g_ptr_array_sort(r->files, compare_names);
     if (r->files->len == 0) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
-                    "there is no BTF in %s; “mesorig process” makes it from a session", btf);
+                    "there is no BTF in %s; run “mesorig process” on the session first", btf);
         return NULL;
     }
     for (guint k = 0; k < r->files->len; k++)
@@ -289,8 +290,8 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
-/* Returns the values of a layer at a texel of the drawn pattern, which are those of the sample's
- * texel at that place. */
+/* Returns the values of a layer at a texel of the drawn pattern, which are the values of the
+ * sample's texel at that place. */
 static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
     if (s->index != NULL) {
         const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);
@@ -397,7 +398,7 @@ static void reference_shade(int part, gpointer data) {
     }
 }
 
-/* Reads lights × texels × stride floats; only R, G and B are set. */
+/* Reads lights × texels × stride floats. Only R, G and B are set. */
 static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
                                     GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
@@ -418,8 +419,10 @@ static gboolean reference_read_file(const Reference *r, const char *path, int st
     }
     exr_file_free(file);
     if (!good)
-        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "%s: a light or a colour is missing; delete it and process again", path);
+        g_set_error(
+            error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+            "%s: a light or a colour is missing; delete the file and process the session again",
+            path);
     return good;
 }
 
@@ -493,8 +496,8 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     s->sky = sky;
     if (layers == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "no memory for a view of %u lights of %d × %d texels", r->names->len, r->width,
-                    r->height);
+                    "there is no memory for a view of %u lights of %d × %d texels", r->names->len,
+                    r->width, r->height);
         return FALSE;
     }
     work_for_each(0, PARTS, reference_prepare, s);
@@ -660,8 +663,8 @@ static gboolean shade_material_number(Reference *r, int number, struct shading *
     const struct index_map *index = number == 0 ? viewer_index(viewer) : NULL;
     if (index != NULL && (index->sample_width != r->width || index->sample_height != r->height)) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "the index map is of a sample of %d × %d texels, and the BTF has %d × %d; "
-                    "synthesize it from this session",
+                    "the index map is for a sample of %d × %d texels, but the BTF has %d × %d; "
+                    "synthesize the map from this session",
                     index->sample_width, index->sample_height, r->width, r->height);
         return FALSE;
     }
@@ -670,7 +673,7 @@ static gboolean shade_material_number(Reference *r, int number, struct shading *
     if ((index != NULL || shading->endless != NULL) && r->reprojection != NULL) {
         g_set_error(
             error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-            "a picture along the surface repeats the sample: leave --index and --endless out");
+            "a picture along the surface repeats the sample; leave out --index and --endless");
         return FALSE;
     }
     shading->reference = r;
@@ -724,7 +727,7 @@ guint8 *reference_render_scene(Reference *const *references, int n, Viewer *view
         s.samples--;
     if ((gint64)width * height > REFERENCE_MAX_SAMPLES) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "a reference picture of %d × %d is too large: at most %d pixels are possible",
+                    "a reference picture of %d × %d is too large; at most %d pixels are possible",
                     width, height, REFERENCE_MAX_SAMPLES);
         return NULL;
     }

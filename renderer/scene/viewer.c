@@ -43,8 +43,8 @@ const struct viewer_settings viewer_settings_default = {
 /* A material. Its MDF is the relief's MDF with the same number. */
 struct viewer_material {
     const struct method *method;
-    gpointer material;  /* of the method */
-    Programs *programs; /* of the method */
+    gpointer material;  /* an object of the method */
+    Programs *programs; /* programs of the method */
     double tiles;       /* in each direction, for all but the first material */
 };
 
@@ -110,8 +110,8 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         if (!(l->distance >= 0.0 && l->distance <= 1000.0 && l->cone_deg >= 0.0 &&
               l->cone_deg <= 90.0 && l->inner_deg >= 0.0 && l->inner_deg <= 90.0)) {
             g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                        "further lamp %d: its distance is %g, its cone %g and its inner cone %g; "
-                        "they must be 0 … 1000, 0 … 90° and 0 … 90°",
+                        "further lamp %d: its distance is %g, its cone is %g and its inner cone is "
+                        "%g; the distance must be 0 … 1000, and the cones must be 0 … 90°",
                         k + 1, l->distance, l->cone_deg, l->inner_deg);
             return FALSE;
         }
@@ -253,7 +253,7 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-/* Takes ownership of material, which is NULL with an error. */
+/* Takes ownership of material. If material is NULL, error is set already. */
 static gboolean take(Viewer *viewer, const struct method *method, gpointer material,
                      GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))
@@ -336,8 +336,8 @@ gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error) {
     if (m->method != NULL && m->method->texels != NULL && m->method->texels(m->material, size) &&
         (map->sample_width != size[0] || map->sample_height != size[1])) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "%s is an index map of a sample of %d × %d texels, and the material has %d × "
-                    "%d; synthesize it from this material",
+                    "%s is an index map for a sample of %d × %d texels, but the material has %d × "
+                    "%d; synthesize the map from this material",
                     path, map->sample_width, map->sample_height, size[0], size[1]);
         return FALSE;
     }
@@ -386,8 +386,8 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
     const struct mesh_part whole = {0, mesh->n_indices, 0};
     if (mesh->n_parts > VISIBILITY_MAX_PARTS) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%s: %u parts are too many: at most %d are drawn", mesh->name, mesh->n_parts,
-                    VISIBILITY_MAX_PARTS);
+                    "%s: the shape has %u parts, but at most %d can be drawn", mesh->name,
+                    mesh->n_parts, VISIBILITY_MAX_PARTS);
         return FALSE;
     }
     g_free(viewer->parts);
@@ -480,8 +480,8 @@ const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_s
     return endless;
 }
 
-/* Returns the number of a part's material, or that of the main material if the part's material does
- * not exist yet. */
+/* Returns the number of a part's material, or the number of the main material if the part's
+ * material does not exist yet. */
 static int part_material(const Viewer *viewer, int part) {
     const int material = viewer->parts[part].material;
     return material < viewer->n_materials ? material : 0;

@@ -20,7 +20,7 @@
  * diffuser is at the origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
-    double theta_deg, phi_deg; /* direction from the origin */
+    double theta_deg, phi_deg; /* direction of the lamp from the origin */
     float rgb[3];
     double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
     /* Half the angle of a near lamp's cone of light, and the inner part of it in which the light
@@ -30,8 +30,8 @@ struct viewer_lamp {
     double aim[3]; /* a point on the axis of the cone, in radii; not the position of the lamp */
 };
 
-/* World coordinates are those of the mesh, with z up. Azimuths are from +x, counter-clockwise seen
- * from above. */
+/* World coordinates are the coordinates of the mesh, with z up. Azimuths are from +x,
+ * counter-clockwise seen from above. */
 struct viewer_settings {
     double camera_azimuth_deg, camera_elevation_deg;
     /* From the origin, in radii of the mesh; 0 means that the mesh just fits. */
@@ -121,8 +121,8 @@ gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **e
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
 /* Sets the index map through which the material and its MDF are seen (gl/index_texture.h). With
- * NULL, the sample is repeated. Copies everything that it needs. The sample of the material must be
- * that of the map. Methods without a material file, viewer_render_flat() and plain pictures ignore
+ * NULL, the sample is repeated. Copies everything that it needs. The material and the map must have
+ * the same sample. Methods without a material file, viewer_render_flat() and plain pictures ignore
  * the map. If the settings leave the tiles to the mesh, their number becomes a multiple of the
  * length of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
@@ -161,7 +161,8 @@ void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint 
  * / height. Without this call, drawing computes both again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
-/* Draws into a framebuffer object (0 is that of the window) of width × height pixels, as sRGB. */
+/* Draws into a framebuffer object (0 is the window's framebuffer) of width × height pixels, as
+ * sRGB. */
 gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, guint framebuffer,
                      int width, int height, GError **error);
 

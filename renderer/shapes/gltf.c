@@ -114,9 +114,9 @@ static gboolean read_attributes(struct reader *r, JsonObject *primitive, struct 
     if (a->of[POSITION] == NULL)
         return gltf_bad(r->gltf, error, "a primitive has no positions");
     if (a->of[UV] == NULL && !r->bare)
-        return gltf_fail(r->gltf, SCENE_ERROR_NO_TEXTURE, error,
-                         "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it "
-                         "with them");
+        return gltf_fail(
+            r->gltf, SCENE_ERROR_NO_TEXTURE, error,
+            "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it again");
     for (int k = 1; k < N_ATTRIBUTES; k++)
         if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
             return gltf_bad(r->gltf, error, "the attributes of a primitive have different lengths");

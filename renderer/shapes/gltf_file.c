@@ -102,8 +102,8 @@ static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError 
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_equal(name, "KHR_lights_punctual") && !g_str_has_prefix(name, "EXT_texture_")))
             return gltf_bad(gltf, error,
-                            "it needs the extension %s, which is not read; save it without "
-                            "compression",
+                            "it needs the extension %s, which cannot be read; save the file "
+                            "without compression",
                             name != NULL ? name : "(no name)");
     }
     return TRUE;
@@ -168,7 +168,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     if (g_str_has_prefix(uri, "data:")) {
         gsize size = 0;
         if (comma == NULL || comma - uri < 7 || strncmp(comma - 7, ";base64", 7) != 0) {
-            gltf_bad(gltf, error, "a data URI is not base64");
+            gltf_bad(gltf, error, "a data URI is not in base64");
             return NULL;
         }
         guint8 *bytes = g_base64_decode(comma + 1, &size);
@@ -280,8 +280,10 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
         return gltf_bad(gltf, error, "accessor %d is of another type than %d numbers", (int)k,
                         n_components);
     if (gltf_object(accessor, "sparse") != NULL)
-        return gltf_bad(gltf, error, "accessor %d is sparse, which is not read; save it without",
-                        (int)k);
+        return gltf_bad(
+            gltf, error,
+            "accessor %d is sparse, which cannot be read; save the file without sparse accessors",
+            (int)k);
     if (n < 0 || n > SOUP_MAX_CORNERS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
                          "the count of accessor %d is missing or not 1 to %d", (int)k,

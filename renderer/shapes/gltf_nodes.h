@@ -12,11 +12,11 @@ struct gltf_transform {
 void gltf_move_point(const struct gltf_transform *p, const float v[3], double w, float ret[3]);
 /* Transforms by the cofactors, so that a normal stays perpendicular to the surface. */
 void gltf_move_normal(const struct gltf_transform *p, const float v[3], float ret[3]);
-/* A negative determinant means that the transform mirrors. */
+/* Returns the determinant. If it is negative, the transform mirrors. */
 double gltf_determinant(const struct gltf_transform *p);
 
-/* Reads a member that is an array of n numbers. Returns FALSE, and does not change values, if it is
- * not. */
+/* Reads a member that is an array of n numbers. If it is not such an array, returns FALSE and does
+ * not change values. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
 /* Called for a mesh. p transforms from the node to the world. node is NULL for meshes of a file

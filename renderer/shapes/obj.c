@@ -100,8 +100,7 @@ static gboolean parse_corner(struct obj *obj, const char **text, struct soup_cor
         return FALSE;
     if (**text != '/' || (*text)[1] == '/')
         return fail(obj, SCENE_ERROR_NO_TEXTURE, error,
-                    "this face has no texture coordinates (vt); unwrap the mesh and save it with "
-                    "them");
+                    "this face has no texture coordinates (vt); unwrap the mesh and save it again");
     (*text)++;
     if (!parse_index(obj, text, obj->soup.uvs, "texture coordinate", &ret->vt, error))
         return FALSE;
@@ -124,7 +123,7 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
-        return obj_bad(obj, error, "a face has three corners or more, not %d", n);
+        return obj_bad(obj, error, "a face needs at least three corners, but this one has %d", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
         return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
                     SOUP_MAX_CORNERS);

@@ -193,8 +193,7 @@ static double twice_area(const double a[3], const double b[3]) {
 }
 
 /* Lays a plane of half_width radii below the lowest point of the mesh. If the mesh has tiles_u ×
- * tiles_v tiles, the tiles of the floor are square, and their mean size is that of the mesh's
- * tiles. */
+ * tiles_v tiles, the tiles of the floor are square, and have the mean size of the mesh's tiles. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
     double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums of areas on the mesh, and in u and v */

@@ -12,7 +12,7 @@ gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError
     *ret = (struct scene_binding){.tiles = 1.0};
     if (equals == NULL || equals == text || equals[1] == '\0') {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--material %s: NAME=PATH or NAME=PATH,TILES is expected", text);
+                    "--material %s: give NAME=PATH or NAME=PATH,TILES", text);
         return FALSE;
     }
     ret->name = g_strndup(text, (gsize)(equals - text));
@@ -77,7 +77,7 @@ static gboolean parts_check(const struct parts *p, const char *path, GError **er
                 continue;
             g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_TEXTURE,
                         "%s: the mesh “%s” of material “%s” has no texture coordinates "
-                        "(TEXCOORD_0): unwrap it and save it with them",
+                        "(TEXCOORD_0); unwrap it and save it again",
                         path, parts_at(p, k)->name, p->bindings[b].name);
             return FALSE;
         }
@@ -184,8 +184,8 @@ struct mesh *scene_read_parts(const char *path, const struct scene_binding *bind
     }
     if (n_vertices > SCENE_MAX_VERTICES || n_indices > 6 * (gsize)SCENE_MAX_VERTICES) {
         g_set_error(error, SCENE_ERROR, SCENE_ERROR_TOO_LARGE,
-                    "%s: it has %zu vertices, of which %d can be drawn; leave meshes out", path,
-                    n_vertices, SCENE_MAX_VERTICES);
+                    "%s: it has %zu vertices, but only %d can be drawn; leave out some meshes",
+                    path, n_vertices, SCENE_MAX_VERTICES);
         return NULL;
     }
     parts_find_floor(&p);

@@ -197,8 +197,8 @@ static void add_polygon(const struct soup *soup, struct builder *b,
     }
 }
 
-/* Completes a tangent. own is that of the file, which takes precedence over a computed one. It is
- * NULL if the file has none. */
+/* Completes a tangent. own is the tangent in the file, which takes precedence over a computed one.
+ * It is NULL if the file has none. */
 static void finish_tangent(struct vertex *vertex, const float *own) {
     float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);

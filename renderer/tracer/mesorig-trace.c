@@ -39,10 +39,12 @@ static const GOptionEntry entries[] = {
     {"turn", 0, 0, G_OPTION_ARG_DOUBLE, &turn_deg,
      "Turn the environment about the vertical axis, counter-clockwise seen from above", "DEG"},
     {"lamp", 0, 0, G_OPTION_ARG_STRING_ARRAY, &lamps,
-     "A lamp far away, from the zenith and from +x; brightness 1 if not given",
+     "A lamp that is far away, with its angles from the zenith and from +x; the default brightness "
+     "is 1",
      "THETA,PHI[,BRIGHTNESS]"},
     {"camera", 0, 0, G_OPTION_ARG_STRING, &camera,
-     "A camera that sees the whole scene, instead of that of the file; field of view 40",
+     "A camera that sees the whole scene, instead of the camera of the file; the default field of "
+     "view is 40",
      "AZIMUTH,ELEVATION[,FOV]"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size in pixels, default 640x480", "WxH"},
     {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Samples per pixel, default 64", "N"},
@@ -94,8 +96,7 @@ static gboolean trace_main_numbers(const char *option, const char *text, int n_l
     }
     if (!good)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
-                    "--%s %s: %d to 3 numbers with commas between them are expected", option, text,
-                    n_least);
+                    "--%s %s: give %d to 3 numbers, separated by commas", option, text, n_least);
     return good;
 }
 
@@ -121,7 +122,7 @@ static gboolean trace_main_set_material(TraceScene *scene, const char *text, GEr
 static gboolean trace_main_set_relief(TraceScene *scene, const char *text, GError **error) {
     g_auto(GStrv) parts = g_strsplit(text, "=", 2);
     if (*parts == NULL || **parts == '\0' || (parts[1] != NULL && *parts[1] == '\0'))
-        return trace_main_fail(error, "--relief %s: NAME or NAME=FILE.exr is expected", text);
+        return trace_main_fail(error, "--relief %s: give NAME or NAME=FILE.exr", text);
     return trace_scene_set_relief(scene, parts[0], parts[1], error);
 }
 
@@ -142,7 +143,7 @@ static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
         g_autofree char *names = g_strjoinv(", ", (char **)environment_names);
         return trace_main_fail(error,
                                "--environment=%s: there is no file of that name; choose from: "
-                               "white, %s; or give FILE.exr, twice as wide as high",
+                               "white, %s; or give FILE.exr, an EXR that is twice as wide as high",
                                environment_name, names);
     } else {
         environment = environment_open(environment_name, error);
@@ -152,7 +153,8 @@ static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
     TraceSky *sky = trace_sky_new(environment, turn_deg);
     environment_free(environment);
     if (sky == NULL)
-        return trace_main_fail(error, "%s: the environment map is black everywhere: choose another",
+        return trace_main_fail(error,
+                               "%s: the environment map is black everywhere; choose another one",
                                environment_name);
     trace_scene_set_sky(scene, sky);
     return TRUE;
@@ -164,17 +166,17 @@ static gboolean trace_main_set_lamps(TraceScene *scene, GError **error) {
         if (!trace_main_numbers("lamp", *lamp, 2, numbers, error))
             return FALSE;
         if (!(numbers[2] >= 0.0) || numbers[0] < 0.0 || numbers[0] > 180.0)
-            return trace_main_fail(error,
-                                   "--lamp %s: the first number is 0 to 180, the third not "
-                                   "negative",
-                                   *lamp);
+            return trace_main_fail(
+                error,
+                "--lamp %s: the first number must be 0 to 180, and the third must not be negative",
+                *lamp);
         trace_scene_add_lamp(scene, numbers[0], numbers[1], numbers[2]);
     }
     if (scene->lamps->len > MAX_LAMPS)
-        return trace_main_fail(error, "%u lamps are too many: at most %d", scene->lamps->len,
-                               MAX_LAMPS);
+        return trace_main_fail(error, "%u lamps are too many; at most %d are possible",
+                               scene->lamps->len, MAX_LAMPS);
     if (scene->lamps->len == 0 && scene->sky == NULL && scene->lit.n == 0)
-        return trace_main_fail(error, "the scene has no light: give --environment or --lamp");
+        return trace_main_fail(error, "the scene has no light; give --environment or --lamp");
     return TRUE;
 }
 
@@ -185,10 +187,9 @@ static gboolean trace_main_set_camera(TraceScene *scene, GError **error) {
     if (!trace_main_numbers("camera", camera, 2, numbers, error))
         return FALSE;
     if (fabs(numbers[1]) > 90.0 || !(numbers[2] >= 1.0 && numbers[2] <= 170.0))
-        return trace_main_fail(error,
-                               "--camera %s: the elevation is −90 to 90, the field of view 1 to "
-                               "170",
-                               camera);
+        return trace_main_fail(
+            error, "--camera %s: the elevation must be −90 to 90, and the field of view 1 to 170",
+            camera);
     trace_scene_look(scene, numbers[0], numbers[1], numbers[2]);
     return TRUE;
 }
@@ -201,7 +202,7 @@ static gboolean trace_main_options(struct trace_options *ret, GError **error) {
     ret->drawing = evenly ? TRACE_DRAW_EVENLY : TRACE_DRAW_BY_IMPORTANCE;
     char end;
     if (size != NULL && sscanf(size, "%dx%d%c", &ret->width, &ret->height, &end) != 2)
-        return trace_main_fail(error, "--size %s: WIDTHxHEIGHT is expected, such as 640x480", size);
+        return trace_main_fail(error, "--size %s: give WIDTHxHEIGHT, such as 640x480", size);
     if (threads < 0 || threads > 1024)
         return trace_main_fail(error, "--threads: %d is out of range: 0 to 1024", threads);
     if (!isfinite(exposure_ev) || fabs(exposure_ev) > 50.0)
@@ -264,7 +265,8 @@ static gboolean trace_main_run(const char *path, GError **error) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const struct work work = {threads, trace_main_tell, cancellable, cancellable};
     const gint64 begun_us = g_get_monotonic_time();
-    g_autoptr(OutputFile) png = NULL, exr = NULL; /* decided now, before hours of work */
+    /* the outputs are checked now, before hours of work */
+    g_autoptr(OutputFile) png = NULL, exr = NULL;
     if (!trace_main_options(&options, error) ||
         (png_path != NULL && !(png = output_file_new(png_path, "trace", force, error))) ||
         (exr_path != NULL && !(exr = output_file_new(exr_path, "trace", force, error))))

@@ -68,7 +68,8 @@ static void path_look_for_sky(struct path *path, const struct trace_hit *hit, st
     path_add(path, reflected, radiance, path_weight(density, other) / density);
 }
 
-/* Returns the density of a point on an area, per solid angle seen from the end of the path. */
+/* Returns the probability density of a point on an area, per solid angle as seen from the end of
+ * the path. */
 static double area_density(const TraceScene *scene, gsize k, struct vec3 towards, double distance) {
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
     const double cos_area = -vec3_dot(area->normal, towards);

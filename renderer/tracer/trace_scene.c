@@ -80,9 +80,10 @@ static void scene_measure(TraceScene *scene) {
 static gboolean scene_build(TraceScene *scene, GError **error) {
     scene->device = rtcNewDevice("threads=1");
     if (scene->device == NULL) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "Embree does not run on this processor (error %d): it needs SSE2 or NEON",
-                    (int)rtcGetDeviceError(NULL));
+        g_set_error(
+            error, TRACE_ERROR, TRACE_ERROR_SCENE,
+            "Embree does not run on this processor (error %d), because it needs SSE2 or NEON",
+            (int)rtcGetDeviceError(NULL));
         return FALSE;
     }
     scene->rays = rtcNewScene(scene->device);
@@ -224,8 +225,8 @@ static gboolean scene_check_name(const TraceScene *scene, const char *name, GErr
         const struct gltf_part *part = scene_part(scene, k);
         if (!part->texture && g_str_equal(part_surface(scene, part)->name, name)) {
             g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                        "the mesh “%s” of material “%s” has no texture coordinates (TEXCOORD_0): "
-                        "unwrap it and save it with them",
+                        "the mesh “%s” of material “%s” has no texture coordinates (TEXCOORD_0); "
+                        "unwrap it and save it again",
                         part->name, name);
             return FALSE;
         }
@@ -237,7 +238,7 @@ gboolean trace_scene_set_material(TraceScene *scene, const char *name, const cha
                                   double tiles, GError **error) {
     if (!(tiles > 0.0) || !isfinite(tiles)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
-                    "material “%s”: %g tiles are not possible: give a number above 0", name, tiles);
+                    "material “%s”: %g tiles are not possible; give a number above 0", name, tiles);
         return FALSE;
     }
     if (!scene_check_name(scene, name, error))
@@ -304,8 +305,8 @@ gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char 
     }
     if (!found)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
-                    "relief “%s”: no captured material of that name is in the scene; also give it "
-                    "with --material",
+                    "relief “%s”: the scene has no captured material of that name; give the name "
+                    "with --material as well",
                     name);
     scene->has_relief |= found;
     return found;

@@ -1,7 +1,7 @@
 /*
  * A scene for ray tracing: the triangles of a glTF file in Embree, their materials, lamps, a sky
- * and a camera. z is up, and lengths are those of the file. Radiance 1 is that of a white diffuser
- * under a directional lamp of brightness 1 along its normal, whose irradiance is π.
+ * and a camera. z is up, and lengths are those of the file. A white diffuser has radiance 1 under a
+ * directional lamp of brightness 1 along its normal, whose irradiance is π.
  */
 #pragma once
 
@@ -65,8 +65,8 @@ typedef struct trace_scene {
     struct trace_camera camera;
 } TraceScene;
 
-/* Reads a glTF file. The camera is that of the file, or that of trace_scene_look() if the file has
- * none. */
+/* Reads a glTF file. The camera is read from the file. If the file has none, it is set by
+ * trace_scene_look(). */
 TraceScene *trace_scene_read(const char *path, GError **error);
 void trace_scene_free(TraceScene *scene); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
@@ -77,7 +77,7 @@ gboolean trace_scene_set_material(TraceScene *scene, const char *name, const cha
                                   double tiles, GError **error);
 /* Lets rays pass above the relief of the materials of this name, which must be captured materials.
  * At outlines the surface behind is then seen, and light passes at the edges of shadows. mdf is the
- * file of the distances, or NULL for that of the material's session. */
+ * file of the distances. NULL means the file in the material's session. */
 gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
                                 GError **error);
 /* Sets the sky and takes ownership of it. NULL means black. */

@@ -28,13 +28,13 @@ struct trace_surface {
     } relief;
 };
 
-/* The texture coordinates of a hit, those of the mesh, with v upwards. */
+/* The texture coordinates of the mesh at a hit, with v upwards. */
 struct trace_texel {
     double u, v;
 };
 
-/* The distribution of drawn directions: that of the material, or an even one over the hemisphere,
- * for comparison. */
+/* The distribution of drawn directions: the distribution of the material, or for comparison an even
+ * distribution over the hemisphere. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
 /* Computes f cos θ_l: the radiance reflected towards view for a radiance from light, per solid

@@ -7,7 +7,7 @@
 #define PORTAL      "org.freedesktop.portal.Desktop"
 #define PORTAL_PATH "/org/freedesktop/portal/desktop"
 #define REQUEST     "org.freedesktop.portal.Request"
-#define ANSWER_MS   5000 /* limit for the portal to answer that it opens a dialog */
+#define ANSWER_MS   5000 /* how long the portal may take to answer that it opens a dialog */
 
 struct Chooser {
     GDBusConnection *bus;
@@ -76,7 +76,7 @@ static void on_opened(GObject *source, GAsyncResult *result, gpointer data) {
         g_dbus_connection_call_finish(G_DBUS_CONNECTION(source), result, &error);
     chooser->under_way--;
     if (reply == NULL && !was_cancelled(error)) {
-        g_debug("the portal opens no dialog: %s", error->message);
+        g_debug("the portal does not open a dialog: %s", error->message);
         end(chooser, CHOOSER_UNAVAILABLE);
     } else if (reply != NULL && chooser->cancel != NULL) {
         const char *request;

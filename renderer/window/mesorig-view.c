@@ -30,8 +30,8 @@ struct studio {
     struct environment *environment; /* or NULL */
     Viewer *viewer, *second;
     Compose *compose;
-    /* References for the materials of the viewer. That of the main material may be NULL. If
-     * n_references is 0, the methods draw the pictures. */
+    /* References for the materials of the viewer. The reference of the main material may be NULL.
+     * If n_references is 0, the methods draw the pictures. */
     Reference *references[VIEWER_MAX_MATERIALS];
     int n_references;
     guint8 *sheet; /* sheet of o->sheet columns; NULL for one file per frame */
@@ -317,10 +317,11 @@ static void viewer_main_tell(const struct studio *studio) {
         g_print("%s: %s on %s\n", (const char *)files->pdata[0], studio->material,
                 studio->o->shape);
     else if (files->len == 1)
-        g_print("%s: from left to right measured, drawn, four times their difference; view %d at "
-                "%.1f° %.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
-                (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg,
-                m->light, m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
+        g_print(
+            "%s: from left to right the measured picture, the drawn picture, and four times their "
+            "difference; view %d at %.1f° %.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
+            (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg, m->light,
+            m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
     if (studio->n_replaced > 0)
         g_print("%d of %u %s an existing file\n", studio->n_replaced, files->len,
                 studio->n_replaced == 1 ? "replaces" : "replace");
@@ -381,9 +382,8 @@ int main(int argc, char **argv) {
     g_option_group_add_entries(group, table);
     g_option_context_set_main_group(context, group);
     g_option_context_set_description(
-        context,
-        "MATERIAL is the directory of a processed session, or a file that mesorig process or "
-        "mesorig compress made; without one, woven fabric is shown.\n");
+        context, "MATERIAL is the directory of a processed session, or a file made by mesorig "
+                 "process or mesorig compress. Without MATERIAL, woven fabric is shown.\n");
     int status = 0;
     help_text_answer(context, argc, argv);
     gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);

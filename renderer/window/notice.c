@@ -16,8 +16,8 @@ void notice_show(const char *title, const char *sentence) {
     g_variant_builder_init(&hints, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&hints, "{sv}", "desktop-entry",
                           g_variant_new_string("org.mesorig.View"));
-    /* Notify (name, replaces, icon, title, text, actions, hints, timeout). A timeout of −1 is that
-     * of the service. */
+    /* Notify (name, replaces, icon, title, text, actions, hints, timeout). A timeout of −1 means
+     * the timeout of the service. */
     g_autoptr(GVariant) reply = g_dbus_connection_call_sync(
         bus, "org.freedesktop.Notifications", "/org/freedesktop/Notifications",
         "org.freedesktop.Notifications", "Notify",

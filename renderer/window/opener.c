@@ -61,7 +61,7 @@ Opener *opener_new(struct GLFWwindow *window, GError **error) {
     if (context == NULL) {
         g_set_error(
             error, GPU_ERROR, GPU_ERROR_NONE,
-            "no second OpenGL context could be made for loading materials; try --render FILE.png");
+            "no second OpenGL context for loading materials could be made; try --render FILE.png");
         return NULL;
     }
     Opener *opener = g_new0(Opener, 1);

@@ -106,8 +106,8 @@ void viewer_options_init(struct viewer_options *o) {
 
 GOptionEntry *viewer_options_entries(struct viewer_options *o) {
     const GOptionEntry others[] = {
-        {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
-         "OUT.png"},
+        {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render,
+         "Write a picture and do not open a window", "OUT.png"},
         FLAG("sample", &o->sample, "Show the sample material that comes with the package"),
         OPTION("shape", FILENAME, &o->shape, "SHAPE",
                "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
@@ -116,15 +116,15 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
                "compressed file, with TILES tiles in one unit of the texture coordinates; may be "
                "repeated. Other materials are replaced by MATERIAL"),
         OPTION("method", STRING, &o->method_name, "METHOD",
-               "Drawing method: eigenmaps (default, or another one for which the session has a "
-               "product), lpca-grid, lpca-revised, lpca, fields, ptm, hsh, lafortune, ward, "
+               "Drawing method: eigenmaps (default, unless the session only has the product of "
+               "another method), lpca-grid, lpca-revised, lpca, fields, ptm, hsh, lafortune, ward, "
                "ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin"),
         OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
                "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
         OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",
                "Rotation of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
         OPTION("size", STRING, &o->size, "WxH",
-               "Size in pixels, default 800x600, of the window 1200x800"),
+               "Size in pixels, default 800x600, for the window 1200x800"),
         OPTION("tiles", STRING, &o->tiles, "N|UxV",
                "Repetitions of the material along the shape, for example 8x3"),
         OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B[,DISTANCE[,CONE[,INNER]]]]",
@@ -134,9 +134,9 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
                "Light from all directions instead of the lamp: computed, or a picture (EXR, zenith "
                "in its first row)"),
         OPTION("camera-pan", CALLBACK, parse_pan, "RIGHT,UP",
-               "Moves the point that the camera looks at, in radii of the shape"),
+               "Moves the point at which the camera looks, in radii of the shape"),
         OPTION("supersample", INT, &o->supersample, "N",
-               "Samples of a pixel in each direction, 1 … 8; default 4, in the window 1, of a "
+               "Samples per pixel in each direction, 1 … 8; default 4, for the window 1, for a "
                "reference 2"),
         {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
          (gpointer)parse_silhouettes,
@@ -145,25 +145,25 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
             "mdf", FILENAME, &o->mdf, "FILE",
             "File of distances for --silhouettes; default: mdf.exr in the folder of the material"),
         OPTION("index", FILENAME, &o->index, "FILE|DIR",
-               "Arranges the texels by this index map of “mesorig synthesize”, or by that of a "
-               "session"),
+               "Arranges the texels by an index map of “mesorig synthesize”; also accepts a "
+               "session that has an index map"),
         OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
         OPTION("frames", INT, &o->frames, "N", "With --render: number of pictures OUT_0000.png …"),
         OPTION("sheet", INT, &o->sheet, "COLUMNS",
                "With --frames: writes one picture with this number of frames side by side"),
         FLAG("reference", &o->reference,
-             "With --render: draws the session's whole BTF instead of its eigen-maps, or a file on "
-             "the processor; slow"),
+             "With --render: draws the session's whole BTF instead of its eigen-maps, or draws a "
+             "compressed file on the processor; slow"),
         FLAG("along-surface", &o->along_surface,
              "With --reference of a session: views move along the surface of its MDF before they "
              "are mixed"),
         OPTION("split", STRING, &o->split, "METHOD",
                "Draws the right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",
-               "Shows the difference of another method, four times amplified around grey"),
+               "Shows the difference from another method, four times amplified around grey"),
         FLAG("measured", &o->measured,
-             "With --render: shows the measured frame nearest to camera and light, the same view "
-             "drawn, and four times the difference"),
+             "With --render: shows the measured frame that is nearest to camera and light, the "
+             "same view drawn, and four times their difference"),
         FLAG("live", &o->live,
              "Draws eigen-maps of the existing views while the session is still being captured"),
         OPTION("series", STRING, &o->series_text, "PERCENT,…",
@@ -272,13 +272,14 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
         if (!scene_binding_parse(*text, binding, error))
             return FALSE;
         if (!(binding->tiles > 0.0 && binding->tiles <= 1000.0))
-            return refuse_options(error, "--material %s: %g tiles are not above 0, up to 1000",
-                                  *text, binding->tiles);
+            return refuse_options(
+                error, "--material %s: the number of tiles is %g, but must be above 0, up to 1000",
+                *text, binding->tiles);
     }
     const char *shape = o->shape != NULL ? o->shape : "";
     return o->n_bindings == 0 || g_str_has_suffix(shape, ".gltf") ||
            g_str_has_suffix(shape, ".glb") ||
-           refuse_options(error, "--material needs --shape FILE.gltf or FILE.glb");
+           refuse_options(error, "--material also needs --shape FILE.gltf or FILE.glb");
 }
 
 static gboolean viewer_options_has_views(const char *session) {
@@ -302,9 +303,9 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     const char *second = o->split != NULL ? o->split : o->difference;
     o->argument = o->sample ? viewer_options_sample() : o->rest != NULL ? o->rest[0] : NULL;
     if (o->sample && o->rest != NULL)
-        return refuse_options(error, "--sample is a material: leave %s out", o->rest[0]);
+        return refuse_options(error, "--sample already names a material; leave out %s", o->rest[0]);
     if (o->sample && o->argument == NULL)
-        return refuse_options(error, "--sample: there is no " MESORIG_SAMPLE
+        return refuse_options(error, "--sample: there is no sample material " MESORIG_SAMPLE
                                      ". It comes with the package; "
                                      "in a source tree, “./run demo” captures one, and "
                                      "“etc/sample/make BUILD DIR” makes it");
@@ -349,7 +350,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
     } rules[] = {
         {s->plain && !first, "--plain needs --method eigenmaps"},
         {o->frames < 0 || o->frames > 10000 || o->close_after < 0,
-         "--frames takes 1 … 10000, --close-after 1 or more"},
+         "--frames must be 1 … 10000, and --close-after at least 1"},
         {(o->split != NULL) + (o->difference != NULL) + o->reference > 1,
          "only one of --split, --difference and --reference can be given"},
         {o->normal_map != NULL && !o->method->takes_normals &&
@@ -361,9 +362,9 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {o->live && (!session || !first || o->second != NULL),
          "--live needs a session and --method eigenmaps"},
         {s->plain && s->light_distance > 0.0,
-         "--plain has a light far away only; leave --light-distance out"},
+         "--plain only has a light that is far away; leave out --light-distance"},
         {o->measured && s->light_distance > 0.0,
-         "--measured compares under a light far away; leave --light-distance out"},
+         "--measured compares under a light that is far away; leave out --light-distance"},
         {s->light_cone_deg > 0.0 && s->light_distance == 0.0,
          "--light-cone-deg needs --light-distance"},
         {o->along_surface && (!o->reference || !session || o->index != NULL),
@@ -375,9 +376,9 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
                         (o->second != NULL && o->second->product == NULL)),
          "--endless needs a MATERIAL, without --plain, --index and --measured"},
         {s->backdrop && o->environment == NULL, "--backdrop needs --environment"},
-        {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at takes 0 … 1"},
+        {!(o->compose.at >= 0.0 && o->compose.at <= 1.0), "--split-at must be 0 … 1"},
         {!(o->compose.gain >= 0.1 && o->compose.gain <= 1000.0),
-         "--difference-gain takes 0.1 … 1000"},
+         "--difference-gain must be 0.1 … 1000"},
         {o->n_bindings > 0 && (s->plain || o->measured || o->live || o->floor),
          "--material cannot be given with --plain, --measured, --live or --floor"},
         {o->reference &&
@@ -386,7 +387,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {o->n_series > 0 && (!o->live || o->render == NULL || o->frames != 0),
          "--series needs --live and --render OUT.png, without --frames"},
         {o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o)),
-         "--sheet needs --frames N, or --series of N, and takes 1 … N columns"},
+         "--sheet needs --frames N or --series with N pictures, and must be 1 … N columns"},
         {o->render == NULL && o->frames > 0, "--frames needs --render OUT.png"},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(rules); k++)
@@ -396,8 +397,8 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         (o->second != NULL || o->reference || o->measured || o->live || o->sheet != 0))
         return refuse_options(
             error,
-            "--render %s: light can be written for one method alone, not with --split, "
-            "--difference, --reference, --measured, --live or --sheet; take a .png",
+            "--render %s: linear light can only be written for one method, not with --split, "
+            "--difference, --reference, --measured, --live or --sheet; choose a .png",
             o->render);
     return TRUE;
 }
@@ -408,7 +409,7 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
     if (o->rest != NULL ? o->rest[1] != NULL : o->argument == NULL && o->method->product != NULL)
         return refuse_options(
             error,
-            "one MATERIAL is expected: a session directory or a file that “%s” made from one",
+            "give one MATERIAL: a session directory, or a file that “%s” made from a session",
             o->method->made_by != NULL ? o->method->made_by : "mesorig process");
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");

@@ -9,7 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* as given, and the file that is read, which need not exist */
+    char *mdf, *mdf_path; /* the path as given, and the path of the file that is read, which need
+                             not exist */
     /* Index map as given (a file or the directory of a session), and its file. */
     char *index, *index_path;
     char *normal_map; /* for methods that accept one; NULL keeps their normals */
@@ -54,8 +55,8 @@ void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Returns the material of --sample: that of the package, or the demo of a source tree. Returns NULL
- * if neither exists. */
+/* Returns the material of --sample, which comes with the package or is the demo of a source tree.
+ * Returns NULL if neither exists. */
 const char *viewer_options_sample(void);
 
 /* Returns the path of the file that a method opens. */

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define MIN_PICTURE                                                                                \
-    64 /* least width of the picture in pixels; in a narrower window the panel is hidden */
+    64 /* minimum width of the picture in pixels; in a narrower window the panel is hidden */
 
 /* Returns the width of the panel in framebuffer pixels, at the left. */
 static int panel_pixels(const struct window *w) {
@@ -54,10 +54,9 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
     glfwSetErrorCallback(on_glfw_error);
     if (!glfwInit()) {
         glfwGetError(&text);
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_NONE,
-            "no window can be opened here (%s); with --render FILE.png no display is needed",
-            text != NULL ? text : "no display");
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "no window can be opened here (%s); --render FILE.png needs no display",
+                    text != NULL ? text : "no display");
         return NULL;
     }
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);

@@ -5,8 +5,8 @@
  *
  * The window follows a session. It opens products again when they change. While the session has no
  * eigen-maps yet, the window makes eigen-maps of the existing views (live.h). Until a product can
- * be shown, it shows a material that needs no file. If a file cannot be opened, the window shows a
- * sentence that says why.
+ * be shown, the window shows a material that needs no file. If a file cannot be opened, the window
+ * shows a sentence with the reason.
  */
 #pragma once
 

@@ -70,9 +70,8 @@ static void files_enter(struct window_files *files, char *folder) {
     for (const char *name; files->rows->len < MAX_FILES && (name = g_dir_read_name(dir)) != NULL;)
         files_add(files, name);
     if (files->rows->len == MAX_FILES)
-        files->problem = g_strdup_printf("Only the first %d files are listed; type the name of "
-                                         "another.",
-                                         MAX_FILES);
+        files->problem = g_strdup_printf(
+            "Only the first %d files are listed; type the name of any other file.", MAX_FILES);
     g_ptr_array_sort(files->rows, files_row_compare);
 }
 
@@ -119,7 +118,7 @@ static void files_take(struct window *w, const char *path) {
         g_autofree char *named =
             g_str_has_suffix(path, ".png") ? g_strdup(path) : g_strconcat(path, ".png", NULL);
         if (g_file_test(named, G_FILE_TEST_EXISTS)) {
-            g_autofree char *why = g_strdup_printf("%s already exists: give another name.", named);
+            g_autofree char *why = g_strdup_printf("%s already exists; give another name.", named);
             window_say(w, why);
             files->focus = TRUE;
             return;

@@ -38,7 +38,8 @@ void window_set_environment(struct window *w, struct environment *environment, c
 
 void window_add_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
-    if (w->n_lamps >= VIEWER_MAX_LAMPS - 1 - (w->environment != NULL)) { /* and a near light */
+    /* one lamp is reserved for a near light */
+    if (w->n_lamps >= VIEWER_MAX_LAMPS - 1 - (w->environment != NULL)) {
         window_say(w, "There are 63 lamps already; remove one first.");
         return;
     }
@@ -92,7 +93,7 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg) 
 
 void window_toggle_backdrop(struct window *w) {
     if (w->environment == NULL)
-        window_say(w, "There is no environment to show: choose one in the panel.");
+        window_say(w, "There is no environment to show; choose one in the panel.");
     else
         w->now.settings.backdrop = !w->now.settings.backdrop;
     w->stale = TRUE;

@@ -11,7 +11,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#define SAMPLES 3 /* least number of samples of a pixel of a saved picture, in each direction */
+/* minimum number of samples of a pixel of a saved picture, in each direction */
+#define SAMPLES 3
 
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error) {
     g_autoptr(OutputFile) to = output_file_new(path, PICTURE_KIND, force, error);

@@ -36,8 +36,9 @@ static void ask_method(struct window *w, enum opener_place place, const struct m
     if (w->asked_argument != NULL)
         options.argument = w->asked_argument;
     if (options.argument == NULL && method->product != NULL) {
-        window_say(w, "There is no material yet that this method could draw: open a session first "
-                      "(Ctrl+O).");
+        window_say(
+            w,
+            "There is no material yet that this method can draw; open a session first (Ctrl+O).");
         return;
     }
     g_autofree char *path = viewer_options_path(&options, method);

@@ -148,7 +148,7 @@ TEST(frame) {
         g_assert_cmpint(n, >, 3);
         operator_does(run, 1, "process", run->session, NULL);
         assert_has(run->err, "its SHA-256 is ");
-        assert_has(run->err, ", the session has ");
+        assert_has(run->err, ", but the session has ");
         assert_has(run->err, "`mesorig resume` takes it again");
         operator_does(run, 0, "resume", run->session, NULL);
         operator_check_products(run);
@@ -175,7 +175,7 @@ static void refuses(struct operation *run, const char *product, const char *comm
     operator_does(run, 1, command, run->session, third, fourth, NULL);
     assert_has(run->err, path);
     assert_has(run->err, "damaged: its SHA-256 is ");
-    assert_has(run->err, ", the session has ");
+    assert_has(run->err, ", but the session has ");
 }
 
 TEST(products) {

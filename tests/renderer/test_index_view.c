@@ -248,7 +248,7 @@ static void test_other_sample(struct fixture *f, gconstpointer data) {
     g_assert_false(viewer_open_index(view, path, &error));
     g_assert_error(error, GPU_ERROR, GPU_ERROR_FAILED);
     g_autofree char *sizes = g_strdup_printf(
-        "of a sample of %d × %d texels, and the material has %d × %d", W + 1, H, W, H);
+        "for a sample of %d × %d texels, but the material has %d × %d", W + 1, H, W, H);
     g_assert_nonnull(strstr(error->message, sizes));
     g_assert_null(viewer_index(view));
     g_clear_error(&error);

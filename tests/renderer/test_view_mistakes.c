@@ -289,7 +289,7 @@ static void test_default_method(gconstpointer data) {
         g_assert_nonnull(strstr(said, path));
         g_assert_cmpint(unlink(path), ==, 0);
     }
-    refuses(NULL, argv, "eigenmaps.exr; “mesorig process” makes it");
+    refuses(NULL, argv, "eigenmaps.exr; run “mesorig process”");
     remove_tree(session);
 }
 
@@ -522,7 +522,7 @@ TEST(no_sample) {
     g_autofree char *both = NULL;
     arguments[4] = "cloth.session";
     g_assert_cmpint(run_without(NULL, NULL, arguments, &both), ==, 2);
-    g_assert_nonnull(strstr(both, "leave cloth.session out"));
+    g_assert_nonnull(strstr(both, "leave out cloth.session"));
 }
 
 /* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */

@@ -29,7 +29,7 @@
 GQuark bonn_error_quark(void);
 enum bonn_error {
     BONN_ERROR_IO,
-    BONN_ERROR_FORMAT,      /* not such a file, truncated, or inconsistent */
+    BONN_ERROR_FORMAT,      /* the file is not a ".btf", or is truncated or inconsistent */
     BONN_ERROR_UNSUPPORTED, /* of a kind that is not supported; the message says which */
     BONN_ERROR_FULL,        /* the disk is full */
 };
@@ -68,9 +68,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 const struct bonn_header *bonn_header(const BonnFile *file);
 
 /* Reads one view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone.
- * Texels that the mask leaves out, or that have a value that is not finite, are 0. ret_holes
- * (n_lights) is their number for each light. Returns FALSE if the file has been truncated since it
- * was opened. */
+ * Texels that the mask leaves out, and texels with a value that is not finite, are 0. ret_holes
+ * (n_lights) receives the number of such texels for each light. Returns FALSE if the file has been
+ * truncated since it was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 

@@ -10,9 +10,9 @@
 #include "exr/exr_half.h"
 
 #define MAX_COMPONENTS 65536
-/* Offset of logarithms: ln(value + this). */
+/* Offset of logarithms: ln(value + EPSILON). */
 #define EPSILON 1e-5f
-#define BLOCK   ((gsize)1024) /* number of numbers that are converted together */
+#define BLOCK   ((gsize)1024) /* how many numbers are converted together */
 
 void bonn_matrix_clear(struct bonn_matrix *matrix) {
     g_clear_pointer(&matrix->u, g_free);
@@ -73,7 +73,8 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
         return FALSE;
     if (scalar != 2 && scalar != 4 && scalar != 8)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "its numbers have %d bytes each; 2, 4 and 8 can be read", scalar);
+                         "its numbers have %d bytes each; only 2, 4 and 8 bytes can be read",
+                         scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;
@@ -138,7 +139,7 @@ gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_co
         if (colours->model == known[i])
             return TRUE;
     return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                     "its colour model %u cannot be read; 0, 1, 3, 4 and 9 to 12 can",
+                     "its colour model is %u; only 0, 1, 3, 4 and 9 to 12 can be read",
                      colours->model);
 }
 

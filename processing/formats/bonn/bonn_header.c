@@ -168,7 +168,7 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
     ret->cosine = cosine != 0;
     return bytes->at - begin == size ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "its metadata should have %u bytes by their own header, but have %zu", size,
+                     "its header says that the metadata has %u bytes, but it has %zu", size,
                      bytes->at - begin);
 }
 
@@ -177,11 +177,12 @@ static gboolean take_count(struct bonn_bytes *bytes, const char *what, guint32 m
     if (!bonn_take_u32(bytes, what, ret, error))
         return FALSE;
     if (*ret < 1 || *ret > most)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u as the %s is not valid", *ret, what);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u is not a valid %s", *ret, what);
     return *ret <= (bytes->size - bytes->at) / MAX(each, 1) || each == 0 ||
-           bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "it is cut off: %u as the %s needs more than its %zu bytes", *ret, what,
-                     bytes->size);
+           bonn_fail(
+               bytes, BONN_ERROR_FORMAT, error,
+               "it is cut off: with %u as the %s it would need more than the %zu bytes that it has",
+               *ret, what, bytes->size);
 }
 
 static float bonn_header_degrees(float rad) {
@@ -206,8 +207,10 @@ static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_he
     for (guint32 i = 0; same && i < 2 * n; i++)
         same = fabsf(lights[i] - (*first)[i]) < SAME_RAD;
     return same ||
-           bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                     "view %u has other lights than view 0; such files cannot be read", view);
+           bonn_fail(
+               bytes, BONN_ERROR_UNSUPPORTED, error,
+               "the lights of view %u differ from those of view 0; such a file cannot be read",
+               view);
 }
 
 static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret, GError **error) {
@@ -259,10 +262,9 @@ static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gb
         *ret_extra = known[i].extra;
         return TRUE;
     }
-    return bonn_fail(
-        bytes, BONN_ERROR_FORMAT, error,
-        "it is not a known kind of Bonn's BTF files: it begins with none of !BDIF06R2!, "
-        "!BDI06R2!, !DFMF08FCR, !FMF12FCER, !FMF06FCR");
+    return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                     "it is not a known kind of Bonn's BTF files, which begin with !BDIF06R2!, "
+                     "!BDI06R2!, !DFMF08FCR, !FMF12FCER or !FMF06FCR");
 }
 
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,

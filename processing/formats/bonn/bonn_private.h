@@ -15,7 +15,7 @@ struct bonn_bytes {
     const char *path;
 };
 
-/* Takes n bytes. Returns FALSE if not enough bytes are left; the error then names them by what. */
+/* Takes n bytes. what names the bytes in the error. Returns FALSE if not enough bytes are left. */
 gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
                    GError **error);
 gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
@@ -33,7 +33,7 @@ gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
 /* Skips the rotations of local frames. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
-/* Write the header, and a number. */
+/* Write the header, and a number. size is the number of bytes. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
 void bonn_put_float(GByteArray *to, double value);

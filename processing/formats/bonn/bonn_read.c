@@ -9,7 +9,7 @@
 #include "base/input_file.h"
 #include "exr/exr_half.h"
 
-/* pixels of a view (some texels under all lights) that are decoded together */
+/* Number of pixels of a view that are decoded together. They are some texels under all lights. */
 #define BLOCK ((gsize)1 << 20)
 
 struct BonnFile {
@@ -59,7 +59,7 @@ static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **
             return FALSE;
         if (size != n * each)
             return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                             "a chunk of %u bytes at byte %zu should have %zu", size,
+                             "a chunk of %u bytes at byte %zu should have %zu bytes", size,
                              bytes->at - sizeof size, n * each);
         if (!bonn_skip(bytes, size, "chunk", error))
             return FALSE;
@@ -74,12 +74,12 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     guint8 compression;
     const gsize n_texels = (gsize)header->width * (gsize)header->height;
     g_autofree guint8 *mask = g_malloc(n_texels);
-    if (!bonn_take_u32(bytes, "lines a chunk", &lines, error) ||
+    if (!bonn_take_u32(bytes, "number of lines per chunk", &lines, error) ||
         !bonn_take(bytes, 1, "compression", &compression, error))
         return FALSE;
     if (compression == 1)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is compressed by bzip2, which cannot be read");
+                         "it is compressed by bzip2, which is not supported");
     if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                          "compression %d with %u lines per chunk is not valid", compression, lines);
@@ -104,7 +104,7 @@ static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GErr
         return FALSE;
     if (version > 2)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is FMF version %d; versions up to 2 can be read", version);
+                         "it is FMF version %d; only versions up to 2 can be read", version);
     if (version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
         return FALSE;
     if (version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||
@@ -147,12 +147,11 @@ static gboolean parse(BonnFile *file, gsize size, GError **error) {
     const guint64 view = (guint64)header->width * (guint64)header->height *
                          (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
     if (view > input_file_memory(size))
-        return bonn_fail(
-            &bytes, BONN_ERROR_FORMAT, error,
-            "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
-            " MiB of memory, and of a file of %zu bytes may take at most %" G_GUINT64_FORMAT,
-            header->width, header->height, header->n_lights, view >> 20, size,
-            input_file_memory(size) >> 20);
+        return bonn_fail(&bytes, BONN_ERROR_FORMAT, error,
+                         "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
+                         " MiB of memory; the limit for a file of %zu bytes is %" G_GUINT64_FORMAT,
+                         header->width, header->height, header->n_lights, view >> 20, size,
+                         input_file_memory(size) >> 20);
     switch (header->kind) {
     case BONN_FMF:
         return bonn_skip_rotations(&bytes, &file->header, error) &&

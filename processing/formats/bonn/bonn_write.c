@@ -14,7 +14,7 @@
 
 struct output {
     char *path;
-    struct new_file file; /* its name is NULL before it is begun and after it is finished */
+    struct new_file file; /* file.name is NULL before the file is begun and after it is finished */
 };
 
 struct BonnWriter {

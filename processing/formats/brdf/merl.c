@@ -121,7 +121,8 @@ struct writing {
     gpointer data;
     int n_turns;
     double *values;             /* 3 × THETA_H × THETA_D × PHI_D */
-    double squares[THETA_H][2]; /* sums for each θ_h: of the differences, and of the mean */
+    double squares[THETA_H][2]; /* for each θ_h: the sum of squared differences from the mean, and
+                                   of squared means */
 };
 
 /* Gives the directions at the centre of a bin for φ_h = 0. */

@@ -11,7 +11,7 @@
 struct rgl {
     TensorFile *file;
     int n_phi, n_theta, n_channels;
-    const float *phi, *theta; /* of the file */
+    const float *phi, *theta; /* the nodes in the file */
     struct warp_table ndf, sigma, values;
     Warp *vndf;
     double *colours; /* n_channels × 3: R, G, B of each channel */
@@ -130,8 +130,8 @@ static gboolean read_values(struct rgl *rgl, const char *path, GError **error) {
         !(rgl->vndf =
               warp_new((int)vndf->shape[3], (int)vndf->shape[2], (int)slices, vndf->values)))
         return data_error_fail(path, 0, error,
-                               "its field “vndf” is no density: it needs 2 × 2 numbers or more for "
-                               "each direction of incidence, none negative and not all zero");
+                               "its field “vndf” is not a density: each direction of incidence "
+                               "needs at least 2 × 2 numbers, none negative and not all zero");
     return read_colours(rgl, path, field, error);
 }
 
@@ -184,7 +184,7 @@ static double elevation(const double d[3]) {
     return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
 }
 
-/* Mirrors directions into the azimuths of the file: those of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
+/* Mirrors directions into the azimuths of the file: directions of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
 static void mirror(const struct rgl *rgl, double in[3], double out[3]) {
     if (rgl->reduction < 2)
         return;

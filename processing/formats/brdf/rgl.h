@@ -44,7 +44,7 @@ struct rgl_result {
  * colours (for programs that read only spectra). D is found from the retro-reflection by power
  * iteration (Dupuy et al. 2015; Dupuy & Jakob 2018). With f of luminance,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1.
- * D is kept above 0.3 of that of the uniform hemisphere, 1/π. σ(ω) = ∫ ⟨ω, m⟩ D(m) dm, and vndf is
+ * D is kept above 0.3/π; D of the uniform hemisphere is 1/π. σ(ω) = ∫ ⟨ω, m⟩ D(m) dm, and vndf is
  * the mean of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du and of a constant. Neither limit changes f_r at the
  * nodes of the file. Between the nodes, the product of D and of rgb, which contains 1/D, is wrong
  * where D changes much within a cell. The two limits reduce this error to 0.3 … 0.8 % of f (RMS)

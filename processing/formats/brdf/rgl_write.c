@@ -11,12 +11,13 @@
 #define STEP_DEG 5.0
 #define N_PHI    25 /* number for an anisotropic file: −180° … 180° */
 #define N_A      64 /* columns of ndf, sigma and vndf */
-/* number of their azimuths; the tables have one more row, because the last row repeats the first */
+/* number of azimuths of ndf, sigma and vndf; the tables have one more row, because the last row
+ * repeats the first */
 #define N_B        48
 #define ROWS       (N_B + 1)
 #define SIDE       32   /* number of nodes of the sample space along an axis */
 #define ITERATIONS 8    /* Dupuy et al. 2015 need 4 */
-#define MIN_D      0.3  /* relative to that of the uniform hemisphere, 1/π */
+#define MIN_D      0.3  /* relative to D of the uniform hemisphere, which is 1/π */
 #define UNIFORM    0.5  /* share of a constant in vndf, so that the whole square is sampled */
 #define MIN_SHARE  1e-4 /* minimum for sampling, relative to the mean of luminance */
 #define HORIZON    0.01 /* cos θ of the direction that replaces directions below the surface */
@@ -31,9 +32,10 @@ struct rgl_writing {
     float phi[N_PHI], theta[N_THETA];
     float ndf[ROWS * N_A], sigma[ROWS * N_A];
     double spectra[RGL_WAVELENGTHS][3];
-    double directions[N_B * N_A][3], solid[N_B * N_A]; /* of the nodes, and dm of each */
-    double d[N_B * N_A], projected[N_B * N_A];         /* D and σ */
-    float *vndf, *luminance, *rgb, *values;            /* values: spectra */
+    double directions[N_B * N_A][3],
+        solid[N_B * N_A]; /* of the nodes: directions m, and the solid angle dm of each */
+    double d[N_B * N_A], projected[N_B * N_A]; /* D and σ */
+    float *vndf, *luminance, *rgb, *values;    /* values: spectra */
 };
 
 static void direction(double theta, double phi, double ret[3]) {

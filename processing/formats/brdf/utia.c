@@ -84,7 +84,7 @@ static gboolean read_exr(struct utia *utia, const char *path, GError **error) {
     if (!part)
         return FALSE;
     if (part->width != UTIA_SIDE || part->height != UTIA_SIDE || part->outside > 0)
-        return data_error_fail(path, 0, error, "it is cropped; save all of it");
+        return data_error_fail(path, 0, error, "it is cropped; save the whole picture");
     for (gsize c = 0; c < 3; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
         if (!plane)

@@ -6,7 +6,7 @@
 struct warp {
     int width, height, n_slices;
     float *values;      /* n_slices × height × width, in units of a cell: they sum to 1 */
-    float *conditional; /* the same shape: sums from the left within each row */
+    float *conditional; /* same shape as values: sums from the left within each row */
     float *marginal;    /* n_slices × height: sums of rows from the first on */
 };
 
@@ -154,7 +154,8 @@ static double solve(double a, double b, double area) {
     return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
 }
 
-/* Returns the last of n ascending sums, at first + i step, that is below area, at most n − 2. */
+/* Returns the index of the last of n ascending sums that is below area. The sum i is at first + i ·
+ * next. The index is at most n − 2. */
 static gsize find(const float *sums, gsize stride, gsize first, gsize n, gsize next, double part,
                   const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;

@@ -19,7 +19,7 @@
 
 struct Abrdf {
     struct abrdf_info info;
-    double *sums;   /* n_views × n_lights × 3: of B, then its mean */
+    double *sums;   /* n_views × n_lights × 3: the sum of B, later its mean */
     double *counts; /* n_views × n_lights */
     float *samples; /* 3 × SAMPLES (views) × SAMPLES (lights): f_r */
 };
@@ -54,9 +54,10 @@ static gboolean begin(Abrdf *abrdf, const char *path, int width, int height,
         *r = (struct import_region){0, 0, width, height};
     if (r->x < 0 || r->y < 0 || r->width < 1 || r->height < 1 || r->width > width - r->x ||
         r->height > height - r->y)
-        return data_error_fail(path, 0, error,
-                               "%d × %d texels at %d, %d do not lie within its %d × %d", r->width,
-                               r->height, r->x, r->y, width, height);
+        return data_error_fail(
+            path, 0, error,
+            "%d × %d texels from column %d, row %d do not lie within its %d × %d texels", r->width,
+            r->height, r->x, r->y, width, height);
     if (views->n < ABRDF_MIN_DIRECTIONS || lights->n < ABRDF_MIN_DIRECTIONS)
         return data_error_fail(path, 0, error,
                                "it has %zu views and %zu lights; a BRDF needs %d of each or more "
@@ -156,7 +157,8 @@ static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
         const gssize nearest = abrdf_nearest(abrdf, lights, pair / n, pair % n);
         if (nearest < 0) {
             data_error_set(path, 0, error,
-                           "view %zu has no value within these texels; choose others", pair / n);
+                           "view %zu has no value in any of these texels; choose other texels",
+                           pair / n);
             return NULL;
         }
         const gsize from = pair / n * n + (gsize)nearest;

@@ -2,8 +2,8 @@
  *
  * B(v, l), which contains n·l, is averaged over the texels of a region without holes, and divided
  * by π cos θ_l: f_r(l, v) = B / (π cos θ_l). Between the measured directions f_r is interpolated as
- * by direction_grid.h, separately over views and lights. Beyond the lowest measured direction it
- * keeps the value of that direction. It is never negative. */
+ * by direction_grid.h, separately over views and lights. Beyond the lowest measured direction f_r
+ * keeps the value of that direction. f_r is never negative. */
 #pragma once
 
 #include "btf/btf_layout.h"
@@ -25,8 +25,8 @@ struct abrdf_info {
     double lowest_deg; /* the lowest measured direction, beyond which nothing is known */
 };
 
-/* Reads a session, or a file that “mesorig compress” made of one. A region of zeros means all
- * texels. Needs at most the memory of one view of a session, or of a file's model. The progress
+/* Reads a session, or a file that “mesorig compress” made from a session. A region of zeros means
+ * all texels. Needs at most the memory of one view of a session, or of a file's model. The progress
  * stage is "read". The error is DATA_ERROR_INVALID if there are too few directions, if the region
  * is not in the material, or if there is no value at all. */
 Abrdf *abrdf_read(const char *path, const struct import_region *region, const struct work *work,

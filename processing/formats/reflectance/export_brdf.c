@@ -3,7 +3,7 @@
 #include "formats/brdf/merl.h"
 #include "formats/brdf/rgl.h"
 
-#define TURNS 12 /* number of rotations of a mean about the normal: 30° each */
+#define TURNS 12 /* number of rotations about the normal for a mean, 30° apart */
 
 gboolean export_brdf(const char *material, const char *file,
                      const struct export_brdf_options *options, const struct work *work,

@@ -1,7 +1,7 @@
 /*
  * Exports a material in the formats of other programs: its mean BRDF as RGL's .bsdf or MERL's
- * .binary, one of its views as a PTM or for Relight. Files appear complete or not at all. Any
- * thread; a session may be captured and processed meanwhile.
+ * .binary, or one of its views as a PTM or for Relight. Files appear complete or not at all. Any
+ * thread. The session may be captured and processed during an export.
  */
 #pragma once
 
@@ -44,7 +44,7 @@ struct export_rti_result {
     int view;
     double theta_deg;      /* of the view */
     double error;          /* RMS, sRGB, see struct rti_fit_result */
-    gint64 clipped, holes; /* numbers of values */
+    gint64 clipped, holes; /* numbers of values that were clipped, and of holes */
 };
 
 /* Needs the memory of one view. The progress stage is "read". */

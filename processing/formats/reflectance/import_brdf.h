@@ -19,8 +19,8 @@ struct import_brdf_wish {
 gboolean import_brdf(const char *path, const char *file, const struct import_brdf_wish *wish,
                      const struct work *work, struct import_result *ret, GError **error);
 
-/* Imports a .ptm or .rti (rti.h) under the lights of a table, or the 81 of the papers. f is sRGB,
- * and is converted to linear. */
+/* Imports a .ptm or .rti (rti.h) under the lights of a table, or under the 81 directions of the
+ * papers. The values of the file are sRGB, and are converted to linear. */
 gboolean import_ptm(const char *path, const char *file, const char *directions,
                     const struct import_wish *wish, const struct work *work,
                     struct import_result *ret, GError **error);

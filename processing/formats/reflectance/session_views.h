@@ -10,8 +10,8 @@ struct session_view_files {
     struct direction_list views, lights;
 };
 
-/* Opens the files. The lights are those of the first view. They are compared with the lights of
- * other views when these are read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet. */
+/* Opens the files. The lights are read from the first view. The lights of another view are compared
+ * with them when that view is read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet. */
 gboolean session_view_files_open(struct session_view_files *ret, const char *session,
                                  GError **error);
 void session_view_files_clear(struct session_view_files *files);
@@ -21,7 +21,7 @@ typedef gboolean (*SessionPicture)(int view, int light, const float *const plane
                                    GError **error);
 
 /* Calls func for each light of a view, in order. Reads the whole file if that takes at most 512
- * MiB, otherwise picture by picture. The error is DATA_ERROR_INVALID if the view's lights or size
- * differ from those of the first view. */
+ * MiB, otherwise picture by picture. The error is DATA_ERROR_INVALID if the lights or the size
+ * differ between the view and the first view. */
 gboolean session_view_files_read(const struct session_view_files *files, int view,
                                  SessionPicture func, gpointer data, GError **error);

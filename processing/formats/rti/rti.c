@@ -52,11 +52,11 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
                            double *ret, GError **error) {
     char word[MAX_NUMBER + 1], *end;
     if (!rti_word(head, word))
-        return data_error_fail(head->path, 0, error, "%s is missing from its head", what);
+        return data_error_fail(head->path, 0, error, "its header has no %s", what);
     *ret = g_ascii_strtod(word, &end);
     if (*end || !(*ret >= least && *ret <= most)) {
         g_autofree char *shown = g_utf8_make_valid(word, -1);
-        return data_error_fail(head->path, 0, error, "its %s is %s; %g to %g is expected", what,
+        return data_error_fail(head->path, 0, error, "its %s is %s; it must be %g to %g", what,
                                shown, least, most);
     }
     return TRUE;
@@ -67,7 +67,7 @@ static gboolean line_end(struct head *head, GError **error) {
     while (head->at < head->n && head->bytes[head->at] != '\n' && is_blank(head->bytes[head->at]))
         head->at++;
     if (head->at >= head->n || head->bytes[head->at] != '\n')
-        return data_error_fail(head->path, 0, error, "the last line of its head does not end");
+        return data_error_fail(head->path, 0, error, "the last line of its header does not end");
     head->at++;
     return TRUE;
 }
@@ -113,8 +113,8 @@ static gboolean read_ptm(struct head *head, struct rti *rti, GError **error) {
     rti->lrgb = strcmp(format, "PTM_FORMAT_LRGB") == 0;
     if (!rti->lrgb && strcmp(format, "PTM_FORMAT_RGB") != 0)
         return data_error_fail(head->path, 0, error,
-                               "its format is %s; PTM_FORMAT_RGB and PTM_FORMAT_LRGB are read: "
-                               "convert it, for instance with relight-cli",
+                               "its format is %s; only PTM_FORMAT_RGB and PTM_FORMAT_LRGB can be "
+                               "read. Convert it, for instance with relight-cli",
                                shown);
     rti->n_terms = RTI_PTM_TERMS;
     if (!read_size(head, rti, error))
@@ -163,7 +163,7 @@ static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
     rti->hsh = TRUE;
     rti->n_terms = (int)terms;
     if (rti->n_terms != 4 && rti->n_terms != 9 && rti->n_terms != 16)
-        return data_error_fail(head->path, 0, error, "it has %d terms; 4, 9 or 16 are read",
+        return data_error_fail(head->path, 0, error, "it has %d terms; only 4, 9 or 16 can be read",
                                rti->n_terms);
     const gsize bytes = (gsize)rti->n_terms * sizeof(float);
     if (!take(head, scale, bytes, error) || !take(head, bias, bytes, error) ||
@@ -172,8 +172,8 @@ static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
     for (int i = 0; i < rti->n_terms; i++) {
         if (!isfinite(scale[i]) || !isfinite(bias[i]) || scale[i] == 0)
             return data_error_fail(head->path, 0, error,
-                                   "scale %d is %g and its bias %g; finite numbers are expected, "
-                                   "and a scale that is not 0",
+                                   "scale %d is %g and its bias is %g; both must be finite, and "
+                                   "the scale must not be 0",
                                    i + 1, (double)scale[i], (double)bias[i]);
         rti->scale[i] = (double)scale[i] / 255;
         rti->bias[i] = -(double)bias[i] / rti->scale[i];
@@ -199,8 +199,8 @@ struct rti *rti_read(const char *path, GError **error) {
         ok = read_hsh(&head, rti, error);
     else
         ok = data_error_fail(path, 0, error,
-                             "it is neither a .ptm, which begins with PTM_1.2, nor a .rti of "
-                             "harmonics (#HSH1.2)");
+                             "it is neither a .ptm file, which begins with PTM_1.2, nor a .rti "
+                             "file of harmonics, which begins with #HSH1.2");
     return ok ? g_steal_pointer(&rti) : NULL;
 }
 

@@ -88,8 +88,8 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* Gives the values to be fitted: those of channel c, or the brightness that best explains R, G and
- * B as a multiple of the colour C: Σ C s / Σ C². */
+/* Gives the values to be fitted: the values of channel c, or the brightness that best explains R, G
+ * and B as a multiple of the colour C: Σ C s / Σ C². */
 static void observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                      double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
@@ -161,8 +161,8 @@ struct rti *rti_fit(const char *name, const float *pictures, int width, int heig
     }
     if (!solve(&whole, solution)) {
         data_error_set(name, 0, error,
-                       "its %d lights do not determine the six terms of a PTM; six or more that do "
-                       "not lie on one ring are needed",
+                       "its %d lights do not determine the six terms of a PTM; at least six lights "
+                       "are needed that do not lie on one ring",
                        n);
         return NULL;
     }

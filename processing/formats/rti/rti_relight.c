@@ -46,8 +46,8 @@ static void append(GString *text, gboolean first, double value) {
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
 }
 
-/* OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255 times that of
- * struct rti, and its bias a 255th. */
+/* OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255 times the scale of
+ * struct rti, and its bias is the bias of struct rti divided by 255. */
 static gboolean write_info(const char *folder, const struct rti *rti, const float *lights, int n,
                            double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;

@@ -109,7 +109,7 @@ TEST(one_view) {
         if (kinds[i].need == RELIEF)
             refused_session(&kinds[i], "one", "there is no MDF");
         else if (kinds[i].need == LIGHTS)
-            refused_session(&kinds[i], "one", "normals need three lights or more");
+            refused_session(&kinds[i], "one", "normals need at least three lights");
         else if (kinds[i].need == MANY_VIEWS)
             refused_session(&kinds[i], "one", "a BRDF needs 4 of each or more");
         else if (g_str_equal(kinds[i].name, "ptm") || g_str_equal(kinds[i].name, "relight"))

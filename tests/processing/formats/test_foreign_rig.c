@@ -339,15 +339,13 @@ TEST(coding__raw) {
     g_autofree float *planes = render(smooth_print, 1);
     const char *rows = "file,camera,lamp\na.dng,cam,lamp\n";
     write_raw(dir, "a.dng", planes);
-    assert_refused(dir, rows,
-                   "a.dng says that its colour filter is rggb, not mono; give --cfa rggb");
-    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
-                   "a.dng says that its colour filter");
+    assert_refused(dir, rows, "the colour filter of a.dng is rggb, not mono; give --cfa rggb");
+    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n", "the colour filter of a.dng");
     cfa = "rggb";
     assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
-                   "bits is 14, but a.dng holds floating-point numbers; leave it empty");
+                   "bits is 14, but a.dng contains floating-point numbers; leave bits empty");
     assert_refused(dir, "file,camera,lamp,black_level\na.dng,cam,lamp,512\n",
-                   "a black_level of 512 is not below white, 1 in a.dng");
+                   "black_level is 512, but it must be below white, which is 1 in a.dng");
     g_autoptr(ExrPart) part = btf_of(dir, rows);
     cfa = "mono";
     double sum = 0;
@@ -377,29 +375,32 @@ TEST(coding__bad) {
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,-1\n",
                    "poses.csv:2: a black_level of -1 is below 0");
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,x\n", "“x” in column black_level");
-    assert_refused(dir, CODED("black_level") "a.png,cam,lamp,255\n",
-                   "poses.csv:2: a black_level of 255 is not below white, 255 in a.png");
-    assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n", "not below white, 1 in f.exr");
+    assert_refused(
+        dir, CODED("black_level") "a.png,cam,lamp,255\n",
+        "poses.csv:2: black_level is 255, but it must be below white, which is 255 in a.png");
+    assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n",
+                   "must be below white, which is 1 in f.exr");
     assert_refused(dir, CODED("exposure_ms") "a.png,cam,lamp,0.001\n",
-                   "poses.csv:2: exposure_ms: in 0.001 ms a.png would show up to");
-    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12.5\n", "bits of 12.5 are not valid");
-    assert_refused(dir, CODED("bits") "b.png,cam,lamp,17\n", "bits of 17 are not valid");
+                   "poses.csv:2: exposure_ms is 0.001, so that a.png would contain up to");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12.5\n", "bits is 12.5; give 2 to 16");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,17\n", "bits is 17; give 2 to 16");
     assert_refused(dir, CODED("bits") "a.png,cam,lamp,12\n",
                    "bits is 12, but the numbers of a.png have 8");
     assert_refused(dir, CODED("bits") "f.exr,cam,lamp,12\n",
-                   "bits is 12, but f.exr holds floating-point numbers");
-    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n", "but 12 bits end at 4095");
+                   "bits is 12, but f.exr contains floating-point numbers");
+    assert_refused(dir, CODED("bits") "b.png,cam,lamp,12\n",
+                   "but the largest number of 12 bits is 4095");
     assert_refused(dir, CODED("transfer") "a.png,cam,lamp,gamma\n",
-                   "a transfer of “gamma” is not known; choose from: linear, srgb");
+                   "transfer “gamma” is not known; choose from: linear, srgb");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,no.png\n",
                    "poses.csv:2: there is no flat field /");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,small.png\n",
-                   "small.png has 1 × 1 pixels, camera cam has 96 × 96");
+                   "small.png has 1 × 1 pixels, but camera cam has 96 × 96");
     assert_refused(dir, CODED("flat_field") "grey.exr,cam,lamp,f.exr\n",
-                   "grey.exr is grey, its flat field");
+                   "grey.exr is grey, but its flat field");
     vignetting = 0.1;
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,b.png\n",
-                   "describes the vignetting of camera cam, too; leave out one of them");
+                   "also describes the vignetting of camera cam; leave out one of them");
     vignetting = 0;
 }
 
@@ -430,9 +431,9 @@ TEST(turntable) {
             write_exr(dir, name, planes, 3);
             g_string_append_printf(rows, "%s,cam,lamp%d,%g\n", name, k + 1, turns_deg[t]);
         }
-    assert_refused(dir, rows->str, "say how exactly with --same-light");
+    assert_refused(dir, rows->str, "can be joined with --same-light");
     same_light_deg = 60;
-    assert_refused(dir, rows->str, "give less to --same-light");
+    assert_refused(dir, rows->str, "give a smaller value to --same-light");
     same_light_deg = 1;
     g_autofree char *path = session_of(dir, rows->str);
     same_light_deg = 0;
@@ -480,7 +481,7 @@ TEST(target) {
     static const char *const rows = "file,camera,lamp,turntable_deg\n"
                                     "a.exr,cam,lamp,0\na.exr,cam,lamp,20\na.exr,cam,lamp,40\n";
     write_exr(dir, "a.exr", planes, 3);
-    assert_refused(dir, rows, "--target is for pictures of a calibration target");
+    assert_refused(dir, rows, "For pictures of a calibration target");
     target = TRUE;
     import_rows(dir, rows, path, &error);
     target = FALSE;
@@ -548,7 +549,7 @@ TEST(nominal__bad) {
          "eye_mm: it is less than 1 mm from target_mm"},
         {"[world]\n[camera c]\n", "nominal.conf:1: [world]"},
         {"[laser l]\nposition_mm = 0; 0; 9\naxis = 0; 0; 1\n[camera c]\n",
-         "nominal.conf:3: [laser l] axis: it is 0 or points"},
+         "nominal.conf:3: [laser l] axis: it is 0, or it points"},
     };
     g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {

@@ -132,18 +132,19 @@ TEST(pictures__bad) {
     write_set(dir);
     g_unlink(one);
     assert_folder_refused(dir,
-                          "1 of 2 views × 3 lights have no picture, the first seen from θ 60° φ "
-                          "180° and lit from θ 30° φ 90°");
+                          "1 of 2 views × 3 lights have no picture. The first one is the view from "
+                          "θ 60° φ 180° under the light from θ 30° φ 90°");
     write_exr(one, 1, 1, WIDTH + 1, 0);
-    assert_folder_refused(dir, "tl030.0_pl090.0.exr: it has 7 × 4 pixels, the first picture 6 × 4");
+    assert_folder_refused(
+        dir, "tl030.0_pl090.0.exr: it has 7 × 4 pixels, but the first picture has 6 × 4");
     write_exr(one, 1, 1, WIDTH, TEXELS / 2 + 1);
     assert_folder_refused(dir, "tl030.0_pl090.0.exr: 13 of its 24 pixels are not numbers");
     write_exr(one, 1, 1, WIDTH, 0);
     write_exr(same, 1, 1, WIDTH, 0);
-    assert_folder_refused(dir, "of the same view and light as");
+    assert_folder_refused(dir, "has the same view and light as");
     g_unlink(same);
     write_exr(odd, 1, 1, WIDTH, 0);
-    assert_folder_refused(dir, "the name “tv060_pv180_tl030.exr” does not say its directions");
+    assert_folder_refused(dir, "the name “tv060_pv180_tl030.exr” does not contain its directions");
     g_unlink(odd);
     g_assert_true(g_file_set_contents(one, "not a picture", -1, NULL));
     assert_folder_refused(dir, "tl030.0_pl090.0.exr");
@@ -295,24 +296,26 @@ TEST(rti__bad) {
     static const char *const bad[][2] = {
         {"", "lights.lp:1: the number of pictures"},
         {"many\n", "lights.lp:1: the number of pictures"},
-        {"2\na.png 0 0 1\n",
-         "lights.lp:1: this line says that there are 2 pictures, but the file lists 1"},
+        {"2\na.png 0 0 1\n", "lights.lp:1: this line states 2 pictures, but the file lists 1"},
         {"1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z"},
         {"1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number"},
         {"1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number"},
         {"1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction"},
         {"1\nb.png 0 0 1\n", "lights.lp:2: there is no picture"},
-        {"2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light"},
-        {"0\n", "lights.lp:1: the number of pictures is 0; 1 to 65536 are expected"},
+        {"2\na.png 0 0 1\na.png 0 0 1\n", "has the same view and light"},
+        {"0\n", "lights.lp:1: the number of pictures is 0; it must be 1 to 65536"},
         {"a.png 0 1\n", "lights.lp:1: the number of pictures, or a picture's name and x, y, z"},
         {"1\n0 1\n", "lights.lp:2: a picture's name and x, y, z of the direction"},
-        {"0 0 1\na.png 0 0 1\n", "lights.lp:2: this line has a picture's name, the first one has "},
-        {"a.png 0 0 1\n0 0 1\n", "lights.lp:2: a picture's name is expected before x, y, z"},
+        {"0 0 1\na.png 0 0 1\n",
+         "lights.lp:2: this line has a picture's name, but the first line has "},
+        {"a.png 0 0 1\n0 0 1\n", "lights.lp:2: x, y, z must follow a picture's name"},
         {"0 0 1\n0 1 1\n", "it lists 2 directions without names of pictures, but "},
         {"image,theta\na.png,30\n", "lights.lp:1: "},
-        {"image,theta,phi\na.png,30\n", "lights.lp:2: it has 2 columns; at least 3 are expected"},
+        {"image,theta,phi\na.png,30\n",
+         "lights.lp:2: it has 2 columns; the first line names at least 3"},
         {"image,theta,phi\na.png,3O,0\n", "lights.lp:2: “3O” is not a number"},
-        {"image,theta,phi\na.png,95,0\n", "lights.lp:2: theta is 95°; the angle from the normal"},
+        {"image,theta,phi\na.png,95,0\n",
+         "lights.lp:2: theta is 95°; it is the angle from the normal"},
         {"image,theta,phi\n,5,0\n", "lights.lp:2: a picture's name is expected in column 1"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
@@ -618,7 +621,7 @@ TEST(exists) {
     assert_error_clear(&error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_autofree char *path = session_fixture_path("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
-    assert_not_imported(path, error, "do not lie within the 6 × 4 of the file");
+    assert_not_imported(path, error, "do not lie within the 6 × 4 texels of the file");
 }
 
 TEST(cancelled) {

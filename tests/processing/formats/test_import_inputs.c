@@ -158,14 +158,14 @@ TEST(ball) {
         {{12, 0, 8, TRUE, .told = &untold}, "sRGB, assumed of 8 bits", NULL, 0.5, 0},
         {{12, 0, 8, TRUE, .told = &srgb}, "sRGB, as the file says (PNG sRGB)", NULL, 0.5, 0},
         {{12, 0, 8, FALSE, .told = &gama}, "linear, as the file says (PNG gAMA 1)", NULL, 0.5, 0},
-        {{12, 0, 8, FALSE, .told = &untold}, "sRGB, assumed of 8 bits", "taken for linear", 30, 5},
+        {{12, 0, 8, FALSE, .told = &untold}, "sRGB, assumed of 8 bits", "read as linear", 30, 5},
         {{12, 0, 8, FALSE, .told = &untold, .transfer = PICTURE_TONES_LINEAR},
          "linear, as asked for",
          NULL,
          0.5,
          0},
         {{12, 0, 16, FALSE, .told = &untold}, "linear, assumed of 16 bits", NULL, 0.5, 0},
-        {{12, 0, 16, TRUE, .told = &untold}, "linear, assumed of 16 bits", "taken for sRGB", 30, 3},
+        {{12, 0, 16, TRUE, .told = &untold}, "linear, assumed of 16 bits", "read as sRGB", 30, 3},
         {{12, 0, 16, TRUE, .told = &srgb}, "sRGB, as the file says (PNG sRGB)", NULL, 0.5, 0},
         {{18, 6, 16, FALSE, .told = &untold}, "linear", "6 of 18 lights are dark", 90, 0},
         {{12, 0, 16, FALSE, .level = 0.0625, .told = &untold}, "linear", "a level of 0.062", 30, 1},
@@ -389,7 +389,7 @@ TEST(windows) {
     g_assert_true(isnan(cut->planes[0][4]));
     write_window(path, away, "", NULL);
     g_assert_null(exr_read_picture(path, &error));
-    assert_has(error->message, "its pixels lie outside of its display window");
+    assert_has(error->message, "lie outside of its display window");
 }
 
 /* Pictures cropped differently are not stacked. */
@@ -406,7 +406,7 @@ TEST(cropped) {
     write_window(a, one, "", NULL);
     write_window(b, other, "", NULL);
     g_assert_false(import_rti(path, list, &wish, &quietly, &result, &error));
-    assert_has(error->message, "so that they show different parts of the scene");
+    assert_has(error->message, "they show different parts of the scene");
     g_clear_error(&error);
     write_window(a, full, "", NULL);
     write_window(b, full, "", NULL);
@@ -496,7 +496,7 @@ TEST(order) {
     write_series(dir, wrapped, taken);
     g_autofree char *by_time = ok(order_of(list, notes, ERR));
     g_assert_cmpstr(by_time, ==, "1234");
-    g_assert_nonnull(find_note(notes, "in the order of their times in EXIF, from DSC_9998.png"));
+    g_assert_nonnull(find_note(notes, "sorted by their times in EXIF, from DSC_9998.png"));
     /* A gap alone means nothing; nor do the files that macOS adds. */
     write_series(other, plain, NULL);
     g_assert_true(g_file_set_contents(hidden, "no picture", -1, NULL));

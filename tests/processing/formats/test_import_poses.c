@@ -239,7 +239,7 @@ TEST(bad) {
                    "poses.csv:2: “0°” in column turntable_deg is not a number");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,inf,0,\n", "“inf” in column turntable_deg");
     assert_refused(dir, HEAD "wide.exr,cam30,lamp30,,0,0,\n",
-                   "poses.csv:2: wide.exr has 33 × 32 pixels, camera cam30 has 32 × 32");
+                   "poses.csv:2: wide.exr has 33 × 32 pixels, but camera cam30 has 32 × 32");
     assert_refused(dir, HEAD "nan.exr,cam30,lamp30,,0,0,\n",
                    "poses.csv:2: 513 of the 1024 pixels of nan.exr are not numbers");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam30,lamp30,,360,-360,\n",
@@ -250,16 +250,17 @@ TEST(bad) {
     assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,\n",
                    "poses.csv:2: a picture of a sweep needs");
     assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,1\n",
-                   "a sweep has 1 pictures; at least 4 are needed");
+                   "the sweep has 1 pictures; at least 4 are needed");
     assert_refused(dir,
                    HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
                         "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,4.4\n"
                         "a.exr,cam30,,laser30,0,0,5\n",
-                   "steps by 1°, but a.exr is at 4.4°");
-    assert_refused(dir,
-                   HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
-                        "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
-                   "the sweep that begins here lacks 2 of its 6 pictures, for instance that at 4°");
+                   "has steps of 1°, but a.exr is at 4.4°");
+    assert_refused(
+        dir,
+        HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
+             "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
+        "the sweep that begins here lacks 2 of its 6 pictures, for instance the one at 4°");
 }
 
 /* A view may lack one light in ten: here camera cam30 lacks one of twelve, and cam60, which shows
@@ -304,7 +305,7 @@ TEST(missing) {
     g_assert_nonnull(at);
     g_string_erase(table, at - table->str, (gssize)strlen(row));
     g_assert_false(import_rows(dir, less, table->str, IMPORT_LINE, &result, &error));
-    assert_has(error->message, "but for one in ten, and this one lacks 2 of 12");
+    assert_has(error->message, "this one lacks 2 of 12");
 }
 
 /* Light of a matt surface whose normals differ from pixel to pixel. */
@@ -325,7 +326,7 @@ static const struct noticed {
 } noticings[] = {
     {"/poses/noticed/nothing", NULL, FALSE, FALSE},
     {"/poses/noticed/dead lamp", "warning: 1 of 12 lights are dark", TRUE, FALSE},
-    {"/poses/noticed/tones", "warning: taken for linear, the pictures follow the lights to", FALSE,
+    {"/poses/noticed/tones", "warning: read as linear, the pictures follow the lights to", FALSE,
      TRUE},
 };
 

@@ -146,9 +146,9 @@ static void assert_refused(const char *info, const char *what) {
 
 TEST(bad) {
     static const char *const bad[][2] = {
-        {"{", "it is no JSON"},
+        {"{", "it is not JSON"},
         {"[]", "it is not a JSON object"},
-        {"{}", "type is none and colorspace none; ptm or hsh with rgb or lrgb is read"},
+        {"{}", "type is none and colorspace is none; only ptm or hsh with rgb or lrgb can be read"},
         {"{\"type\": 3, \"colorspace\": null}", "type is none"},
         {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace mrgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": \"4\"}", "width is 0"},
@@ -161,7 +161,7 @@ TEST(bad) {
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "18, "
          "\"materials\": [{\"scale\": [1, \"2\"]}]}",
-         "“scale” has 2 values; 18 numbers are expected"},
+         "“scale” has 2 values, but needs 18 numbers"},
     };
     g_autofree char *info = in_folder("info.json"), *gone = in_folder("plane_2.png");
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
@@ -178,7 +178,7 @@ TEST(bad) {
     assert_refused(info, "light 4 is 0 -0.995 -0.1, which is not a direction above the sample");
     g_free(write_info("ptm", "rgb", 6, ""));
     g_unlink(gone);
-    assert_refused(info, "there is no plane_2.png beside it; planes that are cut into tiles");
+    assert_refused(info, "there is no plane_2.png next to it. Planes that are cut into tiles");
 }
 
 TEST(command) {
@@ -213,7 +213,7 @@ TEST(no_lights) {
         ok(import_relight(path, info, &wish, NULL, &result, ERR));
         g_assert_cmpint(result.n_lights, ==, k ? 2 : 81);
         g_assert_cmpuint(notes->len, ==, 1);
-        assert_has(notes->pdata[0], k ? "under the 2 of " : "under the 81 of the papers");
+        assert_has(notes->pdata[0], k ? "under the 2 lights of " : "under the 81 of the papers");
     }
     g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("web");

@@ -265,8 +265,7 @@ TEST(bad) {
     exr_file_add(other, exr_part_new("a", 1, 1, (const char *const[]){"Y", NULL}, EXR_HALF));
     g_assert_true(exr_write(model, other, EXR_NONE, FALSE, NULL));
     g_assert_false(fit_normals(model, file, FALSE, FIT_NORMALS_LAMBERT, &quietly, &result, &error));
-    assert_has(error->message,
-               "ptm.exr: it is of the kind none; normals are found from ptm and hsh");
+    assert_has(error->message, "ptm.exr: it is of kind none, but normals need a ptm or an hsh");
 }
 
 /* Through the program: of a model's file, and with what is said. */

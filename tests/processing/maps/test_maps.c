@@ -575,7 +575,7 @@ TEST(bad) {
     black->layout.width = 4097;
     black->layout.height = 4096;
     g_assert_null(maps_new_of(black, MAPS_MODEL_FULL, &quietly, &error));
-    assert_has(error->message, "4097 × 4096 texels are more than the maps of an export may have");
+    assert_has(error->message, "4097 × 4096 texels are too many for an export of maps");
     black->layout.width = 4;
     black->layout.height = 3;
 }

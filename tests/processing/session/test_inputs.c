@@ -91,13 +91,13 @@ TEST(read) {
     read_as(&input, grey, NULL);
     read_as(&input, red, "has no channel R");
     input.width++;
-    read_as(&input, grey, "it has 5 × 3 pixels, but the session's calibration says");
+    read_as(&input, grey, "it has 5 × 3 pixels, but the camera has");
     input.width--;
     input.height++;
     read_as(&input, grey, "5 × 3 pixels");
     input.height--;
     input.sha256 = wrong;
-    read_as(&input, grey, "is not the one the session committed");
+    read_as(&input, grey, "is not the file that the session committed");
     input.sha256 = NULL;
     g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
     read_as(&input, grey, "delete it, and `mesorig resume` takes it again");

@@ -94,7 +94,7 @@ TEST(wrong_tile) {
         {RADIANS("arc_deg"), DEGREES("arc_deg"), "the arc's angles were noted in radians"},
         {SWAP(0, 1), NULL, "lamps lamp0 and lamp1 are exchanged"},
         {SWAP(0, 2), NULL, "lamps lamp0 and lamp2 are exchanged"},
-        {SWAP(1, 2), NULL, "exchange the indexes of [lamp lamp1] and [lamp lamp2]"},
+        {SWAP(1, 2), NULL, "Exchange the indexes of [lamp lamp1] and [lamp lamp2]"},
     };
     g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "tile.session", NULL);
     g_autofree char *raw = g_build_filename(path, "frames", NULL);
@@ -103,7 +103,7 @@ TEST(wrong_tile) {
     grey_calibrate(folder, 1, &result);
     /* A grey tile of 0.5 said to be 0.96, which is as much too much as 1.84 for this one. */
     g_autofree char *dark = tile_refused(path, 0.96 * 0.96 / 0.5, "SELECT 1", NULL);
-    assert_has(dark, "the tile is darker than --reflectance says");
+    assert_has(dark, "The tile is darker than --reflectance says");
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
         g_autofree char *told = tile_refused(path, 0.96, wrong[i].sql, wrong[i].undo);
         assert_has(told, wrong[i].says);
