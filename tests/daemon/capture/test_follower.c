@@ -75,19 +75,25 @@ TEST(find__subprocess) {
     assert_has(error->message, expected);
 }
 
+/* Waits until the process has ended and the follower has heard of it. */
+static void wait_for_end(pid_t pid) {
+    UNTIL (kill(pid, 0) != 0)
+        pass_time(5);
+}
+
 TEST(end__subprocess) {
     follower_free(NULL);
-    Follower *follower = start("echo \"$* at $(nice) done\" >\"$note\"");
+    Follower *follower = start("echo \"$$ $* at $(nice) done\" >\"$note\"");
     g_autofree char *note = wait_for_note("done");
     assert_has(note, "process /a/small.session --follow at ");
     g_assert_cmpint(atoi(strstr(note, " at ") + strlen(" at ")), >=, 10);
-    pass_time(500);
+    wait_for_end(atoi(note));
     follower_free(follower);
     g_printerr("one has succeeded\n");
 
-    follower = start("echo done >\"$note\"; exit 3");
-    g_free(wait_for_note("done"));
-    pass_time(500);
+    follower = start("echo \"$$ done\" >\"$note\"; exit 3");
+    g_autofree char *failed = wait_for_note("done");
+    wait_for_end(atoi(failed));
     follower_free(follower);
     g_printerr("one has failed\n");
 }
