@@ -1,9 +1,8 @@
 /*
  * Waiting for an event. The loop runs until the condition holds:
  *
- *     UNTIL(!device_is_unsafe(device)) {
+ *     UNTIL (!device_is_unsafe(device))
  *         conformance_pass(clock, 0.01);
- *     }
  *
  * The test fails if that takes longer than WAIT_S, which is far more than any event takes on a busy
  * computer. The condition may be evaluated often. Tests assert events in this way, never the time
