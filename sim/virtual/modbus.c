@@ -54,6 +54,7 @@ struct VirtualModbus {
     /* Time of the last request; 0 if the timeout has expired since. */
     gint64 heard_us;
     gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0 if the coil stays as it is */
+    int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of its last pulse */
 };
 
 static double modbus_travelled(const VirtualModbus *device, double way, double t) {
@@ -126,11 +127,13 @@ static void update_watchdogs(VirtualModbus *device) {
             continue;
         device->pulse_end_us[i] = 0;
         device->mapping->tab_bits[i] = 0;
+        device->state.expired_ms = device->pulse_ms[i];
     }
     if (timeout_us == 0 || device->heard_us == 0 || now < device->heard_us + timeout_us)
         return;
     device->heard_us = 0;
     device->state.timeouts++;
+    device->state.expired_ms = (int)(timeout_us / 1000);
     memset(device->mapping->tab_bits, 0, VIRTUAL_MODBUS_BITS);
     memset(device->pulse_end_us, 0, sizeof device->pulse_end_us);
     brake(device);
@@ -188,6 +191,7 @@ static void react(VirtualModbus *device, const guint8 *query) {
     if (pulsed >= 0) {
         device->mapping->tab_bits[pulsed] = n_or_value > 0;
         device->pulse_end_us[pulsed] = g_get_monotonic_time() + n_or_value * (gint64)UNIT_US;
+        device->pulse_ms[pulsed] = n_or_value * (UNIT_US / 1000);
         device->state.pulses++;
     } else if (pdu[0] == 5 || pdu[0] == 15) {
         for (int i = address; i < address + n && i < VIRTUAL_MODBUS_BITS; i++)

@@ -72,6 +72,9 @@ struct virtual_modbus_state {
     gboolean coils[VIRTUAL_MODBUS_BITS];
     int requests, watchdogs, connections, pulses;
     int timeouts; /* how often its communication timeout has expired */
+    /* Length of the communication timeout, or of the pulse, that has expired last. 0 if none has
+     * expired. */
+    int expired_ms;
     /* Time of g_get_monotonic_time() when the line is usable again after a lost answer. 0 if no
      * answer has been lost. */
     gint64 usable_us;

@@ -1,4 +1,5 @@
-/* mesorig as a shell sees it: what it prints, and its exit codes. */
+/* mesorig as a shell sees it: what it prints, and its exit codes, where a transcript
+ * (tests/transcripts) is not enough. */
 #include "base/json.h"
 #include "codecs/codecs.h"
 #include "exr/exr.h"
@@ -19,6 +20,7 @@
 #include "lib/long_session.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/wait.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -73,10 +75,9 @@ struct step {
 };
 
 /* What is printed with --json is JSON. output: of the last step. */
-static void run_n_steps(const char *folder, struct output *output, const struct step *steps,
-                        gsize n) {
-    for (gsize i = 0; i < n; i++) {
-        const struct step *step = &steps[i];
+static void run_steps(const char *folder, struct output *output, const struct step *steps,
+                      gsize n) {
+    for (const struct step *step = steps; step < steps + n; step++) {
         g_auto(GStrv) words = g_strsplit(step->line, " ", -1);
         g_test_message("%s", step->line);
         runs_in(folder, step->code, output, (const char *const *)words);
@@ -85,13 +86,6 @@ static void run_n_steps(const char *folder, struct output *output, const struct 
         if (*output->out && g_strv_contains((const char *const *)words, "--json"))
             assert_json_lines(output->out);
     }
-}
-
-#define run_steps(folder, output, steps) run_n_steps(folder, output, steps, G_N_ELEMENTS(steps))
-
-static void assert_exists(const char *folder, const char *name) {
-    g_autofree char *path = g_build_filename(folder, name, NULL);
-    g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
 static char *write_file(const char *folder, const char *name, const char *text) {
@@ -130,47 +124,6 @@ TEST(json) {
     g_assert_true(is_json(broken->str));
 }
 
-TEST(usage) {
-    static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
-                                           "pause", "abort",   "safe",     "continue", "process",
-                                           "info",  "drivers", "compress", "verify"};
-    static const struct step steps[] = {
-        {0, "--version", "mesorig " MESORIG_VERSION},
-        {2, "develop", "develop"},
-        {2, "captur " RIG, "no command “captur”: did you mean “capture”?"},
-        {2, "proces S", "did you mean “process”?"},
-        {2, "sing S", "no command “sing”; “mesorig --help” lists them"},
-        {2, "check S --strct", "Unknown option --strct; did you mean --strict?"},
-        {2, "check S --strct=yes", "did you mean --strict?"},
-        {2, "compress S -s 4500B", "Unknown option -s; did you mean --size?"},
-        {2, "compress S -c 4", "Unknown option -c; did you mean --components or --colours?"},
-        {2, "compress S -x", "Unknown option -x\n"},
-        {2, "calibrate camras", "there is no “calibrate camras”; did you mean “cameras”?"},
-        {2, "plan " RIG " " SESSION " --adress=x", "did you mean --address?"},
-        {2, "move arc -15", "as in “mesorig move -- … -15”: Unknown option -15"},
-        {0, "capture --help", "  mesorig capture rig.conf session.conf -o weave.session\n"},
-        {0, "snap --help", "Examples:\n  mesorig snap cam45 --lamp lamp30\n"},
-        {2, "plan " RIG},
-        {2, "capture " RIG " " SESSION, "-o"},
-        {2, "status --bus=coach"},
-        {2, "status --bus=system --address=unix:path=/x"},
-    };
-    struct output output = {0};
-    runs(2, &output, NULL);
-    assert_has(output.out, "\nCapture a session:\n");
-    run_steps(NULL, &output, steps);
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
-        runs(0, &output, "--help");
-        assert_has(output.out, commands[i]);
-        runs(0, &output, commands[i], "--help");
-        assert_has(output.out, "--json");
-        runs(2, &output, commands[i], "--nonsense");
-        assert_has(output.err, "--nonsense");
-        runs(2, &output, commands[i], "a", "b", "c", "d");
-    }
-    clear(&output);
-}
-
 static void assert_method(const char *page, const char *name, const struct option *options,
                           gboolean bounded) {
     g_autoptr(GString) row = g_string_new(NULL);
@@ -185,8 +138,6 @@ static void assert_method(const char *page, const char *name, const struct optio
         g_error("etc/man/mesorig.1 lacks the row of options of a method:%s", row->str);
 }
 
-/* The manual page has a row for each method of compress, with the options of its table, and names
- * every option of every command. */
 /* The page names the command and each option that its --help lists. */
 static void assert_in_man_page(const char *page, const char *command, const char *help) {
     g_autoptr(GRegex) option =
@@ -242,48 +193,6 @@ TEST(man_page) {
     clear(&all);
 }
 
-TEST(drivers) {
-    static const struct step steps[] = {
-        {0, "drivers", "sim-axis"},
-        {0, "drivers", "sim-camera"},
-        {0, "drivers sim-axis", "speed_deg_s"},
-        {0, "drivers --json"},
-        {0, "drivers", "“mesorig drivers NAME” lists the options"},
-        {1, "drivers steam", "there is no driver “steam”; “mesorig drivers” lists them"},
-        {1, "drivers modbus-axs", "did you mean “modbus-axis”?"},
-        {1, "drivers steam --json"},
-    };
-    struct output output = {0};
-    run_steps(NULL, &output, steps);
-    assert_has(output.out, "\"error\"");
-    clear(&output);
-}
-
-TEST(plan) {
-    static const struct step steps[] = {
-        {0, "plan " RIG " " SESSION, "4 views, 4 lights, 2 laser positions"},
-        {0, "plan " RIG " " SESSION, "lower bound"},
-        {0, "plan --json " RIG " " SESSION, "\"predicted_s\""},
-        {1, "plan bad_rig.conf " SESSION, "/bad_rig.conf:3"},
-        {1, "plan " RIG " bad_session.conf", "/bad_session.conf:"},
-        {1, "plan binary.conf " SESSION, "/binary.conf"},
-        {1, "plan " RIG " binary.conf --json"},
-        {1, "plan /no/such/rig.conf " SESSION, "/no/such/rig.conf"},
-        {1, "plan " RIG " ."},
-        {1, "capture bad_rig.conf " SESSION " -o x", "/bad_rig.conf:3"},
-    };
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
-    struct output output = {0};
-    g_free(write_file(folder, "bad_rig.conf",
-                      "[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n"));
-    g_free(
-        write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n"));
-    g_free(write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[["));
-    run_steps(folder, &output, steps);
-    clear(&output);
-    remove_tree(folder);
-}
-
 TEST(info) {
     static const struct step steps[] = {
         {0, "info two.exr", "first"},
@@ -291,12 +200,6 @@ TEST(info) {
         {0, "info two.exr", "12.5"},
         {0, "info --json two.exr", "\"view.theta_deg\": 12.5"},
         {1, "info broken.exr", "/broken.exr"},
-        {1, "info ."},
-        {1, "info /no/such"},
-        {1, "process ."},
-        {1, "resume ."},
-        {1, "status --address=unix:path=/no/such"},
-        {1, "pause ."},
     };
     static const char *const channels[] = {"B", "G", "R", NULL};
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
@@ -312,162 +215,7 @@ TEST(info) {
     exr_file_add(file, exr_part_new("second", 2, 2, channels, EXR_FLOAT));
     g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
     exr_file_free(file);
-    run_steps(folder, &output, steps);
-    clear(&output);
-    remove_tree(folder);
-}
-
-/* Every way to compress what was processed; the errors are compared in test_lpca. */
-static const struct step compress_steps[] = {
-    {0, "compress S -k 3 --components 2", "3 clusters of 2 components"},
-    {0, "info S/products/lpca.exr", "clusters × components 3 × 2 in half, of "},
-    {0, "compress --json S/products/btf -k 2 --error 50% -q 8bit -o other.exr --force",
-     "\"clusters\": 2"},
-    {0, "info other.exr"},
-    {0, "compress S -m eigenmaps --components 1 -o other.exr --force", "1 eigen-maps"},
-    {0, "compress S -m eigenmaps -o matrix.exr"},
-    /* A view takes 3 kB as floats. */
-    {0, "compress S -m eigenmaps --memory 7kB --components 1 -o other.exr --force", "1 eigen-maps"},
-    {1, "compress S -m eigenmaps --memory 5kB --components 1 -o other.exr --force", "allow more"},
-    {0, "compress S -m eigenmaps --error 99% -o other.exr --force", "1 eigen-maps"},
-    {1, "compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr --force",
-     "is not reached with 1 eigen-maps"},
-    {2, "compress S -m ptm --memory 7kB"},
-    {1, "compress S -k 1 --components 1 --error 0.0001%", "is not reached"},
-    {1, "compress S -o /no/such/folder/x.exr"},
-    {1, "compress ."},
-    {0, "compress S --method fields --components 1", "fields of 1 lobe, luminance off by"},
-    {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
-    {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
-    {0, "compress S -m ptm --mips -o other.exr --force", "ptm, 4 mip levels, luminance off by"},
-    {2, "compress S -m eigenmaps --mips -o other.exr"},
-    {1, "compress S -m ptm --error 0.0001%"},
-    {1, "compress S -m fields --components 4"},
-    {2, "compress S -m ward -k 2"},
-    {0, "compress S --grid 5 -k 1 --components 1 -o other.exr --force",
-     "1 cluster of 1 component on a grid of 5"},
-    {0, "compress --json S --size 20kB -o other.exr --force"},
-    {1, "compress S --size 10B -o other.exr --force"},
-    {0, "compress S -q packed --error 40% -o other.exr --force", "on disk, 1:"},
-    {0, "compare S other.exr"},
-    {0, "compress S -q packed --size 4500B -o packed.exr"},
-    {2, "compress S --memory little"},
-    {2, "compress S --colours xyz"},
-    {2, "compress S --colours log --grid 8"},
-    {2, "compress S --memory 60MB --mips"},
-    {2, "compress S --size large"},
-    {2, "compress S --size 20kB -k 2"},
-    {2, "compress S --grid 1000"},
-    {2, "compress S --grid 8 -m ptm"},
-    {2, "compress S -m wavelets"},
-    {2, "compress S -m eigenmaps"},
-    {2, "compress S --error many"},
-    {2, "compress S -q 4bit"},
-    {2, "compress S -k 0"},
-    {0, "compare S S/products/fields.exr --plot plot.png", "of R, G, B relative to A"},
-    {0, "compare --json S S/products/lpca.exr"},
-    {2, "compress S -q packed -o other.exr"},
-    {2, "compress S -q packed --error 40% --mips -o other.exr"},
-    {0, "compress S --mips -k 2 --components 1 -o other.exr --force",
-     "2 clusters of 1 component, 4 mip levels"},
-    {0,
-     "compress S --memory 60MB --colours log -k 1 --components 1 -q 8bit-weights -o other.exr "
-     "--force",
-     "1 cluster of 1 component"},
-    {1, "compress S --memory 1kB -k 1 --components 1 -o other.exr --force", "of memory, not"},
-};
-
-/* With packed.exr cut short. */
-static const struct step cut_steps[] = {
-    {1, "info packed.exr", "not a valid EXR file"},
-    {1, "compare S packed.exr"},
-    {0, "compare --json S --curve curve.svg", "\"series\": \"local PCA, packed\", \"label\": \""},
-    {1, "compare S S/products/fields.exr --plot /no/such/folder/x.png"},
-    {1, "compare S S/products/fields.exr --plot plot.jpg"},
-    {1, "compare S/products/fields.exr --curve curve.svg"},
-    {2, "compare S"},
-    {2, "compare S S/products/fields.exr --curve curve.svg"},
-    {0, "compare S --curve curve.svg", "reflectance fields"},
-};
-
-static void test_compress(const char *folder) {
-    g_autofree char *maps = g_build_filename(folder, "S", "products", "eigenmaps.exr", NULL);
-    g_autofree char *matrix = g_build_filename(folder, "matrix.exr", NULL);
-    g_autofree char *file = g_build_filename(folder, "packed.exr", NULL);
-    g_autofree char *from_views = NULL, *from_matrix = NULL, *packed = NULL;
-    gsize n_views = 0, n_matrix = 0, n_packed = 0;
-    struct output output = {0};
-    run_steps(folder, &output, compress_steps);
-    /* What is told is enough. */
-    g_autoptr(GRegex) pattern = g_regex_new("take ([0-9.]+)\\s([kM]B)", 0, 0, NULL);
-    g_autoptr(GMatchInfo) match = NULL;
-    g_assert_true(g_regex_match(pattern, output.err, 0, &match));
-    g_autofree char *enough = g_match_info_expand_references(
-        match, "compress S --memory \\1\\2 -k 1 --components 1 -o other.exr", NULL);
-    g_match_info_free(g_steal_pointer(&match));
-    run_n_steps(folder, &output, &(const struct step){0, enough}, 1);
-    /* The same from the matrix as from the views one by one. */
-    g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
-    g_assert_true(g_file_get_contents(matrix, &from_matrix, &n_matrix, NULL));
-    g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
-    g_assert_true(g_file_get_contents(file, &packed, &n_packed, NULL));
-    g_assert_cmpuint(n_packed, <=, 4500);
-    g_assert_true(g_file_set_contents(file, packed, (gssize)n_packed - 10, NULL));
-    run_steps(folder, &output, cut_steps);
-    assert_has(output.out, "local PCA, 8 bits");
-    assert_has(output.out, "local PCA, packed");
-    assert_exists(folder, "S/products/lpca.exr");
-    assert_exists(folder, "plot.png");
-    assert_exists(folder, "curve.svg");
-    clear(&output);
-}
-
-/* What a BTF and an MDF say of themselves; the figures are compared in test_energy. */
-static void test_check(const char *folder) {
-    static const struct step steps[] = {
-        {0, "check S --plot energy.svg", "of a light's energy is reflected"},
-        {0, "check S --plot energy.svg", "is confirmed by others"},
-        {0, "check --json S", "\"largest_albedo\""},
-        {0, "check --json S", "\"mdf_confirmed\""},
-        {1, "check S --texel 1000000", "there is no texel"},
-        {1, "check S --plot plot.jpg"},
-        {1, "check .", "mesorig process"},
-        {2, "check"},
-    };
-    struct output output = {0};
-    run_steps(folder, &output, steps);
-    assert_exists(folder, "energy.svg");
-    clear(&output);
-}
-
-TEST(capture) {
-    static const struct step steps[] = {
-        {0, "capture " RIG " " SESSION " -o S", "done: "},
-        {0, "info S", "state      done"},
-        {0, "info --json S"},
-        {0, "process S", "done in"},
-        {0, "process --json S"},
-    };
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
-    g_autofree char *session = g_build_filename(folder, "S", NULL);
-    g_autofree char *control = g_build_filename(session, "control", NULL);
-    struct output output = {0};
-    run_n_steps(folder, &output, steps, 1);
-    assert_has(output.out, "done: ");
-    g_assert_null(strstr(output.out, " %, ")); /* progress is no result */
-    g_assert_false(g_file_test(control, G_FILE_TEST_EXISTS));
-    runs(1, &output, "capture", RIG, SESSION, "-o", session);
-    assert_has(output.err, session);
-    run_n_steps(folder, &output, steps + 1, G_N_ELEMENTS(steps) - 1);
-    test_compress(folder);
-    test_check(folder);
-
-    /* A stale control file, as a killed daemon leaves it. */
-    g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");
-    runs(0, &output, "status", session);
-    assert_has(output.out, "state      done");
-    runs(1, &output, "pause", session);
-    assert_has(output.err, "resume");
+    run_steps(folder, &output, steps, G_N_ELEMENTS(steps));
     clear(&output);
     remove_tree(folder);
 }
@@ -538,12 +286,7 @@ static void ask_pause(const char *folder) {
     g_autoptr(GSubprocess) process =
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, MESORIG, "pause", folder, NULL);
     g_assert_no_error(error);
-    const gint64 until = g_get_monotonic_time() + 30 * G_USEC_PER_SEC;
-    while (g_subprocess_get_identifier(process)) {
-        if (g_get_monotonic_time() > until) {
-            g_subprocess_force_exit(process);
-            g_error("mesorig pause %s hangs", folder);
-        }
+    UNTIL (!g_subprocess_get_identifier(process)) {
         g_main_context_iteration(NULL, FALSE);
         g_usleep(1000);
     }
@@ -639,11 +382,8 @@ static void interrupt(gboolean (*begun)(const char *session)) {
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,
                          MESORIG, "capture", RIG, SESSION, "-o", session, NULL);
     g_assert_no_error(error);
-    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
-    while (!begun(session)) {
-        g_assert_cmpint(g_get_monotonic_time(), <, until);
+    UNTIL (begun(session))
         g_usleep(100);
-    }
     struct output output = {0};
     g_subprocess_send_signal(process, SIGINT);
     g_autofree char *told = NULL;

@@ -13,6 +13,7 @@
 #include "lib/operator.h"
 #include "lib/skip.h"
 #include "lib/test.h"
+#include "lib/wait.h"
 
 /* A disk of our own; NULL where that is not allowed. */
 static char *mount_disk(const char *size) {
@@ -64,9 +65,8 @@ static void fill_up(const char *directory) {
 static gpointer fill_disk(gpointer data) {
     struct operation *run = data;
     g_autofree char *frames = g_build_filename(run->session, "frames", NULL);
-    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
     gboolean any = FALSE;
-    while (!any && g_get_monotonic_time() < until) {
+    UNTIL (any) {
         g_autoptr(GDir) dir = g_dir_open(frames, 0, NULL);
         any = dir && g_dir_read_name(dir);
         g_usleep(200);

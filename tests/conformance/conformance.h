@@ -53,7 +53,8 @@ void conformance_interlock(const struct interlock_driver *driver, const struct c
 Config *conformance_config(const struct conformance *with, const char *more_keys,
                            const struct config_section **ret_section);
 
-/* Runs the main loop until *counter is at least n; fails the test after limit_s on the clock. */
+/* Runs the main loop until *counter is at least n. Fails the test after limit_s on a virtual clock,
+ * and after WAIT_S (lib/wait.h) on a real one. */
 void conformance_wait(Clock *clock, const int *counter, int n, double limit_s);
 
 /* Runs the main loop for so long on the clock. */

@@ -279,7 +279,7 @@ TEST(fixed_lamps) {
     g_assert_null(strstr(told, "arc: ")); /* there is none */
     g_autofree char *more = g_strdup_printf(" -c %s", to);
     g_autofree char *session = capture("weave", "fixed_lamps", NULL, LAMPS,
-                                       CONF("50", "2.2", "16", "rings=15:4;35:4;55:4;75:4",
+                                       CONF("50", "2.2", "16", "rings=15:2;35:2;55:2;75:2",
                                             "devices=all", "exposures_us=4000;16000"),
                                        more);
     g_autofree char *world_path = g_build_filename(folder, "weave", "world.conf", NULL);
@@ -289,9 +289,9 @@ TEST(fixed_lamps) {
     g_assert_no_error(error);
     const double lamp_deg = worst_lamp_deg(&found->rig, world);
     g_free(process_mesorig(0, "process %s", session));
-    const struct errors calibrated = btf_errors(session, world_path, 16, 4);
+    const struct errors calibrated = btf_errors(session, world_path, 16, 2);
     g_free(process_mesorig(0, "process %s -c nominal", session));
-    const struct errors nominal = btf_errors(session, world_path, 16, 4);
+    const struct errors nominal = btf_errors(session, world_path, 16, 2);
     g_test_message(
         "fixed lamps: worst lamp %.3f° off; BTF %.2f %% / %.1f %% (95th percentile) of the "
         "truth calibrated, %.1f %% / %.1f %% by the rig file",

@@ -2,14 +2,13 @@
 
 #include "base/json.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 #include "process.h"
 
 #include <gio/gio.h>
 #include <json-glib/json-glib.h>
 #include <libsoup/soup.h>
 #include <string.h>
-
-#define WAIT_S 30
 
 struct Browser {
     GSubprocess *driver;
@@ -56,13 +55,13 @@ static int free_port(void) {
 Browser *browser_new(int width, int height) {
     Browser *browser = g_new0(Browser, 1);
     browser->port = free_port();
-    browser->http = soup_session_new_with_options("timeout", 10 * WAIT_S, NULL);
+    browser->http = soup_session_new_with_options("timeout", 3 * WAIT_S, NULL);
     browser->profile = g_dir_make_tmp("mesorig-browser-XXXXXX", NULL);
     g_autofree char *port = g_strdup_printf("--port=%d", browser->port);
     const char *const argv[] = {"chromedriver", port, NULL};
     browser->driver = process_start(
         G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL, argv);
-    for (int i = 0; i < 10 * WAIT_S && !answers(browser->port); i++)
+    UNTIL (answers(browser->port))
         g_usleep(G_USEC_PER_SEC / 10);
     g_autofree char *wish = g_strdup_printf(
         "{\"capabilities\": {\"alwaysMatch\": {\"timeouts\": {\"script\": 240000}, "

@@ -1,5 +1,6 @@
 #include "gige_rig.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
     struct virtual_camera_options options = {.serial = serial,
@@ -90,12 +91,7 @@ void eye_shoot_together(struct eye *eyes, int n, int shots) {
         g_assert_cmpint(eyes[i].n_frames, ==, shots);
 }
 
-void eye_recover(struct eye *eye, guint64 shot, double limit_s) {
-    gint64 until = g_get_monotonic_time() + (gint64)(limit_s * 1e6);
-    while (g_get_monotonic_time() < until) {
-        if (camera_arm(eye->camera, NULL) && eye_shoot(eye, shot) == CAMERA_FRAME)
-            return;
+void eye_recover(struct eye *eye, guint64 shot) {
+    UNTIL (camera_arm(eye->camera, NULL) && eye_shoot(eye, shot) == CAMERA_FRAME)
         conformance_pass(eye->clock, 0.1);
-    }
-    g_error("the camera did not come back in %g s", limit_s);
 }

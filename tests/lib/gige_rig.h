@@ -37,7 +37,7 @@ enum camera_event eye_shoot(struct eye *eye, guint64 shot);
 void eye_shoot_together(struct eye *eyes, int n, int shots);
 
 /* Arms and shoots again until a picture comes, as the sequencer does; fails after limit_s. */
-void eye_recover(struct eye *eye, guint64 shot, double limit_s);
+void eye_recover(struct eye *eye, guint64 shot);
 
 #define eye_assert_said(eye, what, text)                                                           \
     do {                                                                                           \

@@ -1,5 +1,6 @@
 #include "modbus_bench.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 static void hear(struct bench *bench, int event, const GError *error) {
     bench->n++;
@@ -99,15 +100,11 @@ void bench_expect_error(struct bench *bench, enum device_error code, const char 
 }
 
 void bench_started(struct bench *bench) {
-    int asked = 0;
-    for (int ms = 0, moving = FALSE; !moving || bench_state(bench).requests < asked + 2; ms += 2) {
-        g_assert_cmpint(ms, <, 2000);
+    UNTIL (bench_state(bench).moving)
         conformance_pass(bench->clock, 0.002);
-        if (!moving && bench_state(bench).moving) {
-            moving = TRUE;
-            asked = bench_state(bench).requests;
-        }
-    }
+    const int asked = bench_state(bench).requests;
+    UNTIL (bench_state(bench).requests >= asked + 2)
+        conformance_pass(bench->clock, 0.002);
 }
 
 static gboolean bench_is_safe(const struct bench *bench) {
@@ -118,10 +115,8 @@ static gboolean bench_is_safe(const struct bench *bench) {
 
 double bench_wait_safe(struct bench *bench) {
     const gint64 from = g_get_monotonic_time();
-    while (!bench_is_safe(bench)) {
-        g_assert_cmpint(g_get_monotonic_time() - from, <, 20 * G_USEC_PER_SEC);
+    UNTIL (bench_is_safe(bench))
         conformance_pass(bench->clock, 0.005);
-    }
     return (double)(g_get_monotonic_time() - from) * 1e-6;
 }
 

@@ -79,7 +79,7 @@ GSubprocess *twin_start_daemon(GSubprocessFlags flags, const char *log, const ch
     GSubprocess *daemon = process_start(
         flags, log,
         (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", address, "--rig", rig, NULL});
-    for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+    for (int i = 0; i < 6000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     return daemon;
 }

@@ -1,5 +1,6 @@
 #include "web_site.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 #include <string.h>
 
@@ -8,7 +9,7 @@ static void start_daemon(struct site *site, gboolean opens) {
     site->daemon = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
                                  (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->bus,
                                                   opens ? "--rig" : NULL, site->run->rig, NULL});
-    for (int i = 0; i < 10 * SITE_WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+    UNTIL (g_file_test(socket, G_FILE_TEST_EXISTS))
         g_usleep(G_USEC_PER_SEC / 10);
 }
 

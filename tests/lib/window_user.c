@@ -1,5 +1,6 @@
 #include "window_user.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 #include "remove_tree.h"
 #include "skip.h"
@@ -58,7 +59,7 @@ char *user_stand_up(struct user *u, int code) {
     g_test_message("%sclosed in %.2f s", err, (g_get_monotonic_time() - from) * 1e-6);
     g_assert_true(g_subprocess_get_if_exited(u->program));
     g_assert_cmpint(g_subprocess_get_exit_status(u->program), ==, code);
-    g_assert_cmpint(g_get_monotonic_time() - from, <, 30 * G_USEC_PER_SEC);
+    g_assert_cmpint(g_get_monotonic_time() - from, <, WAIT_S * G_USEC_PER_SEC);
     if (!u->keeps_folder)
         remove_tree(u->folder);
     if (*u->session != '\0')

@@ -5,6 +5,7 @@
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
 #include "lib/process.h"
+#include "lib/wait.h"
 
 #include <gio/gio.h>
 #include <pwd.h>
@@ -15,8 +16,7 @@
 
 #define RIG      "/etc/mesorig/rig.conf"
 #define WORLD    "/etc/mesorig/world.conf"
-#define FAR_DEG  80.0 /* 40 s from home */
-#define WAIT_US  (60 * G_USEC_PER_SEC)
+#define FAR_DEG  80.0                     /* 40 s from home */
 #define SLACK_US (G_USEC_PER_SEC * 3 / 2) /* a machine with more to do than this */
 #define SAFE     "lamps and lasers are off, axes stand"
 
@@ -79,7 +79,7 @@ static void call(GDBusConnection *bus, const char *method, GVariant *parameters)
     g_autoptr(GError) error = NULL;
     g_autoptr(GVariant) answer =
         g_dbus_connection_call_sync(bus, BUS_NAME, BUS_PATH, BUS_NAME, method, parameters, NULL,
-                                    G_DBUS_CALL_FLAGS_NONE, WAIT_US / 1000, NULL, &error);
+                                    G_DBUS_CALL_FLAGS_NONE, WAIT_S * 1000, NULL, &error);
     g_assert_no_error(error);
 }
 
@@ -123,11 +123,8 @@ static void light_up(struct lines *lines, GDBusConnection *bus, enum line line, 
     lines_fail(lines, line, LOST);
     g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, method, parameters, NULL,
                            G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL, NULL);
-    const gint64 began_us = g_get_monotonic_time();
-    while (lines_usable_us(lines, line) == 0) {
-        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+    UNTIL (lines_usable_us(lines, line) != 0)
         g_usleep(2000);
-    }
 }
 
 /* A rig in which everything shines and moves, by the daemon's own doing. Returns the daemon. The
@@ -165,11 +162,8 @@ static pid_t start_service(struct lines *lines, GDBusConnection *bus, const stru
         g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, "MoveAxis",
                                g_variant_new("(sd)", axes[i], FAR_DEG), NULL,
                                G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL, NULL);
-    const gint64 began_us = g_get_monotonic_time();
-    while (!all_move(lines)) {
-        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+    UNTIL (all_move(lines))
         g_usleep(2000);
-    }
     if (cell->failure == LOST)
         light_up(lines, bus, cell->line, TRUE);
     g_assert_true(lines_has_light(lines->devices[LASER]));
@@ -180,11 +174,8 @@ static pid_t start_service(struct lines *lines, GDBusConnection *bus, const stru
 static void wait_safe(const struct lines *lines, struct cell *cell) {
     const gint64 began_us = g_get_monotonic_time();
     cell->dark_s = cell->stand_s = -1;
-    while (cell->dark_s < 0 || cell->stand_s < 0) {
+    UNTIL (cell->dark_s >= 0 && cell->stand_s >= 0) {
         const gint64 took_us = g_get_monotonic_time() - began_us;
-        if (took_us > WAIT_US)
-            g_error("%s: not safe after %d s", end_names[cell->end],
-                    (int)(WAIT_US / G_USEC_PER_SEC));
         if (cell->dark_s < 0 && is_dark_but(lines, cell->line))
             cell->dark_s = (double)took_us / 1e6;
         if (cell->stand_s < 0 && stands_but(lines, cell->line))
@@ -195,14 +186,11 @@ static void wait_safe(const struct lines *lines, struct cell *cell) {
 
 /* ExecStopPost has ended then, and the next start has not begun. */
 static void wait_for_unit(void) {
-    const gint64 began_us = g_get_monotonic_time();
-    for (;;) {
-        g_autofree char *state = run_line("systemctl show mesorigd -P SubState");
-        if (strcmp(state, "auto-restart") == 0)
-            return;
-        if (g_get_monotonic_time() - began_us > WAIT_US)
-            g_error("the unit is %s", state);
+    g_autofree char *state = NULL;
+    UNTIL (g_strcmp0(state, "auto-restart") == 0) {
         g_usleep(50000);
+        g_free(state);
+        state = run_line("systemctl show mesorigd -P SubState");
     }
 }
 
@@ -215,13 +203,11 @@ static int count(const char *text, const char *words) {
 
 /* Ends the guardian, and waits until the daemon has started another one. */
 static void end_one_guardian(void) {
-    const gint64 began_us = g_get_monotonic_time();
     const pid_t first = find_guardian(RIG);
     pid_t now = first;
     g_assert_cmpint(first, >, 0);
     kill(first, SIGKILL);
-    while (now == first || now == 0) {
-        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+    UNTIL (now != first && now != 0) {
         g_usleep(5000);
         now = find_guardian(RIG);
     }
@@ -267,12 +253,8 @@ static void check_journal(const struct cell *cell, const char *said) {
 
 /* Returns when the light of a device is off. */
 static gint64 wait_for_one(const struct lines *lines, enum line line) {
-    const gint64 began_us = g_get_monotonic_time();
-    while (lines_has_light(lines->devices[line])) {
-        if (g_get_monotonic_time() - began_us > WAIT_US)
-            g_error("%s: on after %d s", lines_names[line], (int)(WAIT_US / G_USEC_PER_SEC));
+    UNTIL (!lines_has_light(lines->devices[line]))
         g_usleep(2000);
-    }
     return g_get_monotonic_time();
 }
 
@@ -292,10 +274,8 @@ static void repair(struct lines *lines, struct cell *cell) {
     lines_repair(lines, cell->line);
     if (cell->line <= BANK)
         cell->late_s = after_s(wait_for_one(lines, cell->line), began_us);
-    while (find_guardian(RIG) != 0) {
-        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+    UNTIL (find_guardian(RIG) == 0)
         g_usleep(5000);
-    }
 }
 
 /* Until the unit has ended, and the guardian, unless it goes on. */
@@ -310,11 +290,9 @@ static void follow_end(struct lines *lines, struct cell *cell, pid_t guardian, g
     if (cell->end == ALIVE)
         return;
     /* ExecStopPost may have been the first to reach the line. */
-    while (cell->failure == LOST && cell->end != GUARDIAN_FROZEN && guardian > 0 &&
-           kill(guardian, 0) == 0) {
-        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+    UNTIL (cell->failure != LOST || cell->end == GUARDIAN_FROZEN || guardian <= 0 ||
+           kill(guardian, 0) != 0)
         g_usleep(5000);
-    }
     wait_for_unit();
     g_assert_true(is_dark_but(lines, cell->line));
     g_assert_true(stands_but(lines, cell->line));
@@ -353,9 +331,11 @@ static void run_cell(struct cell *cell, GDBusConnection *bus) {
            lines_names[cell->line], lines_failures[cell->failure], end_names[cell->end],
            cell->dark_s, cell->stand_s, cell->late_s);
     fflush(stdout);
-    g_assert_cmpfloat(cell->dark_s, <, (double)max_us / 1e6);
-    g_assert_cmpfloat(cell->stand_s, <, (double)max_us / 1e6);
-    g_assert_cmpfloat(cell->late_s, <, (double)(G_USEC_PER_SEC + SLACK_US) / 1e6);
+    if (g_getenv("MESORIG_MATRIX")) { /* which has the computer for itself */
+        g_assert_cmpfloat(cell->dark_s, <, (double)max_us / 1e6);
+        g_assert_cmpfloat(cell->stand_s, <, (double)max_us / 1e6);
+        g_assert_cmpfloat(cell->late_s, <, (double)(G_USEC_PER_SEC + SLACK_US) / 1e6);
+    }
 }
 
 /* In the short form: the daemon is killed while the laser is silent, and while it loses an answer

@@ -11,9 +11,8 @@
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/wait.h"
 #include "session/session.h"
-
-#define WAIT_S 60
 
 struct site {
     struct operation *run;
@@ -22,15 +21,10 @@ struct site {
 };
 
 static void daemon_start(struct site *site) {
-    g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
-    g_unlink(socket);
-    site->daemon =
-        process_start(G_SUBPROCESS_FLAGS_NONE, site->log,
-                      (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->address,
-                                       "--rig", site->run->rig, "--queue", site->queue, NULL});
-    for (int i = 0; i < 10 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(G_USEC_PER_SEC / 10);
-    g_usleep(G_USEC_PER_SEC / 10);
+    site->daemon = process_start_ready(G_SUBPROCESS_FLAGS_NONE, site->log,
+                                       (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen",
+                                                        site->address, "--rig", site->run->rig,
+                                                        "--queue", site->queue, NULL});
 }
 
 /* With a signal: SIGTERM or SIGKILL. */
@@ -123,14 +117,12 @@ static char *states(struct site *site) {
 static void wait_for(struct site *site, const char *wanted) {
     g_autofree char *found = NULL;
     const gint64 until = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
-    while (g_get_monotonic_time() < until) {
+    while (strcmp(found = states(site), wanted) != 0) {
+        if (g_get_monotonic_time() > until)
+            g_error("the queue is “%s”, not “%s”: %s", found, wanted, site->run->out);
         g_free(found);
-        found = states(site);
-        if (strcmp(found, wanted) == 0)
-            return;
         g_usleep(G_USEC_PER_SEC / 10);
     }
-    g_error("the queue is “%s”, not “%s”: %s", found, wanted, site->run->out);
 }
 
 /* Shots that are done, and all. */
@@ -145,11 +137,9 @@ static void count_shots(const char *path, int *ret_done, int *ret_all) {
 
 /* Waits until so many shots of a session are done. */
 static void wait_for_shots(const struct site *site, const char *name, int n) {
-    const gint64 until = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
     g_autofree char *path = directory_of(site, name);
     int done = 0, all;
-    while (done < n) {
-        g_assert_cmpint(g_get_monotonic_time(), <, until);
+    UNTIL (done >= n) {
         g_usleep(G_USEC_PER_SEC / 100);
         count_shots(path, &done, &all);
     }
@@ -199,7 +189,7 @@ TEST(three) {
     QUEUE(site, 0, "list", "--json");
     assert_has(site->run->out, "lamp lamp30 gives no light");
     assert_has(site->run->out, "To continue it: mesorig resume ");
-    for (int i = 0; i < 10 * WAIT_S && !strstr(site->run->out, "parked"); i++) {
+    UNTIL (strstr(site->run->out, "parked")) {
         g_usleep(G_USEC_PER_SEC / 10);
         QUEUE(site, 0, "list", "--json");
     }
@@ -510,14 +500,11 @@ TEST(park) {
 TEST(kept_by_one) {
     struct site *site = site_new(NULL);
     g_autofree char *other = g_strdup_printf("unix:path=%s/other", site->run->directory);
-    g_autofree char *other_socket = g_build_filename(site->run->directory, "other", NULL);
     /* The second one has no queue, says why, and serves all the same. */
-    GSubprocess *second = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
-                                        (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen",
-                                                         other, "--queue", site->queue, NULL});
-    for (int i = 0; i < 10 * WAIT_S && !g_file_test(other_socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(G_USEC_PER_SEC / 10);
-    g_usleep(G_USEC_PER_SEC / 5);
+    GSubprocess *second =
+        process_start_ready(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+                            (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", other,
+                                             "--queue", site->queue, NULL});
     operator_does(site->run, 1, "queue", "list", "--address", other, NULL);
     assert_has(site->run->err, "this mesorigd keeps no queue: ");
     assert_has(site->run->err, "queue.lock: process ");
@@ -526,13 +513,9 @@ TEST(kept_by_one) {
     g_subprocess_wait(second, NULL, NULL);
     g_object_unref(second);
     daemon_end(site, SIGTERM);
-    GSubprocess *plain =
-        process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
-                      (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->address, NULL});
-    g_autofree char *socket = g_build_filename(site->run->directory, "bus", NULL);
-    for (int i = 0; i < 10 * WAIT_S && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(G_USEC_PER_SEC / 10);
-    g_usleep(G_USEC_PER_SEC / 5);
+    GSubprocess *plain = process_start_ready(
+        G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+        (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", site->address, NULL});
     QUEUE(site, 1, "list", NULL);
     assert_has(site->run->err, "this mesorigd keeps no queue: start it with --queue FILE");
     operator_does(site->run, 0, "status", "--address", site->address, NULL);

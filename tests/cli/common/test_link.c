@@ -5,9 +5,9 @@
 #include "lib/long_session.h"
 #include "lib/operator.h"
 #include "lib/test.h"
+#include "lib/wait.h"
 
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define WAIT_S   60
 
 static const struct change real_clock = {"[rig]", "clock = real"};
 
@@ -21,12 +21,9 @@ struct lab {
 static struct lab lab_new(void) {
     struct lab lab = {.run = operator_new((const struct change[]){real_clock, {0}})};
     lab.address = g_strdup_printf("unix:path=%s/socket", lab.run->directory);
-    g_autofree char *path = g_build_filename(lab.run->directory, "socket", NULL);
-    lab.daemon = process_start(
+    lab.daemon = process_start_ready(
         G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
         (const char *[]){MESORIGD, "--listen", lab.address, "--rig", lab.run->rig, NULL});
-    for (int i = 0; i < 20 * WAIT_S && !g_file_test(path, G_FILE_TEST_EXISTS); i++)
-        g_usleep(G_USEC_PER_SEC / 20);
     return lab;
 }
 
@@ -40,14 +37,11 @@ static void lab_clear(struct lab *lab, int number) {
 
 /* Until “mesorig status --json DIR” says so. */
 static void lab_waits(struct lab *lab, const char *what) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
-    while (g_get_monotonic_time() < until_us) {
-        operator_does(lab->run, 0, "status", "--address", lab->address, "--json", NULL);
-        if (strstr(lab->run->out, what))
-            return;
+    operator_does(lab->run, 0, "status", "--address", lab->address, "--json", NULL);
+    UNTIL (strstr(lab->run->out, what)) {
         g_usleep(G_USEC_PER_SEC / 20);
+        operator_does(lab->run, 0, "status", "--address", lab->address, "--json", NULL);
     }
-    g_error("within %d s status did not say %s:\n%s", WAIT_S, what, lab->run->out);
 }
 
 static GSubprocess *lab_captures(struct lab *lab, const char *conf) {

@@ -10,10 +10,10 @@
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/wait.h"
 
 #define MESORIG  BUILD_DIR "/bin/mesorig"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define WAIT_S   30
 
 /* A small rig on a real clock, and a daemon that has it open. */
 struct desk {
@@ -64,14 +64,11 @@ static void desk_ends(GSubprocess *program, int signal) {
 
 /* Until the daemon says this of a device, or of its state. */
 static void desk_waits(struct desk *desk, const char *what) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;
-    while (g_get_monotonic_time() < until_us) {
-        desk_does(desk, 0, "status --json");
-        if (strstr(desk->run->out, what))
-            return;
+    desk_does(desk, 0, "status --json");
+    UNTIL (strstr(desk->run->out, what)) {
         g_usleep(50000);
+        desk_does(desk, 0, "status --json");
     }
-    g_error("within %d s status did not say %s:\n%s", WAIT_S, what, desk->run->out);
 }
 
 static struct desk desk_new(const struct change *changes) {
@@ -185,8 +182,8 @@ TEST(axes) {
 
 /* Whoever holds a light or an axis is killed. */
 TEST(killed) {
-    struct desk desk =
-        desk_new((const struct change[]){real_clock, {"[axis turntable]", "speed_deg_s = 2"}, {0}});
+    struct desk desk = desk_new(
+        (const struct change[]){real_clock, {"[axis turntable]", "speed_deg_s = 0.5"}, {0}});
     GSubprocess *lamp = desk_begins(&desk, "lamp lamp30");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
     GSubprocess *laser = desk_begins(&desk, "laser laser60");
@@ -197,14 +194,12 @@ TEST(killed) {
     desk_ends(lamp, SIGKILL);
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"off\"");
     desk_does(&desk, 0, "home turntable");
-    GSubprocess *move = desk_begins(&desk, "move turntable 179"); /* 90 s */
+    GSubprocess *move = desk_begins(&desk, "move turntable 179"); /* 6 min */
     desk_waits(&desk, "\"turntable\", \"sim-axis\", \"moving\"");
     desk_does(&desk, 1, "move turntable 3");
     assert_has(desk.run->err, "busy");
-    const gint64 killed_us = g_get_monotonic_time();
     desk_ends(move, SIGKILL);
     desk_waits(&desk, "\"turntable\", \"sim-axis\", \"ok\"");
-    g_assert_cmpint(g_get_monotonic_time() - killed_us, <, 20 * G_USEC_PER_SEC);
     lamp = desk_begins(&desk, "lamp lamp30");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
     desk_does(&desk, 0, "safe");

@@ -7,6 +7,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
+#include "lib/wait.h"
 
 #include <errno.h>
 #include <glib/gstdio.h>
@@ -106,13 +107,9 @@ static void assert_short_log(struct fixture *fixture, const char *words) {
 
 /* A new client, once there is room again. */
 static void assert_joins(struct fixture *fixture) {
-    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
     g_autoptr(GDBusConnection) client = NULL;
-    while (!client && g_get_monotonic_time() < until) {
-        client = bus_client_connect(fixture->address, NULL);
-        g_usleep(client ? 0 : 100000);
-    }
-    g_assert_nonnull(client);
+    UNTIL ((client = bus_client_connect(fixture->address, NULL)))
+        g_usleep(100000);
     assert_answers(client);
 }
 

@@ -7,6 +7,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/wait.h"
 
 #include <fcntl.h>
 #include <gio/gio.h>
@@ -22,7 +23,6 @@
 #define MESORIGD  BUILD_DIR "/bin/mesorigd"
 #define WORLD     SOURCE_DIR "/tests/small/world.conf"
 #define FEW_CELLS 29 /* the short form of the matrix takes each 29th cell */
-#define WAIT_US   (30 * G_USEC_PER_SEC)
 #define STALLS    3
 #define STALL_US  (G_USEC_PER_SEC * 46 / 10) /* a little more than a hang takes */
 #define SLACK_US  (G_USEC_PER_SEC * 3 / 2)   /* a machine with more to do than this */
@@ -334,27 +334,41 @@ static void read_log(struct fixture *fixture) {
 
 /* The daemon or the guardian says it in the end. */
 static void wait_said(struct fixture *fixture, const char *words) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
     read_log(fixture);
-    while (!strstr(fixture->said, words) && g_get_monotonic_time() < until_us) {
+    UNTIL (strstr(fixture->said, words)) {
         g_usleep(20000);
         read_log(fixture);
     }
-    assert_has(fixture->said, words);
 }
 
 static gint64 wait_for_dark(struct fixture *fixture) {
     const gint64 began = g_get_monotonic_time();
-    while (!is_dark(fixture) && g_get_monotonic_time() < began + 30 * G_USEC_PER_SEC)
+    UNTIL (is_dark(fixture))
         g_usleep(2000);
-    g_assert_true(is_dark(fixture));
     return g_get_monotonic_time() - began;
 }
 
 static void wait_for_guardian_end(struct fixture *fixture) {
-    for (int i = 0; i < 3000 && find_guardian(fixture->rig); i++)
+    UNTIL (!find_guardian(fixture->rig))
         g_usleep(10000);
-    g_assert_cmpint(find_guardian(fixture->rig), ==, 0);
+}
+
+/* A daemon that has ended is noticed by that, and only one that hangs by its silence. */
+static void check_cause(struct fixture *fixture, gboolean hangs) {
+    static const char silent[] = "no heartbeat from the daemon for 4.5 s: killing it";
+    read_log(fixture);
+    assert_has(fixture->said,
+               "the daemon has ended and has not reported that it left the rig safe");
+    if (hangs)
+        assert_has(fixture->said, silent);
+    else
+        assert_says_not(fixture, "no heartbeat");
+}
+
+/* Only the whole matrix, which has the computer for itself, asserts how long it takes. */
+static void check_time(gint64 took_us, int max_s) {
+    if (g_getenv("MESORIG_MATRIX"))
+        g_assert_cmpint(took_us, <, max_s * G_USEC_PER_SEC + SLACK_US);
 }
 
 static void test_death(struct fixture *fixture, gconstpointer data) {
@@ -364,14 +378,12 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
     g_subprocess_send_signal(fixture->daemon, how);
     const gint64 took_us = wait_for_dark(fixture);
     g_test_message("dark after %.3f s", (double)took_us / 1e6);
-    g_assert_cmpint(took_us, <, (how == SIGSTOP ? 5 * G_USEC_PER_SEC : G_USEC_PER_SEC) + SLACK_US);
+    check_time(took_us, how == SIGSTOP ? 5 : 1);
     g_assert_true(how != SIGSTOP || took_us > 2 * G_USEC_PER_SEC); /* not at the first silence */
     wait_for_guardian_end(fixture);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
-    read_log(fixture);
-    assert_has(fixture->said,
-               "the daemon has ended and has not reported that it left the rig safe");
+    check_cause(fixture, how == SIGSTOP);
     assert_says_not(fixture, "NOT safe");
 }
 
@@ -385,7 +397,8 @@ static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
     const gint64 took_us = wait_for_dark(fixture);
     g_test_message("dark after %.3f s", (double)took_us / 1e6);
-    g_assert_cmpint(took_us, <, G_USEC_PER_SEC + SLACK_US);
+    check_time(took_us, 1);
+    check_cause(fixture, FALSE);
     if (gone == DOOR)
         wait_for_guardian_end(fixture);
     else
@@ -411,8 +424,9 @@ static void test_stalled(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(find_guardian(fixture->rig), ==, guardian);
     light_up(fixture);
     g_subprocess_send_signal(fixture->daemon, SIGSTOP); /* and a hang is one still */
-    g_assert_cmpint(wait_for_dark(fixture), <, 5 * G_USEC_PER_SEC + SLACK_US);
+    check_time(wait_for_dark(fixture), 5);
     wait_for_guardian_end(fixture);
+    check_cause(fixture, TRUE);
 }
 
 /* Ends of daemon and guardian. In the last one both live on. */
@@ -438,17 +452,14 @@ static gboolean is_cell(enum end end, enum line_failure failure) {
 
 /* Ends the guardian, and waits until the daemon has started another one. */
 static void end_one_guardian(struct fixture *fixture, int how) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
     const pid_t first = find_guardian(fixture->rig);
     pid_t now = first;
     g_assert_cmpint(first, !=, 0);
     kill(first, how);
-    while ((now == first || now == 0) && g_get_monotonic_time() < until_us) {
+    UNTIL (now != first && now != 0) {
         g_usleep(5000);
         now = find_guardian(fixture->rig);
     }
-    g_assert_cmpint(now, !=, first);
-    g_assert_cmpint(now, !=, 0);
 }
 
 static void end_guardians(struct fixture *fixture, enum end end) {
@@ -473,19 +484,16 @@ static void ask_for_light(struct fixture *fixture, enum line which) {
 
 /* The device carries out the command and then says nothing. */
 static void lose_answer(struct fixture *fixture, enum line which) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
     ask_for_light(fixture, which);
-    while (lines_usable_us(&fixture->lines, which) == 0 && g_get_monotonic_time() < until_us)
+    UNTIL (lines_usable_us(&fixture->lines, which) != 0)
         g_usleep(2000);
     g_assert_true(lines_has_light(fixture->lines.devices[which]));
 }
 
 /* Returns when the light of the device is off. */
 static gint64 wait_for_one(struct fixture *fixture, enum line which) {
-    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
-    while (lines_has_light(fixture->lines.devices[which]) && g_get_monotonic_time() < until_us)
+    UNTIL (!lines_has_light(fixture->lines.devices[which]))
         g_usleep(2000);
-    g_assert_false(lines_has_light(fixture->lines.devices[which]));
     return g_get_monotonic_time();
 }
 
@@ -549,15 +557,17 @@ static void check_cell(struct fixture *fixture, enum end end, enum line which,
         wait_for_guardian_end(fixture);
     }
     g_subprocess_wait(fixture->daemon, NULL, NULL);
-    if (end != ALIVE)
+    if (end != ALIVE) {
         check_log(fixture, which);
+        check_cause(fixture, end == STOPPED);
+    }
     g_test_message(
         "%s %s, %s: the other lights are off after %.2f s, its own %.2f s after its line "
         "is usable",
         lines_names[which], lines_failures[failure], end_names[end], (double)took_us / 1e6,
         (double)late_us / 1e6);
-    g_assert_cmpint(took_us, <, (end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US);
-    g_assert_cmpint(late_us, <, G_USEC_PER_SEC + SLACK_US);
+    check_time(took_us, end == STOPPED ? 5 : 1);
+    check_time(late_us, 1);
 }
 
 static void run_cell(enum end end, enum line which, enum line_failure failure) {

@@ -157,10 +157,8 @@ static void long_loss(struct bench *bench, gconstpointer unused) {
     bench_open_bank(bench, "n = 2\n");
     virtual_modbus_restart(bench->device, 2200);
     g_usleep(20000);
-    gint64 asked = g_get_monotonic_time();
     lamps_set(bench->bank, 0, TRUE, NULL);
     bench_expect_error(bench, DEVICE_ERROR_DISCONNECTED, "lamps bank: ");
-    g_assert_cmpint(bench->at_us - asked, <, 1900000);
     g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_UNSAFE);
     bench_wait_safe(bench);
     g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_OFF);
@@ -222,10 +220,12 @@ static void door(struct bench *bench, gconstpointer unused) {
     g_assert_false(interlock_is_lost(bench->door));
     virtual_modbus_set_input(bench->device, 3, TRUE);
     bench_expect(bench, TRUE);
-    gint64 lost = g_get_monotonic_time();
+    const int asked = bench_state(bench).requests;
     bench_fail(bench, .silent = -1);
     bench_expect(bench, FALSE);
-    g_assert_cmpint(bench->at_us - lost, <, 600000);
+    /* A request waits 60 ms for its answer, and 120 ms for a late one: 200 ms are over after two or
+     * three of them. */
+    g_assert_cmpint(bench_state(bench).requests, <=, asked + 3);
     g_assert_true(interlock_is_lost(bench->door)); /* nobody opened a door */
     g_autofree char *advice = interlock_advice(bench->door);
     assert_has(advice, "interlock door does not answer");

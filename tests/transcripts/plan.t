@@ -1,0 +1,77 @@
+A plan says what a session takes before anything moves.
+
+  $ mesorig plan "$SMALL/rig.conf" "$SMALL/session.conf"
+  session         small
+  directions      4 views, 4 lights, 2 laser positions; 16 pictures of the BTF
+  poses           4
+  shots           13, with 144 camera frames
+  on disk         about 352.1 kB of frames; products need additional space
+  predicted time  25 s, 17.7 % above the lower bound of 21 s
+  nested order    28 s, 1.10 times as long
+  calibration     none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)
+  $ mesorig plan --json "$SMALL/rig.conf" "$SMALL/session.conf" | python3 -m json.tool --json-lines --no-ensure-ascii --indent 1
+  {
+   "session": "small",
+   "prompt": "",
+   "views": 4,
+   "lights": 4,
+   "lasers": 2,
+   "poses": 4,
+   "shots": 13,
+   "frames": 144,
+   "mounts": 0,
+   "later_sweeps": 0,
+   "later_lamps": 0,
+   "passes": 0,
+   "passing": 0,
+   "bytes": 352104,
+   "bytes_least": 352104,
+   "predicted_s": 24.941,
+   "lower_bound_s": 21.191,
+   "nested_s": 27.541,
+   "first_s": 24.941,
+   "standing_s": 0,
+   "pass_deg_s": 0,
+   "blur_texels": 0,
+   "blur_mm": 0,
+   "pose_texels": 0,
+   "notes": [],
+   "calibration": "none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)"
+  }
+
+Files that cannot be read:
+
+  $ printf '[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n' >bad_rig.conf
+  $ printf '[session]\nname = x\n\n[views]\nrings = 99:x\n' >bad_session.conf
+  $ printf '\001\002\377\376[[[' >binary.conf
+  $ mesorig plan bad_rig.conf "$SMALL/session.conf"
+  mesorig: bad_rig.conf: 3 mistakes:
+  bad_rig.conf:3: [rig] arc_radius_mm: "NaN" is not a number (its unit is mm; write only the number)
+  bad_rig.conf: there is no section [camera NAME]; a rig needs cameras, and lamps or lasers
+  bad_rig.conf: there is no section [lamp NAME] or [laser NAME]; a rig needs cameras, and lamps or lasers
+  [1]
+  $ mesorig plan "$SMALL/rig.conf" bad_session.conf
+  mesorig: bad_session.conf: 4 mistakes:
+  bad_session.conf:5: [views] rings: "99:x" is not theta:count or theta:count:offset with theta from 0 to 89 degrees, count from 1 to 720 (1 at theta 0), offset from -360 to 360
+  bad_session.conf: there is no section [sample]
+  bad_session.conf: there is neither [lights] nor [lasers]: nothing to take
+  bad_session.conf: there is no section [capture]
+  [1]
+  $ mesorig plan binary.conf "$SMALL/session.conf"
+  mesorig: binary.conf:1: not UTF-8
+  [1]
+  $ mesorig plan "$SMALL/rig.conf" binary.conf --json
+  {"error": "binary.conf:1: not UTF-8"}
+  [1]
+  $ mesorig plan /no/such/rig.conf "$SMALL/session.conf"
+  mesorig: cannot read /no/such/rig.conf: No such file or directory
+  [1]
+  $ mesorig plan "$SMALL/rig.conf" .
+  mesorig: cannot read .: it is a directory, not a regular file
+  [1]
+  $ mesorig capture bad_rig.conf "$SMALL/session.conf" -o x
+  mesorig: bad_rig.conf: 3 mistakes:
+  bad_rig.conf:3: [rig] arc_radius_mm: "NaN" is not a number (its unit is mm; write only the number)
+  bad_rig.conf: there is no section [camera NAME]; a rig needs cameras, and lamps or lasers
+  bad_rig.conf: there is no section [lamp NAME] or [laser NAME]; a rig needs cameras, and lamps or lasers
+  [1]

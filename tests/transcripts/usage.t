@@ -1,0 +1,172 @@
+Bad usage ends with exit code 2, and the command that was meant is named.
+
+  $ mesorig --version
+  mesorig 0.1.0
+  $ mesorig develop
+  mesorig: no command “develop”; “mesorig --help” lists them
+  [2]
+  $ mesorig captur rig.conf
+  mesorig: no command “captur”: did you mean “capture”?
+  [2]
+  $ mesorig proces S
+  mesorig: no command “proces”: did you mean “process”?
+  [2]
+  $ mesorig sing S
+  mesorig: no command “sing”; “mesorig --help” lists them
+  [2]
+  $ mesorig check S --strct
+  mesorig check: Unknown option --strct; did you mean --strict?
+  Usage: mesorig check DIR
+  [2]
+  $ mesorig check S --strct=yes
+  mesorig check: Unknown option --strct=yes; did you mean --strict?
+  Usage: mesorig check DIR
+  [2]
+  $ mesorig compress S -s 4500B
+  mesorig compress: Unknown option -s; did you mean --size?
+  Usage: mesorig compress DIR
+  [2]
+  $ mesorig compress S -c 4
+  mesorig compress: Unknown option -c; did you mean --components or --colours?
+  Usage: mesorig compress DIR
+  [2]
+  $ mesorig compress S -x
+  mesorig compress: Unknown option -x
+  Usage: mesorig compress DIR
+  [2]
+  $ mesorig calibrate camras
+  mesorig calibrate: there is no “calibrate camras”; did you mean “cameras”?
+  Usage: mesorig calibrate WHAT …
+  [2]
+  $ mesorig plan rig.conf session.conf --adress=x
+  mesorig plan: Unknown option --adress=x; did you mean --address?
+  Usage: mesorig plan RIG SESSION
+  [2]
+  $ mesorig move arc -15
+  mesorig move: before a negative number write --, as in “mesorig move -- … -15”: Unknown option -15
+  Usage: mesorig move AXIS DEGREES
+  [2]
+  $ mesorig plan rig.conf
+  mesorig plan: an argument is missing
+  Usage: mesorig plan RIG SESSION
+  [2]
+  $ mesorig capture rig.conf session.conf
+  mesorig capture: no session to make is given: give -o DIR
+  Usage: mesorig capture RIG SESSION -o DIR
+  [2]
+  $ mesorig status --bus=coach
+  mesorig status: there is no --bus=coach; choose from: system, session
+  Usage: mesorig status [DIR]
+  [2]
+  $ mesorig status --bus=system --address=unix:path=/x
+  mesorig status: give --bus or --address, not both
+  Usage: mesorig status [DIR]
+  [2]
+  $ mesorig verify a b c d
+  mesorig verify: too many arguments
+  Usage: mesorig verify DIR
+  [2]
+
+Without a command all commands are listed.
+
+  $ mesorig
+  Usage: mesorig COMMAND …
+  
+  Capture a session:
+    plan       Check a session, and predict its order and time.
+    capture    Capture a session and show its progress.
+    resume     Continue a session: exactly the missing frames are taken.
+    status     Show what the rig does.
+    watch      Follow a capture until it ends.
+    pause      Pause after the shot under way.
+    continue   Continue after a pause or a fault.
+    abort      End a capture now; it can be resumed.
+    safe       Stop immediately: lamps and lasers off, axes stopped, until “release”.
+    release    Allow light and movement again after “safe”. Look at the rig first.
+    close      Make the daemon close its rig, so that another may be opened.
+    queue      Capture sessions one after the other, without an operator at the rig.
+  
+  Devices:
+    drivers    List the drivers and their options in a rig file.
+    devices    List the devices on the buses, and the rig file sections that would use them.
+    test       Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees each lamp and laser. Fails unless all answer.
+    snap       Take one picture: what it looks like, its histogram, how much is saturated and dark, how sharp it is. Nothing may be captured meanwhile.
+    live       Take pictures one after the other, as snap does, until Ctrl-C: to point and focus.
+    lamp       Switch a lamp on until Ctrl-C.
+    laser      Switch a laser on until Ctrl-C, or until an interlock opens. Mind your eyes.
+    move       Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative angle write --.
+    home       Send an axis to its reference. Ctrl-C stops it.
+  
+  Calibrate:
+    board      Draw a calibration board to print.
+    calibrate  Find out where cameras, lamps and lasers are, from pictures.
+  
+  Process a session:
+    process    Make BTF, MDF and eigen-maps of a session.
+    compress   Compress the BTF of a session, or its MDF.
+    resample   Make a session whose BTF has the same directions for all texels, and report its accuracy.
+    synthesize Make a larger material from a sample, as a map of its texels.
+  
+  Look at results:
+    info       Show the contents of a session or an EXR.
+    verify     Compare every file of a session with its checksum, and show the command that repairs it.
+    check      Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement of views.
+    compare    Compare two materials, or all models of one.
+    report     Write a report of a session as a page, and metadata for an archive.
+  
+  Exchange data with other programs:
+    import     Make a session of data that others have measured.
+    export     Write the products of a session for other programs.
+  
+  “mesorig COMMAND --help” describes a command. Every command takes --json.
+  Exit codes: 0 done, 1 failed, 2 bad usage.
+  [2]
+  $ mesorig --help | head -3
+  Usage: mesorig COMMAND …
+  
+  Capture a session:
+  $ mesorig capture --help | tail -5
+  
+  Examples:
+    mesorig capture rig.conf session.conf -o weave.session
+    mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process
+  
+  $ mesorig snap --help | grep -A9 Examples
+  Examples:
+    mesorig snap cam45 --lamp lamp30
+    mesorig snap cam45 -e 2000 -o cam45.png
+  
+
+Each command lists its options, and refuses others and too many arguments.
+
+  $ for command in plan capture resume status watch pause abort safe continue process info drivers compress verify; do
+  >     mesorig --help | grep -q "^  $command " || echo "$command is not listed"
+  >     mesorig $command --help | grep -q -- --json || echo "$command has no --json"
+  >     mesorig $command --nonsense 2>&1 | grep -q "Unknown option --nonsense" || echo "$command takes --nonsense"
+  >     mesorig $command a b c d >/dev/null 2>&1
+  >     test $? -eq 2 || echo "$command takes four arguments"
+  > done
+
+Drivers:
+
+  $ mesorig drivers | grep -E 'sim-(axis|camera)|NAME'
+  sim-axis         axis       An axis of the simulated world, with backlash and position errors
+  sim-camera       camera     A camera that looks at the simulated world
+  axis             section    Place of an axis, in its section [axis NAME], in addition to the options of its driver
+  lamp             section    A lamp of a bank, in a section [lamp NAME]
+  camera           section    Place of a camera, in its section [camera NAME], in addition to the options of its driver
+  laser            section    Place of a laser, in its section [laser NAME], in addition to the options of its driver
+  mark             section    A white mark on the turntable next to the sample, in a section [mark NAME]
+  “mesorig drivers NAME” lists the options of one.
+  $ mesorig drivers sim-axis | grep speed_deg_s
+    speed_deg_s: number, 0.001 to 100000 deg/s; default 60
+  $ mesorig drivers steam
+  mesorig: there is no driver “steam”; “mesorig drivers” lists them
+  [1]
+  $ mesorig drivers modbus-axs
+  mesorig: there is no driver “modbus-axs”; did you mean “modbus-axis”?
+  [1]
+  $ mesorig drivers steam --json
+  {"error": "there is no driver “steam”; “mesorig drivers” lists them"}
+  [1]
+  $ mesorig drivers --json | python3 -m json.tool --json-lines >/dev/null
