@@ -457,36 +457,31 @@ static gboolean on_may_trigger(gpointer data) {
     return !intake_is_full(capture->intake);
 }
 
-static void on_frame(const struct session_shot *shot, const struct sequencer_taken *taken,
-                     Frame *frame, gpointer data) {
+static void on_frame(const struct taken_frame *taken, gpointer data) {
     Capture *capture = data;
-    const int camera = taken->camera, sub = taken->sub;
+    const struct session_shot *shot = taken->shot;
+    struct taken_frame timed = *taken;
     if (!find_flight(capture, shot)) {
         struct flight *flight = g_new0(struct flight, 1);
         flight->shot = shot;
         flight->signal_dn = -HUGE_VAL;
         g_queue_push_tail(&capture->flights, flight);
     }
-    double time_s = session_clock_s(capture, frame->exposure_end_us);
-    const struct intake_frame of = {.camera = camera,
-                                    .sub = sub,
-                                    .retakes = taken->retakes,
-                                    .time_s = time_s,
-                                    .turned = taken->turned,
-                                    .turntable_deg = taken->turntable_deg};
-    intake_frame(capture->intake, shot, &of, frame);
+    const double time_s = session_clock_s(capture, taken->frame->exposure_end_us);
+    timed.row.captured_s = time_s;
+    intake_take(capture->intake, &timed);
     capture->frames++;
-    if (sub + 1 == shot_n_frames(&capture->conf, shot)) {
+    if (taken->sub + 1 == shot_n_frames(&capture->conf, shot)) {
         const guint n = capture->committed + capture->flights.length;
         learn(capture, n, time_s);
         note_left(capture, n, time_s);
     }
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
-         shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
-        struct latest_picture *latest = &capture->latest[camera];
+         shot_sweep_step(&capture->conf, shot, taken->sub) < shot->sweep_steps)) {
+        struct latest_picture *latest = &capture->latest[taken->row.camera];
         frame_unref(latest->frame);
-        latest->frame = frame_ref(frame);
+        latest->frame = frame_ref(taken->frame);
         latest->time_s = time_s;
         latest->fresh = FALSE;
     }

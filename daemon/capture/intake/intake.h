@@ -34,6 +34,7 @@
 
 #include "calibration/calibration.h"
 #include "plan/shot_frames.h"
+#include "taken_frame.h"
 
 typedef struct Intake Intake;
 
@@ -51,7 +52,8 @@ struct intake_setup {
 /* One camera's part of a shot is on disk, or could not be written. */
 struct intake_result {
     const struct session_shot *shot;
-    struct session_frame frame; /* camera is set always; the rest unless there is an error */
+    /* The row of the frame. path, sha256 and bytes are set if the file was written. */
+    struct session_frame frame;
     GError *error;
     double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure */
     double dark_dn;      /* SHOT_DARK: highest mean of any exposure */
@@ -74,16 +76,9 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
 void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 
-struct intake_frame {
-    int camera, sub, retakes;
-    double time_s;
-    gboolean turned; /* as in struct session_frame, with the next */
-    double turntable_deg;
-};
-
-/* The next frame of a camera, in order of sub; takes a reference of its own. */
-void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
-                  Frame *frame);
+/* Takes the next frame of a camera, in order of sub. row.captured_s must be set. The intake takes a
+ * reference of the frame. */
+void intake_take(Intake *intake, const struct taken_frame *taken);
 
 /* Too much waits for the workers: trigger nothing until room() is called. A virtual clock is
  * held meanwhile, since writing takes no simulated time. */
