@@ -126,8 +126,9 @@ static void question_refuse(struct question *question, GError *error) {
                                         bus_errors_wrap(error));
 }
 
-static void question_stop(struct question *question, GError *error) {
-    g_ptr_array_remove(question->authority->questions, question);
+static void question_stop(struct bus_authority *authority, struct question *question,
+                          GError *error) {
+    g_ptr_array_remove(authority->questions, question);
     question->authority = NULL;
     question_refuse(question, error);
     g_cancellable_cancel(question->cancellable);
@@ -139,7 +140,8 @@ gboolean bus_authority_stop(struct bus_authority *authority, const char *why) {
         struct question *question = authority->questions->pdata[0];
         const char *method = g_dbus_method_invocation_get_method_name(question->invocation);
         begins |= strcmp(method, "Start") == 0 || strcmp(method, "Resume") == 0;
-        question_stop(question, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
+        question_stop(authority, question,
+                      g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
     }
     return begins;
 }
@@ -147,7 +149,7 @@ gboolean bus_authority_stop(struct bus_authority *authority, const char *why) {
 static gboolean question_late(gpointer data) {
     struct question *question = data;
     question->deadline = 0;
-    question_stop(question,
+    question_stop(question->authority, question,
                   g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
                               "polkit has not answered in time whether you may do this (%s): try "
                               "again, and see systemctl status polkit",

@@ -28,8 +28,8 @@ void bus_jobs_clear(struct bus_jobs *jobs) {
     g_ptr_array_unref(jobs->list);
 }
 
-static void take_off_list(struct bus_job *job) {
-    g_ptr_array_remove(job->jobs->list, job);
+static void take_off_list(struct bus_jobs *jobs, struct bus_job *job) {
+    g_ptr_array_remove(jobs->list, job);
     job->jobs = NULL;
 }
 
@@ -40,8 +40,8 @@ static void answer(struct bus_job *job, GVariant *result, GError *error) {
 }
 
 /* Stops a job. The job is freed when its child has ended. */
-static void stop(struct bus_job *job, const char *why) {
-    take_off_list(job);
+static void stop(struct bus_jobs *jobs, struct bus_job *job, const char *why) {
+    take_off_list(jobs, job);
     g_cancellable_cancel(job->cancellable);
     answer(job, NULL, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
 }
@@ -78,13 +78,13 @@ gboolean bus_jobs_need_free(const struct bus_jobs *jobs, GError **error) {
 gboolean bus_jobs_stop_begin(struct bus_jobs *jobs, const char *why) {
     struct bus_job *job = find_beginning(jobs);
     if (job)
-        stop(job, why);
+        stop(jobs, job, why);
     return job != NULL;
 }
 
 void bus_jobs_stop_all(struct bus_jobs *jobs, const char *why) {
     while (jobs->list->len > 0)
-        stop(jobs->list->pdata[0], why);
+        stop(jobs, jobs->list->pdata[0], why);
 }
 
 void bus_jobs_stop_client(struct bus_jobs *jobs, GDBusConnection *connection) {
@@ -92,7 +92,7 @@ void bus_jobs_stop_client(struct bus_jobs *jobs, GDBusConnection *connection) {
         struct bus_job *job = jobs->list->pdata[i];
         if (job->invocation &&
             g_dbus_method_invocation_get_connection(job->invocation) == connection)
-            stop(job, "the client has disconnected");
+            stop(jobs, job, "the client has disconnected");
     }
 }
 
@@ -101,7 +101,7 @@ static void on_prepared(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
     g_autoptr(GVariant) prepared = preparer_finish(result, &error);
     if (job->jobs) {
-        take_off_list(job);
+        take_off_list(job->jobs, job);
         answer(job, prepared, error);
     } else {
         g_clear_error(&error);

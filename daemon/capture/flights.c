@@ -45,7 +45,7 @@ void flight_take(struct flight *flight, const struct intake_result *result) {
     g_array_append_vals(flight->marks, result->marks->data, result->marks->len);
 }
 
-gboolean flight_is_back(const struct flight *flight) {
+static gboolean is_back(const struct flight *flight) {
     return flight->back == flight->shot->cameras;
 }
 
@@ -56,7 +56,7 @@ gboolean flights_are_back(const struct flights *flights) {
 gboolean flights_first_are_back(const struct flights *flights, guint n) {
     for (guint i = 0; i < n; i++) {
         const struct flight *flight = flights_at(flights, i);
-        if (!flight || !flight_is_back(flight))
+        if (!flight || !is_back(flight))
             return FALSE;
     }
     return TRUE;

@@ -31,9 +31,8 @@ const struct flight *flights_at(const struct flights *flights, guint index);
 /* Stores what a camera has returned without an error. */
 void flight_take(struct flight *flight, const struct intake_result *result);
 
-/* Return whether all cameras of a shot have returned, whether this is so for all shots in flight,
- * and for the first n shots, which must be in flight. */
-gboolean flight_is_back(const struct flight *flight);
+/* Return whether all cameras have returned for all shots in flight, and for the first n shots,
+ * which must be in flight. */
 gboolean flights_are_back(const struct flights *flights);
 gboolean flights_first_are_back(const struct flights *flights, guint n);
 
