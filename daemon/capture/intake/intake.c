@@ -9,11 +9,12 @@
 #include "radiometry/fiducials.h"
 
 #define FULL_BYTES ((gsize)512 << 20)
-/* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
-#define BATCH 8
-/* LASER_PIXELS pixels with a signal above the threshold make a laser line. MIN_LASER_PIXELS above
- * half the threshold do if the line lit them, and no more than twice as many, when it stood there.
+/* Frames of a sweep are handed over in batches, because waking a worker costs more than its work.
  */
+#define BATCH 8
+/* LASER_PIXELS pixels with a signal above the threshold are a laser line. MIN_LASER_PIXELS pixels
+ * above half the threshold are one if the line lit them, and at most twice as many, when it was
+ * there. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
@@ -26,7 +27,7 @@ struct job {
     struct taken_frame taken;
 };
 
-/* A sweep all of whose frames were taken. */
+/* A sweep of which all frames were taken. */
 struct complete_sweep {
     guint generation;
     struct taken_frame last; /* the frame is owned */
@@ -34,13 +35,13 @@ struct complete_sweep {
     double dark_dn;
     gboolean laser_seen;
     GError *error;
-    gsize bytes; /* of the sweeps; they count as waiting */
+    gsize bytes; /* size of the sweeps, which count as waiting */
 };
 
-/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but
- * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end immediately take seconds to
- * evaluate and write: a second thread (finisher) does that, so that the frames that arrive
- * meanwhile are still accepted. */
+/* The worker of a camera, and of all stops of a camera on the arm. Its thread owns all fields but
+ * batch, which belongs to the main loop. It takes seconds to evaluate and write eight sweeps of
+ * 1024 × 768 that end at the same time. A second thread (finisher) does that, so that frames that
+ * arrive meanwhile are accepted. */
 struct lane {
     Intake *intake;
     int camera;
@@ -53,14 +54,14 @@ struct lane {
     int n_complete; /* guarded by mutex */
 
     guint generation;
-    const struct session_shot *shot; /* being collected */
+    const struct session_shot *shot; /* the shot that is being collected */
     int n_frames;
     Frame *bracket[PLAN_MAX_BRACKET];
     guint32 *sums;
     Sweep *sweep, *short_sweep;
     Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
     gboolean laser_seen;
-    GError *error; /* the first, while a shot's frames are being kept */
+    GError *error; /* the first error of keeping the frames of the shot */
     struct intake_darks darks;
 };
 
@@ -133,7 +134,7 @@ static void describe(struct lane *lane, const struct taken_frame *taken, struct 
         file->source_name = rig->lasers[taken->shot->device].name;
 }
 
-/* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
+/* Returns a camera's part of a shot to the main loop. Takes ownership of what result owns. */
 static void return_result(struct lane *lane, guint generation, const struct intake_result *result) {
     struct finished *finished = g_new(struct finished, 1);
     *finished = (struct finished){generation, *result};
@@ -182,7 +183,7 @@ static void finish_dark(struct lane *lane, const struct taken_frame *taken) {
     return_result(lane, lane->generation, &result);
 }
 
-/* Finds the marks next to the sample; NULL if there are none. */
+/* Finds the marks next to the sample. Returns NULL if there are none. */
 static GArray *measure_marks(const struct lane *lane, const struct taken_frame *taken,
                              const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
@@ -249,8 +250,8 @@ static void finish_lamp(struct lane *lane, const struct taken_frame *taken) {
     return_result(lane, lane->generation, &result);
 }
 
-/* In lockstep the clock stands from when work is handed to a worker until the main loop has taken
- * its result: clock_release() in the worker could let time pass before that. */
+/* In lockstep the clock stands from the moment when work is given to a worker until the main loop
+ * has taken the result. If the worker called clock_release(), time could pass before that. */
 static void begin_step(Intake *intake) {
     if (clock_is_lockstep(intake->setup.devices->clock))
         clock_hold(intake->setup.devices->clock);
@@ -280,7 +281,7 @@ static void add_bytes(Intake *intake, gssize bytes) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
-/* The finisher's; setpriority() is of the calling thread only, on Linux. */
+/* Runs in the finisher. On Linux, setpriority() applies only to the calling thread. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct complete_sweep *complete = data;
     struct lane *lane = lane_data;
@@ -369,9 +370,11 @@ static gboolean is_brighter(const Frame *frame, const Frame *than, double margin
     return frame && frame->pixels[p] - than->pixels[p] > margin_dn;
 }
 
-/* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
- * pixels are brighter than their dark level, or than in the sweep's first frame, since the laser
- * may have lit the dark frames as well; or a few of the few that the laser lit in the middle. */
+/* Returns whether the last frame of a sweep shows the laser. This frame is taken in the middle of
+ * the sweep with the laser off. The laser is seen if many pixels are brighter than their dark
+ * level. It is also seen if many pixels are brighter than in the first frame, because the laser may
+ * have lit the dark frames. If the laser lit only a few pixels in the middle, a few of them
+ * suffice. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;
@@ -389,7 +392,7 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Frames of a sweep, one after the other; the one without the laser comes only. */
+/* Takes consecutive frames of a sweep. The frame without the laser comes alone. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;
@@ -407,7 +410,7 @@ static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     }
 }
 
-/* n is 1, or that of frames that follow each other in a sweep. */
+/* Takes n consecutive frames of a sweep, or one frame of another shot. */
 static void take(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[n - 1];
@@ -416,12 +419,12 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
         lane_reset(lane);
     lane->shot = taken->shot;
     lane->generation = job->generation;
-    /* Frames come in order; another one would be mixed up with its neighbours. */
+    /* Frames come in order. A frame out of order would be taken for another one. */
     g_return_if_fail(taken->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, taken->shot);
     if (last && taken->shot->kind != SHOT_SWEEP) {
-        /* Wait for the finisher: a camera's results come in the order of its shots. */
+        /* Wait for the finisher, because the results of a camera come in the order of its shots. */
         g_mutex_lock(&lane->mutex);
         while (lane->n_complete > 0)
             g_cond_wait(&lane->finished, &lane->mutex);
@@ -454,7 +457,8 @@ static gsize frame_bytes(const Frame *frame) {
     return (gsize)frame->width * frame->height * sizeof(guint16);
 }
 
-/* Number of leading jobs that are frames of one sweep and are processed together; otherwise 1. */
+/* Returns the number of leading jobs that are frames of one sweep and are processed together, or
+ * 1. */
 static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;
@@ -609,7 +613,7 @@ void intake_take(Intake *intake, const struct taken_frame *taken) {
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* Frames waiting in a batch would never be processed. */
+    /* Otherwise frames in a batch would never be processed. */
     for (guint i = 0; i < intake->lanes->len; i++)
         flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);
