@@ -5,15 +5,9 @@
  */
 #pragma once
 
+#include "bus_names.h"
+
 #include <gio/gio.h>
-
-#define BUS_NAME "org.mesorig.Rig1"
-#define BUS_PATH "/org/mesorig/Rig1"
-#define BUS_CONTROL                                                                                \
-    "control" /* file in a session directory with the address at which its daemon listens */
-
-/* The longest lease of a lamp or laser that a client has switched on by hand. */
-#define BUS_MAX_LEASE_S 60
 
 typedef struct Bus Bus;
 

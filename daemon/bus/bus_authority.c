@@ -1,8 +1,6 @@
 #include "bus_authority.h"
 
-#include "bus_caller.h"
 #include "bus_errors.h"
-#include "bus_latch.h"
 
 #include <polkit/polkit.h>
 #include <string.h>
@@ -49,7 +47,7 @@ static const struct {
 };
 
 struct question {
-    Bus *bus; /* NULL if it was stopped and the call is answered */
+    struct bus_authority *authority; /* NULL if it was stopped and the call is answered */
     GDBusMethodInvocation *invocation;
     const char *action;
     GCancellable *cancellable;
@@ -80,14 +78,14 @@ static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
 }
 
 /* Answers a call that may not begin because of the safe state with an error. */
-static gboolean refuse_latched(Bus *bus, GDBusMethodInvocation *invocation) {
+static gboolean refuse_latched(struct bus_authority *authority, GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     GError *error = NULL;
     gsize i = 0;
     while (i < G_N_ELEMENTS(methods) && strcmp(methods[i].method, method) != 0)
         i++;
     if (i == G_N_ELEMENTS(methods) || !methods[i].acts || only_switches_off(invocation) ||
-        bus_latch_allows(bus->latch, invocation, &error))
+        bus_latch_allows(authority->latch, invocation, &error))
         return FALSE;
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;
@@ -128,20 +126,22 @@ static void question_refuse(struct question *question, GError *error) {
                                         bus_errors_wrap(error));
 }
 
-static void question_stop(Bus *bus, struct question *question, GError *error) {
-    g_ptr_array_remove(bus->questions, question);
-    question->bus = NULL;
+static void question_stop(struct bus_authority *authority, struct question *question,
+                          GError *error) {
+    g_ptr_array_remove(authority->questions, question);
+    question->authority = NULL;
     question_refuse(question, error);
     g_cancellable_cancel(question->cancellable);
 }
 
-gboolean bus_authority_stop(Bus *bus, const char *why) {
+gboolean bus_authority_stop(struct bus_authority *authority, const char *why) {
     gboolean begins = FALSE;
-    while (bus->questions->len > 0) {
-        struct question *question = bus->questions->pdata[0];
+    while (authority->questions->len > 0) {
+        struct question *question = authority->questions->pdata[0];
         const char *method = g_dbus_method_invocation_get_method_name(question->invocation);
         begins |= strcmp(method, "Start") == 0 || strcmp(method, "Resume") == 0;
-        question_stop(bus, question, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
+        question_stop(authority, question,
+                      g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
     }
     return begins;
 }
@@ -149,7 +149,7 @@ gboolean bus_authority_stop(Bus *bus, const char *why) {
 static gboolean question_late(gpointer data) {
     struct question *question = data;
     question->deadline = 0;
-    question_stop(question->bus, question,
+    question_stop(question->authority, question,
                   g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
                               "polkit has not answered in time whether you may do this (%s): try "
                               "again, and see systemctl status polkit",
@@ -160,11 +160,11 @@ static gboolean question_late(gpointer data) {
 /* The last callback of a question. If allowed is TRUE, passes the call on. Otherwise error gives
  * the reason. */
 static void question_end(struct question *question, gboolean allowed, GError *error) {
-    if (question->bus) {
-        g_ptr_array_remove(question->bus->questions, question);
+    if (question->authority) {
+        g_ptr_array_remove(question->authority->questions, question);
         if (!allowed)
             question_refuse(question, g_steal_pointer(&error));
-        else if (!refuse_latched(question->bus, question->invocation))
+        else if (!refuse_latched(question->authority, question->invocation))
             pass_on(question->invocation);
     }
     g_clear_error(&error);
@@ -200,7 +200,7 @@ static void on_authority(GObject *source, GAsyncResult *result, gpointer data) {
     struct question *question = data;
     GError *error = NULL;
     g_autoptr(PolkitAuthority) authority = polkit_authority_get_finish(result, &error);
-    if (!authority || !question->bus) {
+    if (!authority || !question->authority) {
         question_end(question, FALSE, error);
         return;
     }
@@ -238,7 +238,7 @@ static void on_credentials(GObject *source, GAsyncResult *result, gpointer data)
     if (credentials && !g_variant_lookup(credentials, "UnixUserID", "u", &caller->uid))
         g_set_error_literal(&error, BUS_ERROR, BUS_ERROR_DENIED,
                             "the bus does not know which user has called");
-    if (error || !question->bus) {
+    if (error || !question->authority) {
         question_end(question, FALSE, error);
         return;
     }
@@ -249,10 +249,11 @@ static void on_credentials(GObject *source, GAsyncResult *result, gpointer data)
     polkit_authority_get_async(question->cancellable, on_authority, question);
 }
 
-static void ask(Bus *bus, GDBusMethodInvocation *invocation) {
+static void ask(struct bus_authority *authority, GDBusMethodInvocation *invocation) {
     struct question *question = g_new0(struct question, 1);
-    *question = (struct question){bus, invocation, action_of(invocation), g_cancellable_new(), 0};
-    g_ptr_array_add(bus->questions, question);
+    *question =
+        (struct question){authority, invocation, action_of(invocation), g_cancellable_new(), 0};
+    g_ptr_array_add(authority->questions, question);
     g_dbus_connection_call(g_dbus_method_invocation_get_connection(invocation),
                            "org.freedesktop.DBus", "/org/freedesktop/DBus", "org.freedesktop.DBus",
                            "GetConnectionCredentials",
@@ -264,18 +265,18 @@ static void ask(Bus *bus, GDBusMethodInvocation *invocation) {
 static void authority_method_call(GDBusConnection *connection, const char *sender, const char *path,
                                   const char *interface, const char *method, GVariant *parameters,
                                   GDBusMethodInvocation *invocation, gpointer object) {
-    Bus *bus = g_object_get_data(object, "bus");
-    if (bus && refuse_latched(bus, invocation))
+    struct bus_authority *authority = g_object_get_data(object, "authority");
+    if (authority && refuse_latched(authority, invocation))
         return;
-    if (!bus || !sender || !bus_authority_action(method, NULL) ||
-        strcmp(bus->address, "system") != 0 || only_switches_off(invocation))
+    if (!authority || !authority->asks || !sender || !bus_authority_action(method, NULL) ||
+        only_switches_off(invocation))
         pass_on(invocation);
-    else if (bus->questions->len >= MAX_QUESTIONS)
+    else if (authority->questions->len >= MAX_QUESTIONS)
         g_dbus_method_invocation_return_error(
             invocation, BUS_ERROR, BUS_ERROR_LIMIT,
             "%d calls wait for polkit, which is the maximum: try again", MAX_QUESTIONS);
     else
-        ask(bus, invocation);
+        ask(authority, invocation);
 }
 
 typedef BusRig1Skeleton AuthoritySkeleton;
@@ -304,4 +305,19 @@ static void authority_skeleton_init(AuthoritySkeleton *skeleton) {
 
 BusRig1 *bus_authority_skeleton(void) {
     return g_object_new(authority_skeleton_get_type(), NULL);
+}
+
+void bus_authority_attach(BusRig1 *skeleton, struct bus_authority *authority) {
+    g_object_set_data(G_OBJECT(skeleton), "authority", authority);
+}
+
+void bus_authority_init(struct bus_authority *authority, struct bus_latch *latch,
+                        const char *address) {
+    authority->questions = g_ptr_array_new();
+    authority->latch = latch;
+    authority->asks = strcmp(address, "system") == 0;
+}
+
+void bus_authority_clear(struct bus_authority *authority) {
+    g_ptr_array_unref(authority->questions);
 }

@@ -8,25 +8,39 @@
  * - calls from clients of --listen, who are the daemon's own user,
  * - calls on a session bus.
  * If polkit is not installed, only the bus's policy decides. Calls that give light, move or begin a
- * session are refused while the rig is held in its safe state (bus_latch.h). All functions belong
- * to the main loop's thread.
+ * session are refused while the rig is held in its safe state (bus_latch.h). The struct is
+ * owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
-#include "bus_private.h"
+#include "bus_caller.h"
+#include "bus_latch.h"
+#include "rig1-bus.h"
 
 /* Returns the name of the polkit action for a method, for instance "org.mesorig.rig.capture".
  * Returns NULL if polkit is not asked about the method. *ret_known is set to FALSE if there is no
  * such method; ret_known may be NULL. */
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
-/* Makes a skeleton that asks polkit about each call before its handler runs. The bus is attached to
- * the skeleton as the data "bus". */
+struct bus_authority {
+    GPtrArray *questions;    /* to polkit; the operation that a question waits for owns it */
+    struct bus_latch *latch; /* borrowed */
+    gboolean asks;           /* whether the clients are those of the system bus */
+};
+
+void bus_authority_init(struct bus_authority *authority, struct bus_latch *latch,
+                        const char *address);
+/* No question may be open. */
+void bus_authority_clear(struct bus_authority *authority);
+
+/* Makes a skeleton that asks polkit about each call before its handler runs. authority is borrowed
+ * until it is detached with NULL. */
 BusRig1 *bus_authority_skeleton(void);
+void bus_authority_attach(BusRig1 *skeleton, struct bus_authority *authority);
 
 /* Ends the calls about which polkit has not answered yet, with BUS_ERROR_CANCELLED. Returns TRUE if
  * one of them would have begun a capture. */
-gboolean bus_authority_stop(Bus *bus, const char *why);
+gboolean bus_authority_stop(struct bus_authority *authority, const char *why);
 
 /* Returns the caller of a method on the system bus. Returns NULL for the daemon's own user and for
  * root, who may do everything that the daemon can do. */

@@ -1,9 +1,6 @@
-#include "bus_authority.h"
 #include "bus_errors.h"
-#include "bus_hands.h"
-#include "bus_latch.h"
+#include "bus_private.h"
 #include "bus_safety.h"
-#include "bus_unattended.h"
 
 /* Ends a failed method call: returns the error to the client. Handlers emit changed properties
  * before they return a result, so that the client never reads an old state after its call. */
@@ -23,14 +20,15 @@ static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, 
     claim(bus, invocation);
     if (!bus_open_rig(bus, path, &error))
         return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_open_rig(object, invocation);
     return TRUE;
 }
 
 static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_need_rig(bus, &error) || !bus_need_safe(bus, &error) || !bus_can_close(bus, &error))
+    if (!bus_rig_need_open(&bus->rig, &error) || !bus_safety_need(&bus->rig, &error) ||
+        !bus_can_close(bus, &error))
         return refuse(invocation, error);
     bus_close_rig(bus);
     bus_rig1_complete_close_rig(object, invocation);
@@ -64,24 +62,24 @@ static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, co
 
 static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_need_capture(bus, &error))
+    if (!bus_run_need(&bus->run, &error))
         return refuse(invocation, error);
-    capture_pause(bus->capture);
+    capture_pause(bus->run.capture);
     bus_rig1_complete_pause(object, invocation);
     return TRUE;
 }
 
 static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus->capture && bus_unattended_answer(bus)) {
+    if (!bus->run.capture && bus_unattended_answer(bus->unattended)) {
         bus_rig1_complete_continue(object, invocation);
         return TRUE;
     }
-    if (!bus_need_capture(bus, &error))
+    if (!bus_run_need(&bus->run, &error))
         return refuse(invocation, error);
-    if (!capture_continue(bus->capture, &error))
+    if (!capture_continue(bus->run.capture, &error))
         return refuse(invocation, error);
-    g_hash_table_remove_all(bus->faults);
+    g_hash_table_remove_all(bus->rig.faults);
     bus_rig1_complete_continue(object, invocation);
     return TRUE;
 }
@@ -89,15 +87,15 @@ static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, 
 static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     const char *why = "Abort ended the operation that was about to begin";
-    const gboolean asked = bus_authority_stop(bus, why);
-    const gboolean trying = bus_unattended_is_beginning(bus);
+    const gboolean asked = bus_authority_stop(&bus->authority, why);
+    const gboolean trying = bus_unattended_is_beginning(bus->unattended);
     if (trying)
-        bus_unattended_stop(bus, why);
-    const gboolean begun = bus_jobs_stop_begin(bus, why) || asked || trying;
-    if (!begun && !bus_need_capture(bus, &error))
+        bus_unattended_stop(bus->unattended, why);
+    const gboolean begun = bus_jobs_stop_begin(&bus->jobs, why) || asked || trying;
+    if (!begun && !bus_run_need(&bus->run, &error))
         return refuse(invocation, error);
-    if (bus->capture)
-        capture_abort(bus->capture);
+    if (bus->run.capture)
+        capture_abort(bus->run.capture);
     bus_rig1_complete_abort(object, invocation);
     return TRUE;
 }
@@ -113,9 +111,9 @@ static gboolean on_queue_add(BusRig1 *object, GDBusMethodInvocation *invocation,
 static gboolean on_queue_remove(BusRig1 *object, GDBusMethodInvocation *invocation, guint number,
                                 Bus *bus) {
     GError *error = NULL;
-    if (!bus_unattended_remove(bus, number, &error))
+    if (!bus_unattended_remove(bus->unattended, number, &error))
         return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_queue_remove(object, invocation);
     return TRUE;
 }
@@ -123,27 +121,27 @@ static gboolean on_queue_remove(BusRig1 *object, GDBusMethodInvocation *invocati
 static gboolean on_queue_move(BusRig1 *object, GDBusMethodInvocation *invocation, guint number,
                               guint place, Bus *bus) {
     GError *error = NULL;
-    if (!bus_unattended_move(bus, number, place, &error))
+    if (!bus_unattended_move(bus->unattended, number, place, &error))
         return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_queue_move(object, invocation);
     return TRUE;
 }
 
 static gboolean on_queue_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_unattended_pause(bus, &error))
+    if (!bus_unattended_pause(bus->unattended, &error))
         return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_queue_pause(object, invocation);
     return TRUE;
 }
 
 static gboolean on_queue_resume(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_unattended_resume(bus, &error))
+    if (!bus_unattended_resume(bus->unattended, &error))
         return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_queue_resume(object, invocation);
     return TRUE;
 }
@@ -151,7 +149,7 @@ static gboolean on_queue_resume(BusRig1 *object, GDBusMethodInvocation *invocati
 static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocation,
                                  const char *camera, Bus *bus) {
     GError *error = NULL;
-    const struct capture_thumbnail *found = bus_thumbnail(bus, camera, &error);
+    const struct capture_thumbnail *found = bus_run_thumbnail(&bus->run, camera, &error);
     if (!found)
         return refuse(invocation, error);
     GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
@@ -163,19 +161,19 @@ static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocat
 
 static gboolean on_snap(BusRig1 *object, GDBusMethodInvocation *invocation, GUnixFDList *list,
                         const char *camera, gint64 exposure_us, double gain_db, Bus *bus) {
-    bus_hands_snap(bus, invocation, camera, exposure_us, gain_db);
+    bus_hands_snap(&bus->hands, invocation, camera, exposure_us, gain_db);
     return TRUE;
 }
 
 static gboolean on_set_lamp(BusRig1 *object, GDBusMethodInvocation *invocation, const char *lamp,
                             gboolean on, double for_s, Bus *bus) {
-    bus_hands_set_lamp(bus, invocation, lamp, on, for_s);
+    bus_hands_set_lamp(&bus->hands, invocation, lamp, on, for_s);
     return TRUE;
 }
 
 static gboolean on_set_laser(BusRig1 *object, GDBusMethodInvocation *invocation, const char *laser,
                              gboolean on, double for_s, Bus *bus) {
-    bus_hands_set_laser(bus, invocation, laser, on, for_s);
+    bus_hands_set_laser(&bus->hands, invocation, laser, on, for_s);
     return TRUE;
 }
 
@@ -183,7 +181,7 @@ static gboolean on_renew(BusRig1 *object, GDBusMethodInvocation *invocation, dou
                          Bus *bus) {
     GError *error = NULL;
     guint n = 0;
-    if (!bus_hands_renew(bus, invocation, for_s, &n, &error))
+    if (!bus_hands_renew(&bus->hands, invocation, for_s, &n, &error))
         return refuse(invocation, error);
     bus_rig1_complete_renew(object, invocation, n);
     return TRUE;
@@ -193,22 +191,22 @@ static gboolean on_release(BusRig1 *object, GDBusMethodInvocation *invocation, B
     GError *error = NULL;
     if (!bus_latch_release(bus->latch, invocation, &error))
         return refuse(invocation, error);
-    bus_rest_clock(bus);
-    bus_unattended_poke(bus);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_safety_rest_clock(&bus->rig);
+    bus_unattended_poke(bus->unattended);
+    bus_rig_flush(&bus->rig);
     bus_rig1_complete_release(object, invocation);
     return TRUE;
 }
 
 static gboolean on_move_axis(BusRig1 *object, GDBusMethodInvocation *invocation, const char *axis,
                              double deg, Bus *bus) {
-    bus_hands_move(bus, invocation, axis, deg);
+    bus_hands_move(&bus->hands, invocation, axis, deg);
     return TRUE;
 }
 
 static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation, const char *axis,
                              Bus *bus) {
-    bus_hands_home(bus, invocation, axis);
+    bus_hands_home(&bus->hands, invocation, axis);
     return TRUE;
 }
 

@@ -8,7 +8,8 @@
 #include <unistd.h>
 
 #include "bus_errors.h"
-#include "bus_unattended.h"
+#include "bus_names.h"
+#include "bus_safety.h"
 
 /* Numbers of pictures taken by hand begin here. Shots of sessions have lower numbers. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
@@ -18,7 +19,7 @@ enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
 /* A device in use by hand. Either a call waits for its answer, or the device gives light. */
 struct hand {
-    Bus *bus;
+    struct bus_hands *hands;
     enum hand_kind kind;
     Camera *camera;
     LampBank *bank;
@@ -28,11 +29,12 @@ struct hand {
     const char *name;                  /* name of the device */
     GDBusMethodInvocation *invocation; /* the call that waits; NULL if there is none */
     BusParked parked;                  /* instead of a call, for an axis that is parked */
-    GDBusConnection *connection;       /* connection of the client */
-    char *sender;                      /* name of the client on a message bus, or NULL */
-    guint watch;                       /* watch of that name */
-    gboolean off_asked;                /* it has to go off or stop, finally */
-    guint lease;                       /* source that ends the time for which the light is on */
+    gpointer parked_data;
+    GDBusConnection *connection; /* connection of the client */
+    char *sender;                /* name of the client on a message bus, or NULL */
+    guint watch;                 /* watch of that name */
+    gboolean off_asked;          /* it has to go off or stop, finally */
+    guint lease;                 /* source that ends the time for which the light is on */
     gboolean homing;
     guint warming; /* call of the clock at the time when the light is stable */
     guint64 picture;
@@ -43,7 +45,7 @@ static void hand_fail(struct hand *hand, const GError *error) {
     const BusParked parked = hand->parked;
     hand->parked = NULL;
     if (parked)
-        parked(hand->bus, error);
+        parked(hand->parked_data, error);
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
     if (invocation)
         g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(g_error_copy(error)));
@@ -51,58 +53,69 @@ static void hand_fail(struct hand *hand, const GError *error) {
 
 static void hand_listen(struct hand *hand, gboolean listen);
 
-static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
-    Bus *bus = data;
-    g_autoptr(GError) error = NULL;
-    if (!closed && bus->hands->len > 0) {
-        g_autofree char *why = interlock_advice(interlock);
-        bus_hands_stop(bus, why);
-        if (!devices_make_safe(bus->devices, &error))
-            bus_report(bus, "error", interlock->device.name, error->message);
-    }
-    bus_show_devices(bus);
+void bus_hands_init(struct bus_hands *hands, struct bus_rig *rig, const struct bus_jobs *jobs) {
+    hands->rig = rig;
+    hands->jobs = jobs;
+    hands->list = g_ptr_array_new();
 }
 
-void bus_hands_watch(Bus *bus, gboolean watch) {
-    for (int i = 0; i < bus->devices->n_interlocks; i++)
+void bus_hands_clear(struct bus_hands *hands) {
+    g_ptr_array_unref(hands->list);
+}
+
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+    struct bus_hands *hands = data;
+    g_autoptr(GError) error = NULL;
+    if (!closed && hands->list->len > 0) {
+        g_autofree char *why = interlock_advice(interlock);
+        bus_hands_stop(hands, why);
+        if (!devices_make_safe(hands->rig->devices, &error))
+            bus_rig_report(hands->rig, "error", interlock->device.name, error->message);
+    }
+    bus_rig_show_devices(hands->rig);
+}
+
+void bus_hands_watch(struct bus_hands *hands, gboolean watch) {
+    for (int i = 0; i < hands->rig->devices->n_interlocks; i++)
         if (watch)
-            bus->hand_interlocks[i] =
-                interlock_listen(bus->devices->interlocks[i], on_interlock, bus);
+            hands->interlocks[i] =
+                interlock_listen(hands->rig->devices->interlocks[i], on_interlock, hands);
         else
-            interlock_unlisten(bus->devices->interlocks[i], bus->hand_interlocks[i]);
+            interlock_unlisten(hands->rig->devices->interlocks[i], hands->interlocks[i]);
 }
 
 /* Releases the device. */
 static void hand_drop(struct hand *hand) {
-    Bus *bus = hand->bus;
+    struct bus_hands *hands = hand->hands;
     hand_listen(hand, FALSE);
-    clock_cancel(bus->devices->clock, &hand->warming);
+    clock_cancel(hands->rig->devices->clock, &hand->warming);
     g_clear_handle_id(&hand->lease, g_source_remove);
     if (hand->camera)
         camera_disarm(hand->camera);
     if (hand->watch)
         g_bus_unwatch_name(hand->watch);
-    g_ptr_array_remove_fast(bus->hands, hand);
+    g_ptr_array_remove_fast(hands->list, hand);
+    hands->rig->n_hands = hands->list->len;
     g_free(hand->sender);
     g_free(hand);
-    if (bus->hands->len == 0) {
-        bus_rest_clock(bus);
-        bus_unattended_poke(bus);
+    if (hands->list->len == 0) {
+        bus_safety_rest_clock(hands->rig);
+        hands->rig->freed(hands->rig->data);
     }
-    bus_show_devices(bus);
+    bus_rig_show_devices(hands->rig);
 }
 
 /* Answers the call with the angle of the axis, or with success because the light is as
  * requested. */
 static void hand_answer(struct hand *hand) {
-    BusRig1 *object = hand->bus->object;
+    BusRig1 *object = hand->hands->rig->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
     const BusParked parked = hand->parked;
     hand->parked = NULL;
-    bus_show_devices(hand->bus);
+    bus_rig_show_devices(hand->hands->rig);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     if (parked)
-        parked(hand->bus, NULL);
+        parked(hand->parked_data, NULL);
     if (!invocation)
         return;
     if (hand->kind == HAND_LAMP)
@@ -130,7 +143,7 @@ static void hand_on_warm(gpointer data) {
 
 /* A lamp or laser has been switched. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
-    Clock *clock = hand->bus->devices->clock;
+    Clock *clock = hand->hands->rig->devices->clock;
     if (!on && !hand->off_asked)
         return; /* the answer belongs to an earlier command, of SafeState for instance */
     if (error) {
@@ -141,16 +154,16 @@ static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, cons
     } else if (!hand->off_asked && !hand->warming) {
         hand->warming =
             clock_call_in(clock, (gint64)ceil(warm_up_s * G_USEC_PER_SEC), hand_on_warm, hand);
-        bus_show_devices(hand->bus);
+        bus_rig_show_devices(hand->hands->rig);
     }
 }
 
 /* All uses of a bank share its one listener. */
 static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                          gpointer data) {
-    Bus *bus = data;
-    for (guint i = bus->hands->len; i-- > 0;) {
-        struct hand *hand = bus->hands->pdata[i];
+    struct bus_hands *hands = data;
+    for (guint i = hands->list->len; i-- > 0;) {
+        struct hand *hand = hands->list->pdata[i];
         if (hand->kind == HAND_LAMP && hand->bank == bank && (index < 0 || index == hand->lamp))
             hand_switched(hand, on, bank->warm_up_s, error);
     }
@@ -189,7 +202,7 @@ static void hand_answer_picture(struct hand *hand, const Frame *frame) {
         file && fwrite(frame->pixels, 1, size, file) == size && fflush(file) == 0;
     const int index = written ? g_unix_fd_list_append(list, fd, &error) : -1;
     if (index >= 0) {
-        bus_rig1_complete_snap(hand->bus->object, g_steal_pointer(&hand->invocation), list,
+        bus_rig1_complete_snap(hand->hands->rig->object, g_steal_pointer(&hand->invocation), list,
                                (guint)frame->width, (guint)frame->height, (guint)frame->bits,
                                frame->black_level, cfa_name(frame->cfa), frame->exposure_us,
                                g_variant_new_handle(index));
@@ -223,14 +236,14 @@ static void hand_on_camera(Camera *camera, enum camera_event event, Frame *frame
 
 static void hand_listen(struct hand *hand, gboolean listen) {
     gboolean others = FALSE;
-    for (guint i = 0; hand->bank && i < hand->bus->hands->len; i++) {
-        const struct hand *other = hand->bus->hands->pdata[i];
+    for (guint i = 0; hand->bank && i < hand->hands->list->len; i++) {
+        const struct hand *other = hand->hands->list->pdata[i];
         others |= other != hand && other->bank == hand->bank;
     }
     if (hand->camera)
         camera_listen(hand->camera, listen ? hand_on_camera : NULL, hand);
     else if (hand->bank && !others)
-        lamps_listen(hand->bank, listen ? hand_on_lamp : NULL, hand->bus);
+        lamps_listen(hand->bank, listen ? hand_on_lamp : NULL, hand->hands);
     else if (hand->laser)
         laser_listen(hand->laser, listen ? hand_on_laser : NULL, hand);
     else if (hand->axis)
@@ -243,11 +256,11 @@ static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
     hand_fail(hand, cancelled);
-    clock_cancel(hand->bus->devices->clock, &hand->warming);
+    clock_cancel(hand->hands->rig->devices->clock, &hand->warming);
     g_clear_handle_id(&hand->lease, g_source_remove);
     hand->off_asked = TRUE;
     if (hand->axis && !axis_stop(hand->axis, &error))
-        bus_report(hand->bus, "error", hand->name, error->message);
+        bus_rig_report(hand->hands->rig, "error", hand->name, error->message);
     if (hand->axis && !error && axis_is_moving(hand->axis))
         return; /* the use ends when the axis stands */
     if (hand->camera || hand->axis) {
@@ -263,7 +276,8 @@ static void hand_end(struct hand *hand, const char *why) {
 static gboolean on_lease_over(gpointer data) {
     struct hand *hand = data;
     hand->lease = 0;
-    bus_report(hand->bus, "info", hand->name, "its lease has ended, so it is switched off");
+    bus_rig_report(hand->hands->rig, "info", hand->name,
+                   "its lease has ended, so it is switched off");
     hand_end(hand, "its lease ended before its light was stable: call Renew while it warms up");
     return G_SOURCE_REMOVE;
 }
@@ -288,13 +302,13 @@ static gboolean hand_is_of(const struct hand *hand, GDBusMethodInvocation *invoc
            g_strcmp0(hand->sender, g_dbus_method_invocation_get_sender(invocation)) == 0;
 }
 
-gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for_s, guint *ret_n,
-                         GError **error) {
-    if (!bus_need_rig(bus, error) || !check_lease(for_s, error))
+gboolean bus_hands_renew(struct bus_hands *hands, GDBusMethodInvocation *invocation, double for_s,
+                         guint *ret_n, GError **error) {
+    if (!bus_rig_need_open(hands->rig, error) || !check_lease(for_s, error))
         return FALSE;
     *ret_n = 0;
-    for (guint i = 0; i < bus->hands->len; i++) {
-        struct hand *hand = bus->hands->pdata[i];
+    for (guint i = 0; i < hands->list->len; i++) {
+        struct hand *hand = hands->list->pdata[i];
         if (!hand->lease || hand->off_asked || !hand_is_of(hand, invocation))
             continue;
         hand_begin_lease(hand, for_s);
@@ -303,46 +317,46 @@ gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for
     return TRUE;
 }
 
-void bus_hands_stop(Bus *bus, const char *why) {
-    for (guint i = bus->hands->len; i-- > 0;)
-        hand_end(bus->hands->pdata[i], why);
+void bus_hands_stop(struct bus_hands *hands, const char *why) {
+    for (guint i = hands->list->len; i-- > 0;)
+        hand_end(hands->list->pdata[i], why);
 }
 
-void bus_hands_end(Bus *bus, const char *why) {
-    bus_hands_stop(bus, why);
-    while (bus->hands->len > 0)
-        hand_drop(bus->hands->pdata[0]);
+void bus_hands_end(struct bus_hands *hands, const char *why) {
+    bus_hands_stop(hands, why);
+    while (hands->list->len > 0)
+        hand_drop(hands->list->pdata[0]);
 }
 
-static void end_those_of(Bus *bus, GDBusConnection *connection, const char *sender) {
-    for (guint i = bus->hands->len; i-- > 0;) {
-        struct hand *hand = bus->hands->pdata[i];
+static void end_those_of(struct bus_hands *hands, GDBusConnection *connection, const char *sender) {
+    for (guint i = hands->list->len; i-- > 0;) {
+        struct hand *hand = hands->list->pdata[i];
         if (connection && hand->connection == connection && !hand->off_asked &&
             (!sender || g_strcmp0(hand->sender, sender) == 0))
             hand_end(hand, "the client has disconnected");
     }
 }
 
-void bus_hands_end_client(Bus *bus, GDBusConnection *connection) {
-    end_those_of(bus, connection, NULL);
+void bus_hands_end_client(struct bus_hands *hands, GDBusConnection *connection) {
+    end_those_of(hands, connection, NULL);
 }
 
 static void on_vanished(GDBusConnection *connection, const char *name, gpointer data) {
     end_those_of(data, connection, name);
 }
 
-static GError *open_interlock_error(Bus *bus) {
-    for (int i = 0; i < bus->devices->n_interlocks; i++)
-        if (!interlock_is_closed(bus->devices->interlocks[i])) {
-            g_autofree char *advice = interlock_advice(bus->devices->interlocks[i]);
-            return g_error_new_literal(DEVICE_ERROR, DEVICE_ERROR_INTERLOCK, advice);
-        }
-    return NULL;
+static gboolean need_closed_interlocks(struct bus_hands *hands, GError **error) {
+    const Interlock *open = bus_rig_open_interlock(hands->rig);
+    if (!open)
+        return TRUE;
+    g_autofree char *advice = interlock_advice(open);
+    g_set_error_literal(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK, advice);
+    return FALSE;
 }
 
-static struct hand *find_hand(Bus *bus, const struct hand *like) {
-    for (guint i = 0; i < bus->hands->len; i++) {
-        struct hand *other = bus->hands->pdata[i];
+static struct hand *find_hand(struct bus_hands *hands, const struct hand *like) {
+    for (guint i = 0; i < hands->list->len; i++) {
+        struct hand *other = hands->list->pdata[i];
         if (other->camera == like->camera && other->bank == like->bank &&
             other->lamp == like->lamp && other->laser == like->laser && other->axis == like->axis)
             return other;
@@ -350,14 +364,14 @@ static struct hand *find_hand(Bus *bus, const struct hand *like) {
     return NULL;
 }
 
-static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *hand,
-                          const struct hand *like) {
+static GError *check_hand(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                          const struct hand *hand, const struct hand *like) {
     const gboolean emits =
         (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
     GError *error = NULL;
     if (g_dbus_connection_is_closed(g_dbus_method_invocation_get_connection(invocation)))
         return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has disconnected");
-    if (emits && (error = open_interlock_error(bus)))
+    if (emits && !need_closed_interlocks(hands, &error))
         return error;
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
@@ -372,50 +386,53 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
     return NULL;
 }
 
-static struct hand *hand_new(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *like) {
+static struct hand *hand_new(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                             const struct hand *like) {
     struct hand *hand = g_memdup2(like, sizeof *like);
-    if (bus->hands->len == 0)
-        bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in use */
-    hand->bus = bus;
-    g_ptr_array_add(bus->hands, hand);
+    if (hands->list->len == 0)
+        bus_rig_hold_clock(hands->rig, FALSE); /* virtual time runs while any device is in use */
+    hand->hands = hands;
+    g_ptr_array_add(hands->list, hand);
+    hands->rig->n_hands = hands->list->len;
     hand_listen(hand, TRUE);
     hand->connection = g_dbus_method_invocation_get_connection(invocation);
     hand->sender = g_strdup(g_dbus_method_invocation_get_sender(invocation));
     if (hand->sender)
         hand->watch = g_bus_watch_name_on_connection(hand->connection, hand->sender,
                                                      G_BUS_NAME_WATCHER_FLAGS_NONE, NULL,
-                                                     on_vanished, bus, NULL);
+                                                     on_vanished, hands, NULL);
     return hand;
 }
 
 /* Begins the use of a device. If that is not possible now, answers the call and returns NULL. A
  * call that switches off (off_asked) ends a call that has switched on. */
-static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
-    struct hand *hand = find_hand(bus, &like);
-    GError *error = check_hand(bus, invocation, hand, &like);
+static struct hand *hand_take(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                              struct hand like) {
+    struct hand *hand = find_hand(hands, &like);
+    GError *error = check_hand(hands, invocation, hand, &like);
     if (error) {
         g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
         return NULL;
     }
     if (!hand) {
-        hand = hand_new(bus, invocation, &like);
+        hand = hand_new(hands, invocation, &like);
     } else if (like.off_asked) {
         g_autoptr(GError) ended =
             g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "a later call has switched it off");
         hand_fail(hand, ended);
-        clock_cancel(bus->devices->clock, &hand->warming);
+        clock_cancel(hands->rig->devices->clock, &hand->warming);
         g_clear_handle_id(&hand->lease, g_source_remove);
         hand->off_asked = TRUE;
     }
     hand->invocation = invocation;
-    bus->is_safe = FALSE;
+    hands->rig->is_safe = FALSE;
     return hand;
 }
 
 /* Checks that a rig is open and free. If not, answers the call and returns FALSE. */
-static gboolean rig_is_free(Bus *bus, GDBusMethodInvocation *invocation) {
+static gboolean rig_is_free(struct bus_hands *hands, GDBusMethodInvocation *invocation) {
     GError *error = NULL;
-    if (bus_need_rig(bus, &error) && bus_need_free(bus, &error))
+    if (bus_rig_need_open(hands->rig, &error) && bus_jobs_need_free(hands->jobs, &error))
         return TRUE;
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return FALSE;
@@ -441,24 +458,24 @@ static void hand_refused(struct hand *hand, GError *error) {
     g_error_free(error);
 }
 
-void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
+void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *name,
                     gint64 exposure_us, double gain_db) {
     static guint64 n_pictures;
     g_autoptr(GString) names = g_string_new(NULL);
     GError *error = NULL;
     Camera *camera = NULL;
-    if (!rig_is_free(bus, invocation))
+    if (!rig_is_free(hands, invocation))
         return;
-    for (int i = 0; i < bus->devices->geometry.n_cameras && !camera; i++)
-        if (devices_is_unit(&bus->devices->geometry, i) &&
-            is_named(names, bus->devices->cameras[i]->device.name, name))
-            camera = bus->devices->cameras[i];
+    for (int i = 0; i < hands->rig->devices->geometry.n_cameras && !camera; i++)
+        if (devices_is_unit(&hands->rig->devices->geometry, i) &&
+            is_named(names, hands->rig->devices->cameras[i]->device.name, name))
+            camera = hands->rig->devices->cameras[i];
     if (!camera) {
         refuse_name(invocation, "camera", name, names);
         return;
     }
     struct hand *hand = hand_take(
-        bus, invocation,
+        hands, invocation,
         (struct hand){.kind = HAND_CAMERA, .camera = camera, .name = camera->device.name});
     if (!hand)
         return;
@@ -471,15 +488,15 @@ void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *nam
 
 /* Switches a lamp or laser. If the client has already switched it on, only its lease begins
  * again. */
-static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand like, gboolean on,
-                      double for_s) {
+static void set_light(struct bus_hands *hands, GDBusMethodInvocation *invocation, struct hand like,
+                      gboolean on, double for_s) {
     GError *error = NULL;
     if (on && !check_lease(for_s, &error)) {
         g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
         return;
     }
     like.off_asked = !on;
-    struct hand *hand = hand_take(bus, invocation, like);
+    struct hand *hand = hand_take(hands, invocation, like);
     if (!hand)
         return;
     const enum light light =
@@ -493,17 +510,17 @@ static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand l
                           : laser_set(hand->laser, on, &error)))
         hand_refused(hand, error);
     else
-        bus_show_devices(bus); /* the light may shine before the device answers */
+        bus_rig_show_devices(hands->rig); /* the light may shine before the device answers */
 }
 
-void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
-                        double for_s) {
+void bus_hands_set_lamp(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                        const char *name, gboolean on, double for_s) {
     g_autoptr(GString) names = g_string_new(NULL);
     char device[RIG_NAME];
     int i = 0;
-    if (!rig_is_free(bus, invocation))
+    if (!rig_is_free(hands, invocation))
         return;
-    const struct rig *rig = &bus->devices->geometry;
+    const struct rig *rig = &hands->rig->devices->geometry;
     for (; i < rig->n_lamps; i++) { /* a lamp on the probe is the same lamp at all of its stops */
         rig_stop_device(rig->lamps[i].name, rig->lamps[i].on_probe, device);
         if (rig_lamp_unit(rig, i) == i && is_named(names, device, name))
@@ -514,77 +531,77 @@ void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char 
         return;
     }
     const struct hand like = {.kind = HAND_LAMP,
-                              .bank = bus->devices->lamps[i].bank,
-                              .lamp = bus->devices->lamps[i].index,
+                              .bank = hands->rig->devices->lamps[i].bank,
+                              .lamp = hands->rig->devices->lamps[i].index,
                               .name = rig->lamps[i].name};
-    set_light(bus, invocation, like, on, for_s);
+    set_light(hands, invocation, like, on, for_s);
 }
 
-void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
-                         double for_s) {
+void bus_hands_set_laser(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                         const char *name, gboolean on, double for_s) {
     g_autoptr(GString) names = g_string_new(NULL);
     Laser *laser = NULL;
-    if (!rig_is_free(bus, invocation))
+    if (!rig_is_free(hands, invocation))
         return;
-    for (int i = 0; i < bus->devices->geometry.n_lasers && !laser; i++)
-        if (rig_laser_unit(&bus->devices->timing, i) == i &&
-            is_named(names, bus->devices->lasers[i]->device.name, name))
-            laser = bus->devices->lasers[i];
+    for (int i = 0; i < hands->rig->devices->geometry.n_lasers && !laser; i++)
+        if (rig_laser_unit(&hands->rig->devices->timing, i) == i &&
+            is_named(names, hands->rig->devices->lasers[i]->device.name, name))
+            laser = hands->rig->devices->lasers[i];
     if (!laser) {
         refuse_name(invocation, "laser", name, names);
         return;
     }
     const struct hand like = {.kind = HAND_LASER, .laser = laser, .name = laser->device.name};
-    set_light(bus, invocation, like, on, for_s);
+    set_light(hands, invocation, like, on, for_s);
 }
 
 /* Begins the use of the axis of this name. If there is none, answers the call and returns NULL. */
-static struct hand *take_axis(Bus *bus, GDBusMethodInvocation *invocation, const char *name) {
+static struct hand *take_axis(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                              const char *name) {
     g_autoptr(GString) names = g_string_new(NULL);
     Axis *axis = NULL;
-    if (!rig_is_free(bus, invocation))
+    if (!rig_is_free(hands, invocation))
         return NULL;
-    for (int i = -DEVICES_POSITIONERS; i < bus->devices->geometry.n_lasers && !axis; i++) {
-        Axis *one = i < 0 ? devices_positioner(bus->devices, i + DEVICES_POSITIONERS)
-                          : bus->devices->sweeps[i];
+    for (int i = -DEVICES_POSITIONERS; i < hands->rig->devices->geometry.n_lasers && !axis; i++) {
+        Axis *one = i < 0 ? devices_positioner(hands->rig->devices, i + DEVICES_POSITIONERS)
+                          : hands->rig->devices->sweeps[i];
         if (one && is_named(names, one->device.name, name))
             axis = one;
     }
     if (axis)
-        return hand_take(bus, invocation,
+        return hand_take(hands, invocation,
                          (struct hand){.kind = HAND_AXIS, .axis = axis, .name = axis->device.name});
     refuse_name(invocation, "axis", name, names);
     return NULL;
 }
 
-void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg) {
+void bus_hands_move(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis,
+                    double deg) {
     GError *error = NULL;
-    struct hand *hand = take_axis(bus, invocation, axis);
+    struct hand *hand = take_axis(hands, invocation, axis);
     if (hand && !axis_move(hand->axis, deg, &error))
         hand_refused(hand, error);
     else if (hand)
-        bus_show_devices(bus); /* shows that it moves */
+        bus_rig_show_devices(hands->rig); /* shows that it moves */
 }
 
-void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis) {
+void bus_hands_home(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis) {
     GError *error = NULL;
-    struct hand *hand = take_axis(bus, invocation, axis);
+    struct hand *hand = take_axis(hands, invocation, axis);
     if (hand)
         hand->homing = TRUE;
     if (hand && !axis_home(hand->axis, &error))
         hand_refused(hand, error);
     else if (hand)
-        bus_show_devices(bus);
+        bus_rig_show_devices(hands->rig);
 }
 
-gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
-    GError *open = open_interlock_error(bus);
-    if (open) {
-        g_propagate_error(error, open);
+gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpointer data,
+                        GError **error) {
+    if (!need_closed_interlocks(hands, error))
         return FALSE;
-    }
-    for (guint i = 0; i < bus->hands->len; i++)
-        if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
+    for (guint i = 0; i < hands->list->len; i++)
+        if (((const struct hand *)hands->list->pdata[i])->axis == axis) {
             g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
                         "somebody is moving the axis %s: try again when it stands still",
                         axis->device.name);
@@ -592,18 +609,23 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
         }
     const gboolean homes = !axis_is_homed(axis) || !isfinite(axis->park_deg);
     struct hand *hand = g_new(struct hand, 1);
-    *hand = (struct hand){
-        .bus = bus, .kind = HAND_AXIS, .axis = axis, .name = axis->device.name, .homing = homes};
-    if (bus->hands->len == 0)
-        bus_hold_clock(bus, FALSE);
-    g_ptr_array_add(bus->hands, hand);
+    *hand = (struct hand){.hands = hands,
+                          .kind = HAND_AXIS,
+                          .axis = axis,
+                          .name = axis->device.name,
+                          .homing = homes};
+    if (hands->list->len == 0)
+        bus_rig_hold_clock(hands->rig, FALSE);
+    g_ptr_array_add(hands->list, hand);
+    hands->rig->n_hands = hands->list->len;
     hand_listen(hand, TRUE);
-    bus->is_safe = FALSE;
+    hands->rig->is_safe = FALSE;
     if (!(homes ? axis_home(axis, error) : axis_move(axis, axis->park_deg, error))) {
         hand_drop(hand);
         return FALSE;
     }
     hand->parked = done;
-    bus_show_devices(bus);
+    hand->parked_data = data;
+    bus_rig_show_devices(hands->rig);
     return TRUE;
 }

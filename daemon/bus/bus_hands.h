@@ -6,47 +6,59 @@
  * renew it. Every light that a client has switched on goes off, and every axis that it has set in
  * motion stops, when the lease is over, when the client disconnects, when an interlock opens, and
  * before a capture, SafeState or the end of the rig. Lasers and axes are refused while an interlock
- * is open. All functions belong to the main loop's thread.
+ * is open. Owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
-#include "bus_private.h"
+#include "bus_jobs.h"
+
+struct bus_hands {
+    struct bus_rig *rig;         /* borrowed; n_hands is set here */
+    const struct bus_jobs *jobs; /* borrowed */
+    GPtrArray *list;             /* of struct hand: devices that clients use by hand */
+    guint interlocks[DEVICES_MAX_INTERLOCKS];
+};
+
+void bus_hands_init(struct bus_hands *hands, struct bus_rig *rig, const struct bus_jobs *jobs);
+void bus_hands_clear(struct bus_hands *hands);
 
 /* Each function carries out the method of the same name. It answers the call when the device has
  * done what was requested. For a lamp or laser this is when the light is stable. If the request
  * fails, it answers with an error immediately. */
-void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *camera,
+void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
-void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *lamp, gboolean on,
-                        double for_s);
-void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *laser,
-                         gboolean on, double for_s);
-void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg);
-void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis);
+void bus_hands_set_lamp(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                        const char *lamp, gboolean on, double for_s);
+void bus_hands_set_laser(struct bus_hands *hands, GDBusMethodInvocation *invocation,
+                         const char *laser, gboolean on, double for_s);
+void bus_hands_move(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis,
+                    double deg);
+void bus_hands_home(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis);
 
 /* Restarts the leases of all lamps and lasers that the caller has switched on. *ret_n is their
  * number. The error is BUS_ERROR_LIMIT if for_s is out of range. */
-gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for_s, guint *ret_n,
-                         GError **error);
+gboolean bus_hands_renew(struct bus_hands *hands, GDBusMethodInvocation *invocation, double for_s,
+                         guint *ret_n, GError **error);
 
 /* Moves an axis to park_deg, after homing it if necessary. An axis without park_deg is only homed.
  * Refuses an axis that a client is using, and all axes while an interlock is open. done is called
  * once. It gets an error if the axis did not arrive or if another call has ended the move. */
-typedef void (*BusParked)(Bus *bus, const GError *error);
-gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error);
+typedef void (*BusParked)(gpointer data, const GError *error);
+gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpointer data,
+                        GError **error);
 
 /* Starts to listen to the interlocks of a rig that was opened, or stops before the rig is
  * closed. */
-void bus_hands_watch(Bus *bus, gboolean watch);
+void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
 /* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
  * commands lights off and stops axes. */
-void bus_hands_stop(Bus *bus, const char *why);
+void bus_hands_stop(struct bus_hands *hands, const char *why);
 
 /* The same as bus_hands_stop(), but does not wait for the devices. The caller listens to them from
  * now on. */
-void bus_hands_end(Bus *bus, const char *why);
+void bus_hands_end(struct bus_hands *hands, const char *why);
 
 /* Ends, in the same way, everything that a client has begun. Call it when the connection of the
  * client has closed. */
-void bus_hands_end_client(Bus *bus, GDBusConnection *connection);
+void bus_hands_end_client(struct bus_hands *hands, GDBusConnection *connection);

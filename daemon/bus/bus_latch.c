@@ -1,7 +1,8 @@
 #include "bus_latch.h"
 
-#include "bus_authority.h"
 #include "bus_errors.h"
+#include "bus_names.h"
+#include "bus_reply.h"
 
 #include <string.h>
 
@@ -21,7 +22,10 @@ struct safe_call {
 
 struct bus_latch {
     GMainContext *context;
-    Bus *bus; /* used only by the main loop; NULL after it was closed */
+    /* Used only by the main loop; NULL after it was closed. */
+    struct bus_rig *rig;
+    void (*make_safe)(gpointer data);
+    gpointer data;
     /* Used only by the main loop: the devices were commanded, and not released since. */
     gboolean told;
     /* Used only by the main loop: checks whether the devices have answered. NULL if there is
@@ -104,10 +108,13 @@ static gpointer run_late(gpointer data) {
     return NULL;
 }
 
-struct bus_latch *bus_latch_new(Bus *bus) {
+struct bus_latch *bus_latch_new(struct bus_rig *rig, void (*make_safe)(gpointer data),
+                                gpointer data) {
     struct bus_latch *latch = g_atomic_rc_box_new0(struct bus_latch);
     latch->context = g_main_context_ref_thread_default();
-    latch->bus = bus;
+    latch->rig = rig;
+    latch->make_safe = make_safe;
+    latch->data = data;
     g_mutex_init(&latch->lock);
     g_cond_init(&latch->changed);
     g_queue_init(&latch->calls);
@@ -124,7 +131,7 @@ static void stop_looking(struct bus_latch *latch) {
 
 void bus_latch_close(struct bus_latch *latch) {
     g_autoptr(GError) error = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "mesorigd ends");
-    latch->bus = NULL;
+    latch->rig = NULL;
     stop_looking(latch);
     g_mutex_lock(&latch->lock);
     latch->ends = TRUE;
@@ -139,7 +146,7 @@ void bus_latch_close(struct bus_latch *latch) {
 static gboolean on_look(gpointer data) {
     struct bus_latch *latch = data;
     enum device_safety safety;
-    if (!latch->bus->devices) {
+    if (!latch->rig->devices) {
         g_autoptr(GError) error =
             g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED,
                                 "the rig was closed before all devices had confirmed that they are "
@@ -147,7 +154,7 @@ static gboolean on_look(gpointer data) {
         answer_calls(latch, G_MAXINT64, NULL, error);
     } else {
         g_autoptr(GVariant) devices =
-            g_variant_ref_sink(devices_safety(latch->bus->devices, &safety));
+            g_variant_ref_sink(devices_safety(latch->rig->devices, &safety));
         g_autoptr(GVariant) body =
             g_variant_ref_sink(g_variant_new("(b@a(sss))", safety == DEVICE_SAFE, devices));
         answer_calls(latch, safety == DEVICE_TOLD ? g_get_monotonic_time() - ANSWER_US : G_MAXINT64,
@@ -183,31 +190,31 @@ static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
  * command them again. */
 static gboolean is_under_way(struct bus_latch *latch) {
     enum device_safety safety = DEVICE_SAFE;
-    if (latch->told && latch->bus->devices)
-        g_variant_unref(g_variant_ref_sink(devices_safety(latch->bus->devices, &safety)));
+    if (latch->told && latch->rig->devices)
+        g_variant_unref(g_variant_ref_sink(devices_safety(latch->rig->devices, &safety)));
     return safety == DEVICE_TOLD;
 }
 
 static gboolean on_asked(gpointer data) {
     struct bus_latch *latch = data;
     g_autoptr(GError) error = NULL;
-    if (!latch->bus)
+    if (!latch->rig)
         return G_SOURCE_REMOVE;
-    if (!latch->bus->devices) {
-        bus_need_rig(latch->bus, &error);
-        bus_authority_stop(latch->bus, "SafeState ended it before it began");
+    if (!latch->rig->devices) {
+        bus_rig_need_open(latch->rig, &error);
+        latch->make_safe(latch->data);
         refuse_without_rig(latch, error);
         return G_SOURCE_REMOVE;
     }
     if (!is_under_way(latch)) {
         const gboolean again = latch->told;
         latch->told = TRUE;
-        if (!latch->bus->ending) /* otherwise every device is being made safe already */
-            bus_make_safe(latch->bus);
-        bus_rig1_set_latched(latch->bus->object, TRUE);
+        if (!latch->rig->ending) /* otherwise every device is being made safe already */
+            latch->make_safe(latch->data);
+        bus_rig1_set_latched(latch->rig->object, TRUE);
         if (!again)
-            bus_report(latch->bus, "warning", "safe state",
-                       "all lights are off and all axes stand still until “mesorig release”");
+            bus_rig_report(latch->rig, "warning", "safe state",
+                           "all lights are off and all axes stand still until “mesorig release”");
     }
     start_looking(latch);
     return G_SOURCE_REMOVE;
@@ -295,8 +302,8 @@ gboolean bus_latch_release(struct bus_latch *latch, GDBusMethodInvocation *invoc
         return FALSE;
     }
     latch->told = FALSE;
-    bus_rig1_set_latched(latch->bus->object, FALSE);
+    bus_rig1_set_latched(latch->rig->object, FALSE);
     if (was_set)
-        bus_report(latch->bus, "info", "safe state", "released");
+        bus_rig_report(latch->rig, "info", "safe state", "released");
     return TRUE;
 }

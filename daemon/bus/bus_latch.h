@@ -8,11 +8,13 @@
  */
 #pragma once
 
-#include "bus_private.h"
+#include "bus_rig.h"
 
-/* Makes a latch. bus is not owned. The latch holds a reference to itself until
- * bus_latch_close(). */
-struct bus_latch *bus_latch_new(Bus *bus);
+/* Makes a latch for this rig, which is borrowed. make_safe is called in the main loop when
+ * SafeState was called and the devices have to be commanded, or when no rig is open. The latch
+ * holds a reference to itself until bus_latch_close(). */
+struct bus_latch *bus_latch_new(struct bus_rig *rig, void (*make_safe)(gpointer data),
+                                gpointer data);
 
 /* Answers all calls that wait, because the bus is being closed. Belongs to the main loop's
  * thread. */

@@ -1,5 +1,7 @@
+#include "bus_queue.h"
+
 #include "bus_errors.h"
-#include "bus_latch.h"
+#include "bus_reply.h"
 
 #include <string.h>
 
@@ -61,23 +63,6 @@ static void run_soon(struct bus_queue *queue, int priority, GSourceFunc func, gp
     g_source_set_priority(source, priority);
     g_source_set_callback(source, func, data, free_data);
     g_source_attach(source, queue->context);
-}
-
-void bus_reply(GDBusConnection *connection, GDBusMessage *message, GVariant *body, GError *error) {
-    g_autoptr(GDBusMessage) answer = NULL;
-    if (error) {
-        error = bus_errors_wrap(error);
-        g_autofree char *name = g_dbus_error_encode_gerror(error);
-        answer = g_dbus_message_new_method_error_literal(message, name, error->message);
-        g_error_free(error);
-    } else {
-        answer = g_dbus_message_new_method_reply(message);
-        if (body)
-            g_dbus_message_set_body(answer, body);
-    }
-    if (!(g_dbus_message_get_flags(message) & G_DBUS_MESSAGE_FLAGS_NO_REPLY_EXPECTED))
-        g_dbus_connection_send_message(connection, answer, G_DBUS_SEND_MESSAGE_FLAGS_NONE, NULL,
-                                       NULL);
 }
 
 /* Counts a call. Returns the number of calls of the client that already wait, without this one, or

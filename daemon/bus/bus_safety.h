@@ -5,16 +5,22 @@
  */
 #pragma once
 
-#include "bus_private.h"
+#include "bus_rig.h"
 
 /* Call it after a rig was opened. From now on no device gives light or moves while the latch is
  * set. No laser of a rig with real devices is switched on unless the guardian has answered within
  * the last second. */
-void bus_safety_watch(Bus *bus);
+void bus_safety_watch(struct bus_rig *rig);
 
 /* Call it after the devices have been closed. */
-void bus_safety_forget(Bus *bus);
+void bus_safety_forget(struct bus_rig *rig);
 
 /* Returns whether all devices are safe. The error is BUS_ERROR_BUSY if a lamp, laser or axis has
  * not confirmed that it is off or stands still. */
-gboolean bus_need_safe(Bus *bus, GError **error);
+gboolean bus_safety_need(struct bus_rig *rig, GError **error);
+
+/* Returns whether a rig is open, nobody uses it, and the latch of the safe state is not set. */
+gboolean bus_safety_is_free(const struct bus_rig *rig);
+
+/* Holds the clock, unless the rig is not free or a device has not yet confirmed that it is off. */
+void bus_safety_rest_clock(struct bus_rig *rig);

@@ -2,7 +2,6 @@
 
 #include "base/program.h"
 #include "bus_errors.h"
-#include "queue.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -16,8 +15,8 @@
 #define EXIT_RIG 3
 
 struct bus_trial {
-    Bus *bus;
     BusTrialFunc func;
+    gpointer data;
     GSubprocess *process;
     GCancellable *cancellable;
     guint deadline_id;
@@ -51,10 +50,11 @@ static void on_trial_end(GObject *source, GAsyncResult *result, gpointer data) {
         said = g_strdup_printf("the test shots ended without an answer%s%s", error ? ": " : "",
                                error ? error->message : "");
     }
-    trial->func(trial->bus, chosen ? chosen : "", said,
+    trial->func(chosen ? chosen : "", said,
                 code == 0          ? BUS_TRIAL_DONE
                 : code == EXIT_RIG ? BUS_TRIAL_RIG
-                                   : BUS_TRIAL_SESSION);
+                                   : BUS_TRIAL_SESSION,
+                trial->data);
 }
 
 static gboolean on_trial_deadline(gpointer data) {
@@ -96,10 +96,9 @@ static int trial_input(const char *text) {
     return -1;
 }
 
-struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTrialFunc func,
-                                  GError **error) {
-    const gboolean on_bus =
-        g_str_equal(bus->address, "system") || g_str_equal(bus->address, "session");
+struct bus_trial *bus_trial_start(const char *address, const struct queue_item *item,
+                                  BusTrialFunc func, gpointer data, GError **error) {
+    const gboolean on_bus = g_str_equal(address, "system") || g_str_equal(address, "session");
     g_autofree char *program = program_find("mesorig", error);
     if (!program)
         return NULL;
@@ -113,14 +112,13 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
     g_subprocess_launcher_take_stdin_fd(launcher, input);
-    GSubprocess *process =
-        g_subprocess_launcher_spawn(launcher, error, program, "queue", "try",
-                                    on_bus ? "--bus" : "--address", bus->address, NULL);
+    GSubprocess *process = g_subprocess_launcher_spawn(
+        launcher, error, program, "queue", "try", on_bus ? "--bus" : "--address", address, NULL);
     if (!process)
         return NULL;
     struct bus_trial *trial = g_new0(struct bus_trial, 1);
-    trial->bus = bus;
     trial->func = func;
+    trial->data = data;
     trial->process = process;
     trial->cancellable = g_cancellable_new();
     trial->deadline_id = g_timeout_add_seconds(TRIAL_S, on_trial_deadline, trial);

@@ -3,7 +3,7 @@
  * at the rig. All functions belong to the main loop's thread. */
 #pragma once
 
-#include "bus_private.h"
+#include "queue.h"
 
 struct bus_trial;
 
@@ -15,10 +15,12 @@ enum bus_trial_end {
 
 /* Called once, never from within bus_trial_start(). chosen has the lines for session_conf_choose().
  * said has warnings, or the reason why the test shots failed. */
-typedef void (*BusTrialFunc)(Bus *bus, char *chosen, char *said, enum bus_trial_end end);
+typedef void (*BusTrialFunc)(const char *chosen, const char *said, enum bus_trial_end end,
+                             gpointer data);
 
-struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTrialFunc func,
-                                  GError **error);
+/* Starts the program. address is that of bus_new(). */
+struct bus_trial *bus_trial_start(const char *address, const struct queue_item *item,
+                                  BusTrialFunc func, gpointer data, GError **error);
 
 /* Ends the trial. If the program runs, it is killed. The daemon then switches off everything that
  * the program has switched on, as for every client that has disconnected. NULL is ignored. */

@@ -3,11 +3,8 @@
 #include <string.h>
 
 #include "bus_errors.h"
-#include "bus_hands.h"
-#include "bus_latch.h"
 #include "bus_safety.h"
 #include "bus_trial.h"
-#include "queue.h"
 
 /* How often a session is continued after this program has ended unexpectedly. */
 #define MAX_STARTS 3
@@ -17,8 +14,10 @@
 /* The moment of a capture that was last reported to clients. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
 
-struct unattended {
-    Bus *bus;
+struct bus_unattended {
+    struct bus_rig *rig;
+    struct bus_run *run;
+    struct bus_jobs *jobs;
     Queue *queue;            /* NULL if this daemon keeps no queue */
     struct queue_item *item; /* the present item: hands, trying or begun; NULL if there is none */
     struct bus_trial *trial;
@@ -37,7 +36,7 @@ static gint64 now_s(void) {
     return g_get_real_time() / G_USEC_PER_SEC;
 }
 
-static guint count_waiting(const struct unattended *at) {
+static guint count_waiting(const struct bus_unattended *at) {
     const GPtrArray *items = queue_items(at->queue);
     guint n = 0;
     for (guint i = 0; i < items->len; i++)
@@ -45,7 +44,7 @@ static guint count_waiting(const struct unattended *at) {
     return n;
 }
 
-static const char *state_of(const struct unattended *at) {
+static const char *state_of(const struct bus_unattended *at) {
     if (!at->queue)
         return "none";
     if (queue_paused(at->queue))
@@ -78,7 +77,7 @@ static GVariant *show_item(const struct queue_item *item) {
     return g_variant_builder_end(&to);
 }
 
-static void show_queue(struct unattended *at) {
+static void show_queue(struct bus_unattended *at) {
     GVariantBuilder list;
     const char *state = state_of(at);
     const char *paused = at->queue ? queue_paused(at->queue) : NULL;
@@ -87,21 +86,20 @@ static void show_queue(struct unattended *at) {
     g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
     for (guint i = 0; at->queue && i < queue_items(at->queue)->len; i++)
         g_variant_builder_add_value(&list, show_item(queue_items(at->queue)->pdata[i]));
-    g_object_set(at->bus->object, "queue", g_variant_builder_end(&list), "queue-state", state,
+    g_object_set(at->rig->object, "queue", g_variant_builder_end(&list), "queue-state", state,
                  "queue-reason", reason ? reason : "", NULL);
-    if (!at->bus->capture)
-        bus_rig1_set_prompt(at->bus->object,
+    if (!at->run->capture)
+        bus_rig1_set_prompt(at->rig->object,
                             at->item && at->item->state == QUEUE_HANDS ? at->item->prompt : "");
 }
 
 /* Reports a milestone. item is a session of the queue, or NULL for the capture under way, if there
  * is one. */
-static void tell(struct unattended *at, const char *what, const struct queue_item *item,
+static void tell(struct bus_unattended *at, const char *what, const struct queue_item *item,
                  const char *message) {
-    Bus *bus = at->bus;
     GVariantBuilder details;
     g_autofree char *valid = g_utf8_make_valid(message ? message : "", -1);
-    const char *directory = item ? item->directory : bus->capture ? bus->directory : "";
+    const char *directory = item ? item->directory : at->run->capture ? at->run->directory : "";
     g_autofree char *base = *directory ? g_path_get_basename(directory) : g_strdup("");
     if (g_str_has_suffix(base, ".session"))
         base[strlen(base) - strlen(".session")] = '\0';
@@ -112,30 +110,30 @@ static void tell(struct unattended *at, const char *what, const struct queue_ite
     g_variant_builder_add(&details, "{sv}", "number", g_variant_new_uint32(item ? item->id : 0));
     g_variant_builder_add(&details, "{sv}", "waiting",
                           g_variant_new_uint32(at->queue ? count_waiting(at) : 0));
-    bus_rig1_emit_milestone(bus->object, what, g_variant_builder_end(&details));
+    bus_rig1_emit_milestone(at->rig->object, what, g_variant_builder_end(&details));
 }
 
-static void set_item(struct unattended *at, struct queue_item *item, enum queue_state state,
+static void set_item(struct bus_unattended *at, struct queue_item *item, enum queue_state state,
                      const char *message) {
     g_autoptr(GError) error = NULL;
     if (state == QUEUE_DONE || state == QUEUE_STOPPED)
         item->ended_at_s = now_s();
     if (!queue_set(at->queue, item, state, message, &error))
-        bus_report(at->bus, "warning", "queue", error->message);
+        bus_rig_report(at->rig, "warning", "queue", error->message);
 }
 
-static void pause_queue(struct unattended *at, const char *why) {
+static void pause_queue(struct bus_unattended *at, const char *why) {
     g_autoptr(GError) error = NULL;
     if (queue_paused(at->queue))
         return;
     if (!queue_pause(at->queue, why, &error))
-        bus_report(at->bus, "warning", "queue", error->message);
-    bus_report(at->bus, "warning", "queue", why);
+        bus_rig_report(at->rig, "warning", "queue", error->message);
+    bus_rig_report(at->rig, "warning", "queue", why);
     tell(at, "queue-paused", NULL, why);
 }
 
 /* Returns a session that has not begun to its place in the queue, where it waits again. */
-static void put_back(struct unattended *at) {
+static void put_back(struct bus_unattended *at) {
     g_clear_pointer(&at->trial, bus_trial_free);
     if (at->item && at->item->state != QUEUE_BEGUN) {
         set_item(at, at->item, QUEUE_WAITING, NULL);
@@ -145,10 +143,10 @@ static void put_back(struct unattended *at) {
 
 /* Ends the present item, which has stopped before its last shot. rig says that the rig has a fault,
  * so that the next item would also stop. */
-static void stop_item(struct unattended *at, const char *message, gboolean rig) {
+static void stop_item(struct bus_unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
-    bus_report(at->bus, "error", "queue", message);
+    bus_rig_report(at->rig, "error", "queue", message);
     tell(at, "fault", item, message);
     at->stopped_in_row++;
     if (rig) {
@@ -161,19 +159,12 @@ static void stop_item(struct unattended *at, const char *message, gboolean rig) 
         pause_queue(at, why);
     }
     show_queue(at);
-    bus_unattended_poke(at->bus);
-}
-
-static gboolean is_interlocked(const Bus *bus) {
-    for (int i = 0; i < bus->devices->n_interlocks; i++)
-        if (!interlock_is_closed(bus->devices->interlocks[i]))
-            return TRUE;
-    return FALSE;
+    bus_unattended_poke(at);
 }
 
 /* Keeps an item that did not begin because of the rig and not because of its session. It is tried
  * again later. */
-static void keep_for_later(struct unattended *at, const char *why) {
+static void keep_for_later(struct bus_unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
     set_item(at, item, QUEUE_WAITING, NULL);
@@ -181,10 +172,37 @@ static void keep_for_later(struct unattended *at, const char *why) {
     show_queue(at);
 }
 
-static void on_begun(Bus *bus, const GError *error) {
-    struct unattended *at = bus->unattended;
-    if (!error || !at->item)
-        return; /* bus_unattended_begun() has handled it */
+static gboolean has_begun(const struct queue_item *item) {
+    g_autofree char *database = g_build_filename(item->directory, "session.db", NULL);
+    return item->begun_at_s > 0 && g_file_test(database, G_FILE_TEST_EXISTS);
+}
+
+/* A session of the queue that a child makes or examines. */
+struct beginning {
+    struct bus_unattended *at;
+    char *directory;
+    gboolean resumes, process;
+};
+
+static void beginning_free(gpointer data) {
+    struct beginning *beginning = data;
+    g_free(beginning->directory);
+    g_free(beginning);
+}
+
+static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GError *failed,
+                        gpointer data) {
+    const struct beginning *beginning = data;
+    struct bus_unattended *at = beginning->at;
+    g_autoptr(GError) error = failed;
+    const char *warning = result ? g_variant_get_string(result, NULL) : "";
+    if (result && bus_run_begin(at->run, beginning->directory, beginning->resumes,
+                                *warning ? warning : NULL, beginning->process, &error)) {
+        bus_rig_flush(at->rig);
+        return; /* bus_unattended_begun() has noted it */
+    }
+    if (!at->item)
+        return;
     at->item->starts--;
     if (g_error_matches(error, BUS_ERROR, BUS_ERROR_CANCELLED))
         keep_for_later(at, error->message);
@@ -192,13 +210,28 @@ static void on_begun(Bus *bus, const GError *error) {
         stop_item(at, error->message, FALSE);
 }
 
-static gboolean has_begun(const struct queue_item *item) {
-    g_autofree char *database = g_build_filename(item->directory, "session.db", NULL);
-    return item->begun_at_s > 0 && g_file_test(database, G_FILE_TEST_EXISTS);
+/* Begins or resumes a session of the queue in a child process, like Start and Resume. */
+static void start_job(struct bus_unattended *at, const struct queue_item *item, gboolean resumes) {
+    struct bus_caller caller = {.uid = item->uid};
+    caller.n_groups = (int)MIN(item->groups->len, BUS_CALLER_GROUPS);
+    for (int i = 0; i < caller.n_groups; i++)
+        caller.groups[i] = g_array_index(item->groups, guint32, i);
+    struct preparer_request request = {
+        .task = resumes ? PREPARER_EXAMINE : PREPARER_BEGIN,
+        .session_path = item->session_path,
+        .session_text = item->session_text,
+        .directory = item->directory,
+        .calibration = *item->calibration && !resumes ? item->calibration : NULL,
+        .calibration_text = resumes ? NULL : item->calibration_text,
+        .chosen = *item->chosen ? item->chosen : NULL,
+        .caller = item->has_caller ? &caller : NULL};
+    struct beginning *beginning = g_new(struct beginning, 1);
+    *beginning = (struct beginning){at, g_strdup(item->directory), resumes, item->process};
+    bus_jobs_start(at->jobs, &request, NULL, on_prepared, beginning, beginning_free);
 }
 
 /* Makes the session, or resumes it. The state "begun" is on disk before the capture begins. */
-static void begin_item(struct unattended *at) {
+static void begin_item(struct bus_unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
     g_autoptr(GError) error = NULL;
@@ -219,33 +252,33 @@ static void begin_item(struct unattended *at) {
         return;
     }
     show_queue(at);
-    bus_start_queued(at->bus, item, resumes, on_begun);
+    start_job(at, item, resumes);
 }
 
-static void on_trial(Bus *bus, char *chosen, char *said, enum bus_trial_end end) {
-    struct unattended *at = bus->unattended;
+static void on_trial(const char *chosen, const char *said, enum bus_trial_end end, gpointer data) {
+    struct bus_unattended *at = data;
     struct queue_item *item = at->item;
     g_clear_pointer(&at->trial, bus_trial_free);
     if (end == BUS_TRIAL_DONE) {
         if (*said)
-            bus_report(bus, "warning", "queue", said);
+            bus_rig_report(at->rig, "warning", "queue", said);
         g_free(item->chosen);
         item->chosen = g_strdup(chosen);
         begin_item(at);
-    } else if (end == BUS_TRIAL_RIG || is_interlocked(bus)) {
+    } else if (end == BUS_TRIAL_RIG || bus_rig_open_interlock(at->rig)) {
         keep_for_later(at, said);
     } else {
         stop_item(at, said, FALSE);
     }
 }
 
-static void try_item(struct unattended *at) {
+static void try_item(struct bus_unattended *at) {
     g_autoptr(GError) error = NULL;
     if (has_begun(at->item)) {
         begin_item(at);
         return;
     }
-    at->trial = bus_trial_start(at->bus, at->item, on_trial, &error);
+    at->trial = bus_trial_start(at->run->address, at->item, on_trial, at, &error);
     if (!at->trial) {
         keep_for_later(at, error->message);
         return;
@@ -254,9 +287,9 @@ static void try_item(struct unattended *at) {
     show_queue(at);
 }
 
-static void rest_now(struct unattended *at) {
+static void rest_now(struct bus_unattended *at) {
     enum device_safety safety;
-    g_variant_unref(g_variant_ref_sink(devices_safety(at->bus->devices, &safety)));
+    g_variant_unref(g_variant_ref_sink(devices_safety(at->rig->devices, &safety)));
     const gboolean safe = safety == DEVICE_SAFE;
     g_free(at->rest);
     at->rest =
@@ -265,18 +298,18 @@ static void rest_now(struct unattended *at) {
                              : "NOT every lamp and laser has confirmed that it is off: look "
                                "at the rig",
                         at->not_parked->len ? "; " : ", the axes are parked", at->not_parked->str);
-    bus_report(at->bus, safe && !at->not_parked->len ? "info" : "warning", "queue", at->rest);
+    bus_rig_report(at->rig, safe && !at->not_parked->len ? "info" : "warning", "queue", at->rest);
     tell(at, "queue-empty", NULL, at->rest);
     show_queue(at);
 }
 
-static void note_not_parked(struct unattended *at, const GError *error) {
+static void note_not_parked(struct bus_unattended *at, const GError *error) {
     g_string_append_printf(at->not_parked, "%s%s",
                            at->not_parked->len ? "; " : "not parked: ", error->message);
 }
 
-static void on_parked(Bus *bus, const GError *error) {
-    struct unattended *at = bus->unattended;
+static void on_parked(gpointer data, const GError *error) {
+    struct bus_unattended *at = data;
     if (error)
         note_not_parked(at, error);
     if (--at->n_parking == 0)
@@ -285,18 +318,17 @@ static void on_parked(Bus *bus, const GError *error) {
 
 /* Parks the rig when the queue is empty: switches lights off and moves the axes to their parking
  * positions. */
-static void park(struct unattended *at) {
-    Bus *bus = at->bus;
+static void park(struct bus_unattended *at) {
     g_autoptr(GError) error = NULL;
     at->has_worked = FALSE;
     g_string_truncate(at->not_parked, 0);
-    if (!devices_make_safe(bus->devices, &error))
-        bus_report(bus, "error", "queue", error->message);
+    if (!devices_make_safe(at->rig->devices, &error))
+        bus_rig_report(at->rig, "error", "queue", error->message);
     at->n_parking = 1; /* counts one until all axes have started */
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
-        Axis *axis = devices_positioner(bus->devices, i);
+        Axis *axis = devices_positioner(at->rig->devices, i);
         g_autoptr(GError) why = NULL;
-        if (axis && bus_hands_park(bus, axis, on_parked, &why))
+        if (axis && bus_hands_park(at->run->hands, axis, on_parked, at, &why))
             at->n_parking++;
         else if (axis)
             note_not_parked(at, why);
@@ -305,19 +337,14 @@ static void park(struct unattended *at) {
         rest_now(at);
 }
 
-static gboolean is_free(const Bus *bus) {
-    return bus->devices && !bus->ending && !bus->capture && bus->hands->len == 0 &&
-           !bus_latch_is_set(bus->latch);
-}
-
 /* Returns whether the open rig can capture the session. If not, the queue is paused. */
-static gboolean check_rig(struct unattended *at, const struct queue_item *item) {
+static gboolean check_rig(struct bus_unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
-    if (strcmp(item->rig, at->bus->rig_path) != 0)
+    if (strcmp(item->rig, at->rig->path) != 0)
         why = g_strdup_printf("session %u was added for the rig %s, but %s is open", item->id,
-                              item->rig, at->bus->rig_path);
-    else if (!bus_need_safe(at->bus, &error))
+                              item->rig, at->rig->path);
+    else if (!bus_safety_need(at->rig, &error))
         why = g_strdup_printf("%s; then mesorig queue resume", error->message);
     if (why)
         pause_queue(at, why);
@@ -325,11 +352,10 @@ static gboolean check_rig(struct unattended *at, const struct queue_item *item) 
 }
 
 static gboolean step(gpointer data) {
-    struct unattended *at = data;
-    Bus *bus = at->bus;
+    struct bus_unattended *at = data;
     at->step_id = 0;
     show_queue(at);
-    if (!is_free(bus) || bus_jobs_beginning(bus) || at->item || at->n_parking ||
+    if (!bus_safety_is_free(at->rig) || bus_jobs_beginning(at->jobs) || at->item || at->n_parking ||
         queue_paused(at->queue))
         return G_SOURCE_REMOVE;
     struct queue_item *item = queue_next(at->queue);
@@ -346,7 +372,7 @@ static gboolean step(gpointer data) {
     if (*item->prompt && !has_begun(item)) {
         set_item(at, item, QUEUE_HANDS, NULL);
         tell(at, "hands", item, item->prompt);
-        bus_report(bus, "info", "queue", item->prompt);
+        bus_rig_report(at->rig, "info", "queue", item->prompt);
         show_queue(at);
     } else {
         try_item(at);
@@ -354,14 +380,12 @@ static gboolean step(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-void bus_unattended_poke(Bus *bus) {
-    struct unattended *at = bus->unattended;
+void bus_unattended_poke(struct bus_unattended *at) {
     if (at && at->queue && !at->step_id)
         at->step_id = g_idle_add(step, at);
 }
 
-void bus_unattended_begun(Bus *bus) {
-    struct unattended *at = bus->unattended;
+void bus_unattended_begun(struct bus_unattended *at) {
     const gboolean ours = at->item && at->item->state == QUEUE_BEGUN;
     at->told = MOMENT_RUNS;
     at->has_worked |= ours;
@@ -372,7 +396,7 @@ void bus_unattended_begun(Bus *bus) {
 }
 
 /* Handles a fault that has paused a session of the queue. */
-static void take_fault(struct unattended *at, const struct capture_status *status) {
+static void take_fault(struct bus_unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
         /* The rig keeps its state. The user who repairs it continues the session. */
         g_autofree char *why =
@@ -386,10 +410,10 @@ static void take_fault(struct unattended *at, const struct capture_status *statu
     g_autofree char *reason = g_strdup_printf("%s To continue it: mesorig resume %s",
                                               status->reason, at->item->directory);
     stop_item(at, reason, FALSE);
-    capture_abort(at->bus->capture);
+    capture_abort(at->run->capture);
 }
 
-static void take_end(struct unattended *at, gboolean done) {
+static void take_end(struct bus_unattended *at, gboolean done) {
     struct queue_item *item = g_steal_pointer(&at->item);
     if (done) {
         at->stopped_in_row = 0;
@@ -417,8 +441,7 @@ static enum moment moment_of(const struct capture_status *status) {
     return status->prompt ? MOMENT_HANDS : MOMENT_PAUSED;
 }
 
-void bus_unattended_changed(Bus *bus, const struct capture_status *status) {
-    struct unattended *at = bus->unattended;
+void bus_unattended_changed(struct bus_unattended *at, const struct capture_status *status) {
     const enum moment moment = moment_of(status);
     const gboolean ours = at->item && at->item->state == QUEUE_BEGUN;
     if (moment == at->told)
@@ -429,8 +452,8 @@ void bus_unattended_changed(Bus *bus, const struct capture_status *status) {
     if (moment == MOMENT_RUNS && at->held_by_fault) {
         at->held_by_fault = FALSE;
         if (!queue_pause(at->queue, NULL, NULL))
-            bus_report(bus, "warning", "queue",
-                       "the queue stays paused, because its file cannot be written");
+            bus_rig_report(at->rig, "warning", "queue",
+                           "the queue stays paused, because its file cannot be written");
         show_queue(at);
     }
     if (ours && moment == MOMENT_FAULT)
@@ -443,8 +466,7 @@ void bus_unattended_changed(Bus *bus, const struct capture_status *status) {
         tell(at, status->state == CAPTURE_DONE ? "done" : "aborted", NULL, "");
 }
 
-void bus_unattended_stop(Bus *bus, const char *why) {
-    struct unattended *at = bus->unattended;
+void bus_unattended_stop(struct bus_unattended *at, const char *why) {
     if (!at->queue)
         return;
     put_back(at);
@@ -459,14 +481,12 @@ void bus_unattended_stop(Bus *bus, const char *why) {
     show_queue(at);
 }
 
-gboolean bus_unattended_is_beginning(const Bus *bus) {
-    const struct unattended *at = bus->unattended;
+gboolean bus_unattended_is_beginning(const struct bus_unattended *at) {
     return at->item && at->item->state == QUEUE_TRYING;
 }
 
-gboolean bus_unattended_need_free(Bus *bus, GError **error) {
-    const struct unattended *at = bus->unattended;
-    if (!bus_unattended_is_beginning(bus))
+gboolean bus_unattended_need_free(struct bus_unattended *at, GError **error) {
+    if (!bus_unattended_is_beginning(at))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
                 "session %u of the queue is about to begin: mesorig queue pause prevents that",
@@ -474,27 +494,24 @@ gboolean bus_unattended_need_free(Bus *bus, GError **error) {
     return FALSE;
 }
 
-gboolean bus_unattended_need_queue(Bus *bus, GError **error) {
-    const struct unattended *at = bus->unattended;
+gboolean bus_unattended_need_queue(struct bus_unattended *at, GError **error) {
     if (!at->queue)
         g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED, "this mesorigd keeps no queue: %s",
                     at->rest ? at->rest : "start it with --queue FILE");
     return at->queue != NULL;
 }
 
-guint bus_unattended_add(Bus *bus, struct queue_item *item, GError **error) {
-    struct unattended *at = bus->unattended;
+guint bus_unattended_add(struct bus_unattended *at, struct queue_item *item, GError **error) {
     if (!queue_add(at->queue, item, error))
         return 0;
     g_clear_pointer(&at->rest, g_free);
     show_queue(at);
-    bus_unattended_poke(bus);
+    bus_unattended_poke(at);
     return item->id;
 }
 
-gboolean bus_unattended_remove(Bus *bus, guint number, GError **error) {
-    struct unattended *at = bus->unattended;
-    if (!bus_unattended_need_queue(bus, error))
+gboolean bus_unattended_remove(struct bus_unattended *at, guint number, GError **error) {
+    if (!bus_unattended_need_queue(at, error))
         return FALSE;
     struct queue_item *item = queue_find(at->queue, number, error);
     if (!item || !queue_remove(at->queue, number, error))
@@ -502,24 +519,22 @@ gboolean bus_unattended_remove(Bus *bus, guint number, GError **error) {
     if (at->item == item)
         at->item = NULL;
     show_queue(at);
-    bus_unattended_poke(bus);
+    bus_unattended_poke(at);
     return TRUE;
 }
 
-gboolean bus_unattended_move(Bus *bus, guint number, guint place, GError **error) {
-    struct unattended *at = bus->unattended;
-    if (!bus_unattended_need_queue(bus, error) || !queue_move(at->queue, number, place, error))
+gboolean bus_unattended_move(struct bus_unattended *at, guint number, guint place, GError **error) {
+    if (!bus_unattended_need_queue(at, error) || !queue_move(at->queue, number, place, error))
         return FALSE;
     if (at->item && at->item->state == QUEUE_HANDS && queue_next(at->queue) != at->item)
         put_back(at);
     show_queue(at);
-    bus_unattended_poke(bus);
+    bus_unattended_poke(at);
     return TRUE;
 }
 
-gboolean bus_unattended_pause(Bus *bus, GError **error) {
-    struct unattended *at = bus->unattended;
-    if (!bus_unattended_need_queue(bus, error) ||
+gboolean bus_unattended_pause(struct bus_unattended *at, GError **error) {
+    if (!bus_unattended_need_queue(at, error) ||
         (!queue_paused(at->queue) && !queue_pause(at->queue, "paused by hand", error)))
         return FALSE;
     put_back(at);
@@ -527,37 +542,34 @@ gboolean bus_unattended_pause(Bus *bus, GError **error) {
     return TRUE;
 }
 
-gboolean bus_unattended_resume(Bus *bus, GError **error) {
-    struct unattended *at = bus->unattended;
+gboolean bus_unattended_resume(struct bus_unattended *at, GError **error) {
     struct capture_status status;
-    if (!bus_unattended_need_queue(bus, error))
+    if (!bus_unattended_need_queue(at, error))
         return FALSE;
-    if (bus->capture && at->item) {
-        capture_get_status(bus->capture, &status);
+    if (at->run->capture && at->item) {
+        capture_get_status(at->run->capture, &status);
         if (status.state == CAPTURE_PAUSED && !status.prompt) {
-            if (!capture_continue(bus->capture, error))
+            if (!capture_continue(at->run->capture, error))
                 return FALSE;
-            g_hash_table_remove_all(bus->faults);
+            g_hash_table_remove_all(at->rig->faults);
         }
     }
     if (queue_paused(at->queue) && !queue_pause(at->queue, NULL, error))
         return FALSE;
     at->stopped_in_row = 0;
     show_queue(at);
-    bus_unattended_poke(bus);
+    bus_unattended_poke(at);
     return TRUE;
 }
 
-gboolean bus_unattended_answer(Bus *bus) {
-    struct unattended *at = bus->unattended;
-    if (!at->item || at->item->state != QUEUE_HANDS || !is_free(bus))
+gboolean bus_unattended_answer(struct bus_unattended *at) {
+    if (!at->item || at->item->state != QUEUE_HANDS || !bus_safety_is_free(at->rig))
         return FALSE;
     try_item(at);
     return TRUE;
 }
 
-void bus_keep_queue(Bus *bus, const char *path) {
-    struct unattended *at = bus->unattended;
+void bus_unattended_keep(struct bus_unattended *at, const char *path) {
     g_autoptr(GError) error = NULL;
     at->queue = queue_open(path, &error);
     if (error) {
@@ -567,24 +579,24 @@ void bus_keep_queue(Bus *bus, const char *path) {
         g_message("the queue is paused: %s", queue_paused(at->queue));
     }
     show_queue(at);
-    bus_unattended_poke(bus);
+    bus_unattended_poke(at);
 }
 
-struct unattended *bus_unattended_new(Bus *bus) {
-    struct unattended *at = g_new0(struct unattended, 1);
-    at->bus = bus;
+struct bus_unattended *bus_unattended_new(struct bus_run *run, struct bus_jobs *jobs) {
+    struct bus_unattended *at = g_new0(struct bus_unattended, 1);
+    at->rig = run->rig;
+    at->run = run;
+    at->jobs = jobs;
     at->not_parked = g_string_new(NULL);
-    bus->unattended = at;
     show_queue(at);
     return at;
 }
 
-void bus_unattended_free(struct unattended *at) {
+void bus_unattended_free(struct bus_unattended *at) {
     g_clear_handle_id(&at->step_id, g_source_remove);
     g_clear_pointer(&at->trial, bus_trial_free);
     queue_free(at->queue);
     g_string_free(at->not_parked, TRUE);
     g_free(at->rest);
-    at->bus->unattended = NULL;
     g_free(at);
 }

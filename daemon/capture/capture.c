@@ -2,44 +2,10 @@
 
 #include <math.h>
 
-#include "capture_bytes.h"
 #include "capture_calibration.h"
 #include "capture_check.h"
-#include "capture_lasers.h"
-#include "capture_marks.h"
-#include "capture_mount.h"
 #include "intake/intake_darks.h"
 #include "intake/intake_write.h"
-#include "thumbnail.h"
-
-/* Returns 0 if the value is not set. Fails if it cannot be read, because it would otherwise be
- * stored again as 0. */
-static gboolean load_value(Session *session, const char *key, double *ret, GError **error) {
-    g_autofree char *text = NULL;
-    const gboolean ok = session_read_value(session, key, &text, error);
-    const double value = text ? g_ascii_strtod(text, NULL) : 0;
-    *ret = isfinite(value) ? value : 0;
-    return ok;
-}
-
-/* Loads the totals of the session's earlier runs. */
-static gboolean load_figures(Capture *capture, GError **error) {
-    Session *session = capture->session;
-    double predicted_bytes = 0;
-    if (!load_value(session, "predicted_s", &capture->predicted_s, error) ||
-        !load_value(session, "lower_bound_s", &capture->lower_bound_s, error) ||
-        !load_value(session, "predicted_bytes", &predicted_bytes, error) ||
-        !load_value(session, "expected_bytes", &capture->said_bytes, error) ||
-        !load_value(session, "clock_s", &capture->clock_base_s, error) ||
-        !load_value(session, "real_s", &capture->real_base_s, error) ||
-        !load_value(session, "frames", &capture->frames_base, error) ||
-        !load_value(session, "retakes", &capture->retakes_base, error))
-        return FALSE;
-    if (capture->said_bytes <= 0)
-        capture->said_bytes = predicted_bytes;
-    capture->expected_bytes = capture->said_bytes;
-    return exposure_advice_load(&capture->exposures, session, error);
-}
 
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error) {
@@ -70,74 +36,42 @@ static const struct session_shot *dark_before(const GPtrArray *shots, int camera
     return found;
 }
 
-/* Reads conf, shots and calibration from the session. Errors in its texts name the session. */
-static gboolean read_session(Capture *capture, GError **error) {
-    Session *session = capture->session;
-    const char *path = session_path(session);
-    g_autofree char *text = session_text(session, "session.conf", error);
-    if (!text || !session_conf_parse(&capture->conf, text, path, error) ||
-        !(capture->shots = session_shots(session, error)))
-        return FALSE;
-    g_autofree char *calibration = session_text(session, "calibration.conf", error);
-    return calibration &&
-           (capture->calibration = calibration_from_text(calibration, path, error)) != NULL;
+static void on_event(const char *level, const char *source, const char *message, gpointer data) {
+    Capture *capture = data;
+    if (capture->callbacks.event)
+        capture->callbacks.event(capture, level, source, message, capture->callbacks.data);
 }
 
-void capture_count(Capture *capture) {
-    capture->n_shots = capture->n_done = 0;
-    for (guint i = 0; i < capture->shots->len; i++) {
-        const struct session_shot *shot = capture->shots->pdata[i];
-        const gboolean chosen = !capture->adaptive || adaptive_is_chosen(capture->adaptive, shot);
-        capture->n_shots += shot->state != SHOT_SKIPPED && chosen;
-        capture->n_done += shot->state == SHOT_DONE;
-    }
+/* Makes everything that captures into the session. Nothing is started yet. */
+static gboolean open_parts(Capture *capture, GError **error) {
+    struct capture_session *session = &capture->session;
+    struct intake_hooks intake_hooks = capture_intake_hooks;
+    struct sequencer_hooks sequencer_hooks = capture_sequencer_hooks;
+    intake_hooks.data = sequencer_hooks.data = capture;
+    const struct intake_setup setup = {.devices = session->devices,
+                                       .conf = &session->conf,
+                                       .directory = session_path(session->store),
+                                       .calibration = session->calibration};
+    capture->intake = intake_new(&setup, &intake_hooks);
+    capture->sequencer = sequencer_new(session->devices, &session->conf, &sequencer_hooks);
+    return run_totals_load(&capture->totals, session, error) &&
+           time_left_load(&capture->time_left, session, error) &&
+           capture_bytes_load(&capture->bytes, session, error) &&
+           capture_mount_load(&capture->mounts, session, error);
 }
 
-static gboolean open_adaptive(Capture *capture, GError **error) {
-    struct adaptive_setup setup = {.session = capture->session,
-                                   .conf = &capture->conf,
-                                   .shots = capture->shots,
-                                   .nominal = &capture->devices->geometry,
-                                   .timing = &capture->devices->timing,
-                                   .calibration = capture->calibration,
-                                   .clock = capture->devices->clock,
-                                   .hooks = capture_adaptive_hooks};
-    setup.hooks.data = capture;
-    if (adaptive_is_wanted(&capture->conf))
-        capture->adaptive = adaptive_new(&setup, error);
-    return capture->adaptive || !adaptive_is_wanted(&capture->conf);
-}
-
-/* Opens a session directory and makes everything that captures into it. Nothing is started yet. */
 static Capture *capture_open(struct devices *devices, const char *directory,
                              const struct capture_callbacks *callbacks, GError **error) {
-    struct intake_hooks intake_hooks = capture_intake_hooks;
-    struct sequencer_hooks hooks = capture_sequencer_hooks;
-    Session *session = session_open(directory, SESSION_CAPTURE, error);
-    if (!session)
-        return NULL;
     Capture *capture = g_new0(Capture, 1);
-    intake_hooks.data = hooks.data = capture;
-    capture->devices = devices;
-    capture->session = session;
+    struct adaptive_hooks hooks = capture_adaptive_hooks;
+    hooks.data = capture;
     if (callbacks)
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
-    capture->since_us = -1;
-    g_queue_init(&capture->flights);
-    if (!read_session(capture, error) || !open_adaptive(capture, error)) {
-        capture_free(capture);
-        return NULL;
-    }
-    capture_count(capture);
-    struct intake_setup setup = {.devices = devices,
-                                 .conf = &capture->conf,
-                                 .directory = session_path(session),
-                                 .calibration = capture->calibration};
-    capture->intake = intake_new(&setup, &intake_hooks);
-    capture->sequencer = sequencer_new(devices, &capture->conf, &hooks);
-    capture->begun_us = g_get_monotonic_time();
-    if (!load_figures(capture, error) || !capture_mount_load(capture, error))
+    capture->session.event = on_event;
+    capture->session.event_data = capture;
+    if (!capture_session_open(&capture->session, devices, directory, &hooks, error) ||
+        !open_parts(capture, error))
         g_clear_pointer(&capture, capture_free);
     return capture;
 }
@@ -193,9 +127,9 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
     if (session) {
         g_autofree char *line =
             calibration_line(calibration, devices->calibration_path, CAPTURE_CALIBRATION_HOW);
-        capture_save_value(session, "predicted_s", plan->predicted_s);
-        capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
-        capture_save_value(session, "predicted_bytes", (double)plan->bytes);
+        capture_session_save(session, "predicted_s", plan->predicted_s);
+        capture_session_save(session, "lower_bound_s", plan->lower_bound_s);
+        capture_session_save(session, "predicted_bytes", (double)plan->bytes);
         note(session, "info", "plan", plan->notes);
         if (conf->chosen) {
             g_autofree char *said =
@@ -215,8 +149,8 @@ Capture *capture_begin(struct devices *devices, const char *directory,
         return NULL;
     g_autofree char *answered = capture_check_devices_text(devices);
     g_autoptr(GPtrArray) events =
-        session_set_value(capture->session, CAPTURE_DEVICES_KEY, answered, error)
-            ? session_events(capture->session, error)
+        session_set_value(capture->session.store, CAPTURE_DEVICES_KEY, answered, error)
+            ? session_events(capture->session.store, error)
             : NULL;
     if (!events) {
         capture_free(capture);
@@ -288,25 +222,26 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
 
 /* Checks rig and disk, and restores the clock and the dark frames of the earlier runs. */
 static gboolean prepare_resumed(Capture *capture, GError **error) {
-    if (!capture_check_rig(capture->session, capture->shots, capture->devices, error))
+    struct capture_session *session = &capture->session;
+    const struct rig *rig = &session->devices->geometry;
+    if (!capture_check_rig(session->store, session->shots, session->devices, error))
         return FALSE;
-    g_autoptr(GPtrArray) frames = session_frames(capture->session, error);
+    g_autoptr(GPtrArray) frames = session_frames(session->store, error);
     if (!frames)
         return FALSE;
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];
         if (isfinite(frame->captured_s))
-            capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
+            session->clock.base_s = MAX(session->clock.base_s, frame->captured_s);
     }
-    capture_bytes_begin(capture, frames);
-    const double bytes = capture->expected_bytes - capture->stored_bytes;
-    if (capture->n_done < capture->n_shots &&
-        !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
+    capture_bytes_begin(&capture->bytes, session, frames);
+    const double bytes = capture->bytes.expected - capture->bytes.stored;
+    if (session->n_done < session->n_shots &&
+        !capture_check_disk(session_path(session->store), (guint64)MAX(bytes, 0), error))
         return FALSE;
-    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
-        const struct session_shot *shot = dark_before(capture->shots, c);
-        if (shot && devices_is_unit(&capture->devices->geometry, c) &&
-            !intake_load_dark(capture->intake, shot, c, error))
+    for (int c = 0; c < rig->n_cameras; c++) {
+        const struct session_shot *shot = dark_before(session->shots, c);
+        if (shot && devices_is_unit(rig, c) && !intake_load_dark(capture->intake, shot, c, error))
             return FALSE;
     }
     return TRUE;
@@ -319,21 +254,21 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         capture_free(capture);
         return NULL;
     }
-    g_autofree char *others = capture_check_devices(capture->session, devices);
+    g_autofree char *others = capture_check_devices(capture->session.store, devices);
     const char *const warnings[] = {warning, others};
     for (gsize i = 0; i < G_N_ELEMENTS(warnings); i++) {
         if (!warnings[i])
             continue;
-        capture_add_event(capture, "warning", "rig", warnings[i]);
-        if (!session_suspect(capture->session, warnings[i], error)) {
+        capture_session_add_event(&capture->session, "warning", "rig", warnings[i]);
+        if (!session_suspect(capture->session.store, warnings[i], error)) {
             capture_free(capture);
             return NULL;
         }
     }
-    g_autofree char *message =
-        g_strdup_printf("resumed: %d of %d shots are done", capture->n_done, capture->n_shots);
-    capture_add_event(capture, "info", "capture", message);
-    capture_lasers_note_all(capture);
+    g_autofree char *message = g_strdup_printf("resumed: %d of %d shots are done",
+                                               capture->session.n_done, capture->session.n_shots);
+    capture_session_add_event(&capture->session, "info", "capture", message);
+    capture_lasers_note_all(&capture->lasers);
     capture_begin_soon(capture);
     return capture;
 }
@@ -349,30 +284,23 @@ Capture *capture_resume(struct devices *devices, const char *directory,
 void capture_free(Capture *capture) {
     if (!capture)
         return;
-    clock_cancel(capture->devices->clock, &capture->starter);
+    struct capture_session *session = &capture->session;
+    clock_cancel(session->devices->clock, &capture->starter);
     if (capture->sequencer)
         sequencer_stop(capture->sequencer, NULL);
-    if (capture->since_us >= 0)
-        capture_save_value(capture->session, "clock_s", capture_now_s(capture));
+    if (session->clock.since_us >= 0)
+        capture_session_save(session->store, "clock_s", capture_session_now_s(session));
     intake_free(capture->intake);
-    g_queue_clear_full(&capture->flights, capture_flight_free);
+    flights_clear(&capture->flights);
     sequencer_free(capture->sequencer);
-    adaptive_free(capture->adaptive);
-    session_close(capture->session);
-    calibration_free(capture->calibration);
-    capture_marks_forget(capture);
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
-        frame_unref(capture->latest[c].frame);
-        g_free(capture->latest[c].thumbnail.rgb);
-    }
+    capture_session_close(session);
+    capture_marks_forget(&capture->marks);
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        latest_picture_clear(&capture->latest[c]);
     g_clear_handle_id(&capture->changed_source, g_source_remove);
-    g_clear_pointer(&capture->remaining, g_ptr_array_unref);
-    g_clear_pointer(&capture->leg, g_ptr_array_unref);
-    g_clear_pointer(&capture->shots, g_ptr_array_unref);
-    session_conf_clear(&capture->conf);
-    g_free(capture->plan_left);
-    g_free(capture->footprints);
-    g_free(capture->shot_bytes);
+    run_shots_clear(&capture->run);
+    time_left_clear(&capture->time_left);
+    capture_bytes_clear(&capture->bytes);
     g_free(capture->reason);
     g_free(capture->doing);
     g_free(capture);
@@ -383,8 +311,8 @@ void capture_pause(Capture *capture) {
         return;
     capture_set_state(capture, CAPTURE_PAUSING);
     if (capture->starter != 0) {
-        clock_cancel(capture->devices->clock, &capture->starter);
-        capture_start_clock(capture);
+        clock_cancel(capture->session.devices->clock, &capture->starter);
+        run_clock_start(&capture->session.clock);
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
         return;
     }
@@ -405,10 +333,10 @@ gboolean capture_continue(Capture *capture, GError **error) {
                                 lost ? "does not answer, so it counts as open" : "is open",
                                 lost ? "check its board and cables first" : "close it first");
     }
-    if (!capture_mount_answer(capture, error))
+    if (!capture_mount_answer(&capture->mounts, &capture->session, error))
         return FALSE;
-    capture_marks_accept(capture);
-    capture_add_event(capture, "info", "capture", "continued");
+    capture_marks_accept(&capture->marks, &capture->session);
+    capture_session_add_event(&capture->session, "info", "capture", "continued");
     capture_begin_soon(capture);
     return TRUE;
 }
@@ -417,66 +345,37 @@ void capture_abort(Capture *capture) {
     if (capture->state == CAPTURE_DONE || capture->state == CAPTURE_ABORTED)
         return;
     g_autoptr(GError) error = NULL;
-    clock_cancel(capture->devices->clock, &capture->starter);
+    clock_cancel(capture->session.devices->clock, &capture->starter);
     if (!sequencer_stop(capture->sequencer, &error))
-        capture_add_event(capture, "error", "rig", error->message);
-    capture_clear_flights(capture);
-    capture_add_event(capture, "info", "capture",
-                      "aborted; all stored frames are kept, and the session can be resumed");
+        capture_session_add_event(&capture->session, "error", "rig", error->message);
+    capture_drop_flights(capture);
+    capture_session_add_event(
+        &capture->session, "info", "capture",
+        "aborted; all stored frames are kept, and the session can be resumed");
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
-#define DOUBTED 0.5 /* so many shots as planned are counted with those that were exposed */
-
-struct shots_left *capture_plan_left(const Capture *capture,
-                                     const struct session_shot *const *shots, guint n) {
-    const struct devices *devices = capture->devices;
-    struct shots_left *ret = g_new0(struct shots_left, n + 1);
-    g_autofree double *left_s = g_new(double, n + 1);
-    plan_left_s(shots, (int)n, &capture->conf, &devices->geometry, &devices->timing, NULL, left_s);
-    ret[n].planned_s = left_s[n];
-    for (guint i = n; i-- > 0;) {
-        ret[i] = ret[i + 1];
-        ret[i].n[shots[i]->kind]++;
-        ret[i].planned_s = left_s[i];
-    }
-    return ret;
-}
-
-double capture_left_s(const Capture *capture, const struct shots_left *left) {
-    double sum_s = left->planned_s;
-    for (int k = 0; k <= SHOT_SWEEP; k++)
-        sum_s += left->n[k] * capture->learnt[k].late_s / (capture->learnt[k].n + DOUBTED);
-    return MAX(sum_s, 0);
-}
-
-/* Counts down from the prediction that was made when the last shot was exposed
- * (capture_run_note_left()). */
-static double time_left_s(Capture *capture) {
-    if (capture->state == CAPTURE_DONE || !capture->plan_left)
-        return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
+static double time_left_s(const Capture *capture) {
+    const struct time_left *left = &capture->time_left;
+    const struct capture_session *session = &capture->session;
+    if (capture->state == CAPTURE_DONE || !left->plan)
+        return capture->state == CAPTURE_DONE ? 0 : left->predicted_s;
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
-        /* The axes are homed again before the capture continues. */
-        const struct devices *devices = capture->devices;
-        g_autofree struct shots_left *left = capture_plan_left(
-            capture,
-            (const struct session_shot *const *)capture->remaining->pdata + capture->committed,
-            capture->remaining->len - capture->committed);
+        guint n;
+        const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
         /* A run that resumes an aborted one begins to learn anew. */
-        return plan_homing_s(&devices->geometry, &devices->timing) +
-               (capture->state == CAPTURE_PAUSED ? capture_left_s(capture, left) : left->planned_s);
+        return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
-    const double passed_s = capture_now_s(capture) - capture->left_at_s;
-    return MAX(capture->left_s - passed_s, capture->left_least_s);
+    return time_left_at_s(left, capture_session_now_s(session));
 }
 
 static gboolean waits_for_somebody(const Capture *capture) {
-    return capture->state == CAPTURE_PAUSED && capture->wanted_mount >= 0;
+    return capture->state == CAPTURE_PAUSED && capture->mounts.wanted >= 0;
 }
 
 /* Returns a text such as "homing sweep30, sweep60 (2 of 4 axes are done)". */
 static char *homing_text(const Capture *capture) {
-    const struct devices *devices = capture->devices;
+    const struct devices *devices = capture->session.devices;
     const Axis *axes[DEVICES_POSITIONERS + RIG_MAX_LASERS];
     g_autoptr(GString) left = g_string_new(NULL);
     int n = 0, done = 0;
@@ -500,7 +399,7 @@ static char *homing_text(const Capture *capture) {
 
 static char *doing_now(const Capture *capture) {
     int sub, n;
-    const struct rig *rig = &capture->devices->geometry;
+    const struct rig *rig = &capture->session.devices->geometry;
     const struct session_shot *shot = sequencer_shot(capture->sequencer, &sub, &n);
     if (capture->state == CAPTURE_HOMING)
         return homing_text(capture);
@@ -515,7 +414,7 @@ static char *doing_now(const Capture *capture) {
         return g_strdup_printf("dark frames, %d of %d", sub + 1, n);
     const char *source =
         shot->kind == SHOT_LAMP ? rig->lamps[shot->device].name : rig->lasers[shot->device].name;
-    g_autofree char *arm = capture->devices->arm
+    g_autofree char *arm = capture->session.devices->arm
                                ? g_strdup_printf(", arm %g°", rig_arm_deg(rig, shot->cameras))
                                : g_strdup("");
     return g_strdup_printf("%s at turntable %g°, arc %g°%s: %s %d of %d", source,
@@ -533,30 +432,21 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
         .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
         .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
         .doing = capture->doing,
-        .shots = capture->n_shots,
-        .shots_done = capture->n_done,
-        .frames = capture->frames,
-        .retakes = capture->retakes,
-        .elapsed_s = capture_now_s(capture),
+        .shots = capture->session.n_shots,
+        .shots_done = capture->session.n_done,
+        .frames = capture->totals.frames,
+        .retakes = capture->totals.retakes,
+        .elapsed_s = capture_session_now_s(&capture->session),
         .left_s = time_left_s(capture),
-        .bytes_stored = (guint64)capture->stored_bytes,
-        .bytes_expected = (guint64)MAX(capture->expected_bytes, 0),
-        .predicted_s = capture->predicted_s,
-        .lower_bound_s = capture->lower_bound_s,
+        .bytes_stored = (guint64)capture->bytes.stored,
+        .bytes_expected = (guint64)MAX(capture->bytes.expected, 0),
+        .predicted_s = capture->time_left.predicted_s,
+        .lower_bound_s = capture->time_left.lower_bound_s,
     };
 }
 
 const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) {
-    if (camera < 0 || camera >= capture->devices->geometry.n_cameras ||
-        !capture->latest[camera].frame)
+    if (camera < 0 || camera >= capture->session.devices->geometry.n_cameras)
         return NULL;
-    struct latest_picture *latest = &capture->latest[camera];
-    if (!latest->fresh) {
-        g_free(latest->thumbnail.rgb);
-        thumbnail_make(latest->frame, &latest->thumbnail.width, &latest->thumbnail.height,
-                       &latest->thumbnail.rgb);
-        latest->thumbnail.time_s = latest->time_s;
-        latest->fresh = TRUE;
-    }
-    return &latest->thumbnail;
+    return latest_picture_thumbnail(&capture->latest[camera]);
 }

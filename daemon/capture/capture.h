@@ -15,6 +15,7 @@
 
 #include "plan/plan.h"
 #include "rig/devices.h"
+#include "thumbnail.h"
 
 typedef struct Capture Capture;
 
@@ -55,12 +56,6 @@ struct capture_status {
     /* of the whole session: the plan's estimate, corrected by the frames stored so far */
     guint64 bytes_expected;
     double predicted_s, lower_bound_s;
-};
-
-struct capture_thumbnail {
-    int width, height;
-    guint8 *rgb; /* width × height × 3 */
-    double time_s;
 };
 
 struct capture_callbacks {

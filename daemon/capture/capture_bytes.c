@@ -3,137 +3,154 @@
 #include <math.h>
 
 #include "capture_check.h"
-#include "capture_private.h"
 
 /* Minimum relative change of a session's expected disk space that is reported in an event. */
 #define BYTES_PART 0.05
 
 /* The footprints of cameras whose frames vary in size. They are computed only once, because neither
  * the camera nor the plane moves. */
-static const struct plan_footprint *footprints(Capture *capture) {
-    const struct rig *rig = &capture->devices->geometry;
-    if (capture->footprints)
-        return capture->footprints;
-    capture->footprints = g_new0(struct plan_footprint, rig->n_cameras);
+static const struct plan_footprint *footprints(struct capture_bytes *bytes,
+                                               const struct capture_session *session) {
+    const struct rig *rig = &session->devices->geometry;
+    if (bytes->footprints)
+        return bytes->footprints;
+    bytes->footprints = g_new0(struct plan_footprint, rig->n_cameras);
     for (int c = 0; c < rig->n_cameras; c++)
         if (plan_bytes_vary(&rig->cameras[c]))
-            capture->footprints[c] = plan_footprint(&capture->conf, &rig->cameras[c]);
-    return capture->footprints;
+            bytes->footprints[c] = plan_footprint(&session->conf, &rig->cameras[c]);
+    return bytes->footprints;
 }
 
-static double capture_bytes_planned(Capture *capture, const struct session_shot *shot, int camera) {
-    return (double)plan_shot_bytes(&capture->conf, &capture->devices->geometry, shot, camera,
-                                   capture->devices->timing.bits[camera],
-                                   &footprints(capture)[camera]);
+static double planned_bytes(struct capture_bytes *bytes, const struct capture_session *session,
+                            const struct session_shot *shot, int camera) {
+    return (double)plan_shot_bytes(&session->conf, &session->devices->geometry, shot, camera,
+                                   session->devices->timing.bits[camera],
+                                   &footprints(bytes, session)[camera]);
 }
 
 /* Kept exposures and laser frames have no rows, and have their planned size. */
-static gboolean vary(const Capture *capture, int camera) {
-    return plan_bytes_vary(&capture->devices->geometry.cameras[camera]) &&
-           !capture->conf.keep_exposures && !capture->conf.keep_laser_frames;
+static gboolean vary(const struct capture_session *session, int camera) {
+    return plan_bytes_vary(&session->devices->geometry.cameras[camera]) &&
+           !session->conf.keep_exposures && !session->conf.keep_laser_frames;
 }
 
-static void count(Capture *capture, const struct session_shot *shot,
-                  const struct session_frame *frame) {
+static void count(struct capture_bytes *bytes, const struct capture_session *session,
+                  const struct session_shot *shot, const struct session_frame *frame) {
     const int c = frame->camera;
-    if (c < 0 || c >= capture->devices->geometry.n_cameras)
+    if (c < 0 || c >= session->devices->geometry.n_cameras)
         return;
-    const double planned = capture_bytes_planned(capture, shot, c);
+    const double planned = planned_bytes(bytes, session, shot, c);
     const double is =
-        vary(capture, c) ? (double)plan_stored_bytes((guint64)MAX(frame->bytes, 0)) : planned;
-    capture->bytes[shot->kind][c].sum += is;
-    capture->bytes[shot->kind][c].planned += planned;
-    capture->stored_bytes += is;
+        vary(session, c) ? (double)plan_stored_bytes((guint64)MAX(frame->bytes, 0)) : planned;
+    bytes->of[shot->kind][c].sum += is;
+    bytes->of[shot->kind][c].planned += planned;
+    bytes->stored += is;
 }
 
 /* Returns the ratio of stored to planned bytes for the frames of a kind and camera. Until such a
  * frame is stored, it is the ratio of the other cameras. */
-static double ratio(const Capture *capture, int kind, int camera) {
+static double ratio(const struct capture_bytes *bytes, const struct capture_session *session,
+                    int kind, int camera) {
     double sum = 0, planned = 0;
-    if (!vary(capture, camera))
+    if (!vary(session, camera))
         return 1;
-    if (capture->bytes[kind][camera].planned > 0)
-        return capture->bytes[kind][camera].sum / capture->bytes[kind][camera].planned;
-    for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
-        if (vary(capture, c)) {
-            sum += capture->bytes[kind][c].sum;
-            planned += capture->bytes[kind][c].planned;
+    if (bytes->of[kind][camera].planned > 0)
+        return bytes->of[kind][camera].sum / bytes->of[kind][camera].planned;
+    for (int c = 0; c < session->devices->geometry.n_cameras; c++)
+        if (vary(session, c)) {
+            sum += bytes->of[kind][c].sum;
+            planned += bytes->of[kind][c].planned;
         }
     return planned > 0 ? sum / planned : 1;
 }
 
 /* Returns the expected bytes of the planned shots. Shots that have not been chosen yet are not
  * counted. */
-static double capture_bytes_left(Capture *capture) {
-    const int n_cameras = capture->devices->geometry.n_cameras;
+static double bytes_left(struct capture_bytes *bytes, const struct capture_session *session) {
+    const int n_cameras = session->devices->geometry.n_cameras;
     double left = 0;
-    if (!capture->shot_bytes) {
-        capture->shot_bytes = g_new0(float, capture->shots->len *(gsize)n_cameras);
-        for (guint i = 0; i < capture->shots->len; i++) {
-            const struct session_shot *at = capture->shots->pdata[i];
+    if (!bytes->planned) {
+        bytes->planned = g_new0(float, session->shots->len *(gsize)n_cameras);
+        for (guint i = 0; i < session->shots->len; i++) {
+            const struct session_shot *at = session->shots->pdata[i];
             for (int c = 0; c < n_cameras; c++)
                 if (at->state == SHOT_PLANNED && at->cameras & 1u << c)
-                    capture->shot_bytes[i * (guint)n_cameras + (guint)c] =
-                        (float)capture_bytes_planned(capture, at, c);
+                    bytes->planned[i * (guint)n_cameras + (guint)c] =
+                        (float)planned_bytes(bytes, session, at, c);
         }
     }
     double ratios[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     for (int kind = 0; kind <= SHOT_SWEEP; kind++)
         for (int c = 0; c < n_cameras; c++)
-            ratios[kind][c] = ratio(capture, kind, c);
-    for (guint i = 0; i < capture->shots->len; i++) {
-        const struct session_shot *at = capture->shots->pdata[i];
-        if (at->state != SHOT_PLANNED ||
-            (capture->adaptive && !adaptive_is_chosen(capture->adaptive, at)))
+            ratios[kind][c] = ratio(bytes, session, kind, c);
+    for (guint i = 0; i < session->shots->len; i++) {
+        const struct session_shot *at = session->shots->pdata[i];
+        if (at->state != SHOT_PLANNED || !capture_session_is_chosen(session, at))
             continue;
         for (int c = 0; c < n_cameras; c++)
-            left +=
-                ratios[at->kind][c] * (double)capture->shot_bytes[i * (guint)n_cameras + (guint)c];
+            left += ratios[at->kind][c] * (double)bytes->planned[i * (guint)n_cameras + (guint)c];
     }
     return left;
 }
 
-void capture_bytes_begin(Capture *capture, const GPtrArray *frames) {
+gboolean capture_bytes_load(struct capture_bytes *bytes, const struct capture_session *session,
+                            GError **error) {
+    double predicted = 0;
+    if (!capture_session_load(session, "predicted_bytes", &predicted, error) ||
+        !capture_session_load(session, "expected_bytes", &bytes->said, error))
+        return FALSE;
+    if (bytes->said <= 0)
+        bytes->said = predicted;
+    bytes->expected = bytes->said;
+    return TRUE;
+}
+
+void capture_bytes_clear(struct capture_bytes *bytes) {
+    g_clear_pointer(&bytes->footprints, g_free);
+    g_clear_pointer(&bytes->planned, g_free);
+}
+
+void capture_bytes_begin(struct capture_bytes *bytes, const struct capture_session *session,
+                         const GPtrArray *frames) {
     g_autoptr(GHashTable) shots = g_hash_table_new(g_int64_hash, g_int64_equal);
-    for (guint i = 0; i < capture->shots->len; i++) {
-        struct session_shot *shot = capture->shots->pdata[i];
+    for (guint i = 0; i < session->shots->len; i++) {
+        struct session_shot *shot = session->shots->pdata[i];
         g_hash_table_insert(shots, &shot->id, shot);
     }
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];
         const struct session_shot *shot = g_hash_table_lookup(shots, &frame->shot);
         if (shot && shot->state == SHOT_DONE)
-            count(capture, shot, frame);
+            count(bytes, session, shot, frame);
     }
 }
 
-/* The whole list of shots is examined after 1, 2, 3, 4, 6, 8, 12 … shots of this run, and after the
- * first shot of each kind. */
-static gboolean is_due(const Capture *capture, gboolean first) {
-    guint n = capture->committed;
+/* The whole list of shots is examined after 1, 2, 3, 4, 6, 8, 12 … shots of this run, after the
+ * first shot of each kind, and after the last shot. */
+static gboolean is_due(guint n) {
     while (n > 3 && n % 2 == 0)
         n /= 2;
-    return first || n <= 3 || capture->committed == capture->remaining->len;
+    return n <= 3;
 }
 
-void capture_bytes_add(Capture *capture, const struct session_shot *shot,
-                       const struct session_frame *frames, int n) {
+void capture_bytes_add(struct capture_bytes *bytes, const struct capture_session *session,
+                       const struct session_shot *shot, const struct session_frame *frames, int n,
+                       guint n_committed, gboolean is_last) {
     gboolean first = FALSE;
     for (int i = 0; i < n; i++) {
-        first |= capture->bytes[shot->kind][frames[i].camera].planned == 0;
-        count(capture, shot, &frames[i]);
+        first |= bytes->of[shot->kind][frames[i].camera].planned == 0;
+        count(bytes, session, shot, &frames[i]);
     }
-    if (!is_due(capture, first))
+    if (!first && !is_last && !is_due(n_committed))
         return;
-    const double left = capture_bytes_left(capture);
-    const double all =
-        capture->stored_bytes + left + (double)plan_database_bytes((int)capture->shots->len);
-    capture->expected_bytes = all;
-    if (fabs(all / MAX(capture->said_bytes, 1) - 1) <= BYTES_PART)
+    const double left = bytes_left(bytes, session);
+    const double all = bytes->stored + left + (double)plan_database_bytes((int)session->shots->len);
+    bytes->expected = all;
+    if (fabs(all / MAX(bytes->said, 1) - 1) <= BYTES_PART)
         return;
-    const guint64 free_bytes = capture_free_bytes(session_path(capture->session));
+    const guint64 free_bytes = capture_free_bytes(session_path(session->store));
     g_autofree char *size = g_format_size((guint64)all);
-    g_autofree char *before = g_format_size((guint64)capture->said_bytes);
+    g_autofree char *before = g_format_size((guint64)bytes->said);
     g_autofree char *more = g_format_size((guint64)left);
     g_autofree char *room = g_format_size(free_bytes);
     const gboolean full = left > (double)free_bytes;
@@ -142,7 +159,7 @@ void capture_bytes_add(Capture *capture, const struct session_shot *shot,
                         "(expected before: %s), %s more%s%s%s",
                         size, before, more, full ? "; the disk has only " : "", full ? room : "",
                         full ? " free: make room, or the session will pause when it is full" : "");
-    capture->said_bytes = all;
-    capture_save_value(capture->session, "expected_bytes", all);
-    capture_add_event(capture, full ? "warning" : "info", "disk", text);
+    bytes->said = all;
+    capture_session_save(session->store, "expected_bytes", all);
+    capture_session_add_event(session, full ? "warning" : "info", "disk", text);
 }

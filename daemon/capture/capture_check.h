@@ -22,13 +22,13 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
  * begun. The warning lists the differences. Returns NULL if there are none. g_free() */
 char *capture_check_options(Session *session, const struct devices *devices);
 
-/* What the session keeps of the devices that answered when its capture began, for the value
- * CAPTURE_DEVICES_KEY: a line each (devices_identities()); g_free() */
+/* Returns the text of the session's value CAPTURE_DEVICES_KEY, which stores the devices that answer
+ * when the capture begins: one line for each device (devices_identities()). g_free() */
 #define CAPTURE_DEVICES_KEY "devices"
 char *capture_check_devices_text(const struct devices *devices);
 
-/* A warning if other devices answer now, which lists them, else NULL; g_free(). A device of which
- * then or now nothing is known is not compared. */
+/* Returns a warning that lists the devices if other devices answer now than then, otherwise NULL;
+ * g_free(). Only devices whose identity is known both times are compared. */
 char *capture_check_devices(Session *session, const struct devices *devices);
 
 /* Returns a warning if the rig's calibration has changed since the session was begun, otherwise

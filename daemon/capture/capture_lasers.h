@@ -1,26 +1,33 @@
 /* Finds lasers that may still be lit although they were switched off. A relay that sticks reports
  * that it is open, so only a picture shows that the laser is lit. The last frame of a sweep is such
  * a picture, taken after the laser was switched off. After a pause without that picture, the laser
- * counts as not checked. */
+ * counts as not checked. The struct belongs to the Capture. Main loop's thread. */
 #pragma once
 
-#include "capture_private.h"
+#include "capture_mount.h"
 
-/* Notes the lasers whose sweeps are under way. To be called before the frames under way are
- * dropped. */
-void capture_lasers_note(Capture *capture);
+struct capture_lasers {
+    guint32 unchecked; /* bits of units */
+};
+
+/* Notes the laser of a shot that is under way and will be dropped, if the shot is a sweep. */
+void capture_lasers_note(struct capture_lasers *lasers, const struct rig_timing *timing,
+                         const struct session_shot *shot);
 
 /* Notes all lasers of a session that is resumed, because the daemon may have died within a
  * sweep. */
-void capture_lasers_note_all(Capture *capture);
+void capture_lasers_note_all(struct capture_lasers *lasers);
 
 /* Clears the note for the laser of a sweep that is stored: its last frame showed that the laser was
  * off. */
-void capture_lasers_clear(Capture *capture, const struct session_shot *shot);
+void capture_lasers_clear(struct capture_lasers *lasers, const struct rig_timing *timing,
+                          const struct session_shot *shot);
 
-/* Moves one sweep of each laser that is not checked to the front: its next sweep that can be taken
- * as the lasers are mounted. The dark frames that are still to be taken come before these sweeps,
- * since a sweep needs them. These dark frames and sweeps are held back, because a laser that stays
- * on may have lit any of them. They are stored together, once the last frame of each of these
- * sweeps has shown that its laser is off. */
-void capture_lasers_put_first(Capture *capture);
+/* Moves one sweep of each laser that is not checked to the front of the shots: its next sweep that
+ * can be taken as the lasers are mounted. The dark frames that are still to be taken come before
+ * these sweeps, because a sweep needs them. Returns the number of these dark frames and sweeps.
+ * They are held back, because a laser that stays on may have lit any of them. They are stored
+ * together, once the last frame of each of these sweeps has shown that its laser is off. */
+guint capture_lasers_put_first(const struct capture_lasers *lasers,
+                               const struct capture_mounts *mounts, const struct rig_timing *timing,
+                               GPtrArray *shots);

@@ -1,19 +1,29 @@
 /* Evaluates the marks on the turntable during a capture. They give the output of each lamp, which
  * the session stores, and show whether a camera or the turntable has moved since the calibration.
- * Main loop's thread. */
+ * The
+ * struct belongs to the Capture. Main loop's thread. */
 #pragma once
 
-#include "capture_private.h"
+#include "capture_session.h"
 #include "radiometry/fiducials.h"
 
+struct capture_marks {
+    guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
+    guint32 suspected; /* bits of the movements that the previous shot seemed to show */
+    GQueue *window;    /* of GArray of struct fiducial_seen: of the last shots */
+    gboolean reported; /* the first check of the fiducials has been reported */
+};
+
 /* Checks the fiducials of a shot when all of its cameras have delivered, and records the lamp's
- * output. Returns NULL, or a text (g_free()) that says what has moved in this shot and the previous
- * one. If a text is returned, the shot must not be committed. If the session cannot store the
- * output, the function returns NULL and sets error, and the shot must not be committed either. */
-char *capture_marks_check(Capture *capture, const struct flight *flight, GError **error);
+ * output. seen is an array of struct fiducial_seen of all cameras, or NULL. Returns NULL, or a text
+ * (g_free()) that says what has moved in this shot and the previous one. If a text is returned, the
+ * shot must not be committed. If the session cannot store the output, the function returns NULL and
+ * sets error, and the shot must not be committed either. */
+char *capture_marks_check(struct capture_marks *marks, const struct capture_session *session,
+                          const struct session_shot *shot, GArray *seen, GError **error);
 
 /* Forgets the marks of earlier shots. */
-void capture_marks_forget(Capture *capture);
+void capture_marks_forget(struct capture_marks *marks);
 
 /* The user continues although something has moved: the movement is not reported again. */
-void capture_marks_accept(Capture *capture);
+void capture_marks_accept(struct capture_marks *marks, const struct capture_session *session);

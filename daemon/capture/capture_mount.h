@@ -1,24 +1,36 @@
 /* Laser units that are mounted by hand: the place of each unit according to the session, and the
- * shots that can be taken with the unit at that place. */
+ * shots that can be taken with the unit at that place. The struct belongs to the Capture. Main
+ * loop's thread. */
 #pragma once
 
-#include "capture_private.h"
+#include "capture_session.h"
+
+struct capture_mounts {
+    int mounted[RIG_MAX_LASERS]; /* the laser at whose place a unit is mounted; −1 if not known */
+    int wanted; /* the laser at whose place a unit must be mounted next; −1 if none */
+};
 
 /* Reads the last places of the units and passes them to the drivers. */
-gboolean capture_mount_load(Capture *capture, GError **error);
+gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_session *session,
+                            GError **error);
 
 /* Returns whether a shot can be taken with the laser units at their present places. */
-gboolean capture_mount_is_in_place(const Capture *capture, const struct session_shot *shot);
+gboolean capture_mount_is_in_place(const struct capture_mounts *mounts,
+                                   const struct rig_timing *timing,
+                                   const struct session_shot *shot);
 
-/* Returns the number of remaining shots, in order, that can be taken before a unit must be mounted
+/* Returns the number of these shots, in order, that can be taken before a unit must be mounted
  * at another place. Returns 0 if they need a unit whose place is not known. Sweeps from the present
  * places are moved to the front, because sweeps that are repeated may have been planned before
  * them. */
-guint capture_mount_reach(Capture *capture);
+guint capture_mount_reach(const struct capture_mounts *mounts, const struct rig_timing *timing,
+                          GPtrArray *shots);
 
-/* Pauses with a prompt for the mounting that the next remaining shot needs. The rig is already safe
- * when this is called. */
-void capture_mount_ask(Capture *capture);
+/* Chooses the mounting that the first of these shots that cannot be taken needs. Returns the prompt
+ * for the user (g_free()), and the name of the unit. The rig must be paused with this prompt. */
+char *capture_mount_ask(struct capture_mounts *mounts, const struct capture_session *session,
+                        const struct session_shot *const *shots, guint n, const char **ret_unit);
 
 /* Confirms that the requested mounting has been done, and stores it before the next shot. */
-gboolean capture_mount_answer(Capture *capture, GError **error);
+gboolean capture_mount_answer(struct capture_mounts *mounts, const struct capture_session *session,
+                              GError **error);

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "intake/intake.h"
 #include "intake/radiance.h"
+#include "plan/shot_frames.h"
 
 /* Pause before the next attempt with a camera that does not respond. */
 #define REST_US (3 * G_USEC_PER_SEC)
@@ -320,8 +320,13 @@ static void take_frame(Sequencer *seq, int camera, Frame *frame) {
         answered(seq, camera);
         return;
     }
-    const struct sequencer_taken taken = {camera, seq->sub, state->retakes};
-    seq->hooks.frame(seq->shot, &taken, frame, seq->hooks.data);
+    const struct taken_frame taken = {
+        .shot = seq->shot,
+        .sub = seq->sub,
+        .frame = frame,
+        .row = {.shot = seq->shot->id, .camera = camera, .retakes = state->retakes},
+    };
+    seq->hooks.frame(&taken, seq->hooks.data);
     if (seq->state == EXPOSING)
         answered(seq, camera);
 }

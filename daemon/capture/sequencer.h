@@ -7,15 +7,10 @@
  * thread. */
 #pragma once
 
+#include "intake/taken_frame.h"
 #include "plan/plan.h"
 
 typedef struct Sequencer Sequencer;
-
-struct sequencer_taken {
-    int camera, sub, retakes; /* retakes counts those of this camera in this shot */
-    gboolean turned;          /* whether the frame was exposed in a pass */
-    double turntable_deg;     /* angle of the turntable in the middle of the exposure */
-};
 
 struct sequencer_hooks {
     void (*homed)(gpointer data);
@@ -23,9 +18,9 @@ struct sequencer_hooks {
      * sequencer_poke() makes the sequencer call it again. */
     gboolean (*may_trigger)(gpointer data);
     /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come shot by
-     * shot for each camera, except those that are taken in another turn. */
-    void (*frame)(const struct session_shot *shot, const struct sequencer_taken *taken,
-                  Frame *frame, gpointer data);
+     * shot for each camera, except those that are taken in another turn. Borrowed during the
+     * call. */
+    void (*frame)(const struct taken_frame *taken, gpointer data);
     /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
      * the repetition if the picture was saturated, otherwise 0. */
     void (*retake)(int camera, const char *why, gint64 shortened_us, gpointer data);

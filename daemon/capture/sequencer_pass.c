@@ -186,16 +186,20 @@ static void pass_schedule(Sequencer *seq) {
 /* Passes on an accepted frame with its angle of the table. */
 static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double off_deg) {
     struct pass_shot *shot = &seq->pass.shots[told->shot];
-    const struct sequencer_taken taken = {.camera = told->camera,
-                                          .retakes = shot->cameras[told->camera].retakes,
-                                          .turned = TRUE,
-                                          .turntable_deg =
-                                              shot->shot->turntable_deg +
-                                              ldexp(rint(ldexp(off_deg, POSE_BITS)), -POSE_BITS)};
+    const double stored_off_deg = ldexp(rint(ldexp(off_deg, POSE_BITS)), -POSE_BITS);
+    const struct taken_frame taken = {
+        .shot = shot->shot,
+        .frame = told->frame,
+        .row = {.shot = shot->shot->id,
+                .camera = told->camera,
+                .retakes = shot->cameras[told->camera].retakes,
+                .turned = TRUE,
+                .turntable_deg = shot->shot->turntable_deg + stored_off_deg},
+    };
     shot->cameras[told->camera].refused = 0;
     shot->pending &= ~(1u << told->camera);
     seq->pass.progress = TRUE;
-    seq->hooks.frame(shot->shot, &taken, told->frame, seq->hooks.data);
+    seq->hooks.frame(&taken, seq->hooks.data);
 }
 
 static void pass_refuse(Sequencer *seq, guint shot, int camera, const GError *error) {

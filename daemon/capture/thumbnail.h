@@ -7,6 +7,12 @@
 
 #define THUMBNAIL_SIDE 320
 
+struct capture_thumbnail {
+    int width, height;
+    guint8 *rgb; /* width × height × 3 */
+    double time_s;
+};
+
 /* ret_rgb is width × height × 3; g_free(). */
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb);
 

@@ -10,14 +10,14 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define DEG(rad) ((rad) * (180 / G_PI))
 
-static gboolean wanted(const struct session_conf *conf) {
+static gboolean is_continuous(const struct session_conf *conf) {
     return conf->motion == MOTION_CONTINUOUS;
 }
 
 char *passes_refused(const struct session_conf *conf, const struct rig *rig,
                      const struct rig_timing *timing, guint32 cameras) {
     const struct axis_motion *table = &timing->turntable;
-    if (!wanted(conf))
+    if (!is_continuous(conf))
         return NULL;
     if (!table->wraps && !(table->min_deg < table->max_deg))
         return g_strdup("there is no [axis turntable]: leave it out");
@@ -35,7 +35,7 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
     return NULL;
 }
 
-static double passes_exposure_s(const struct session_conf *conf) {
+static double exposure_s_of(const struct session_conf *conf) {
     return conf->exposures_us[conf->n_exposures - 1] * 1e-6;
 }
 
@@ -50,7 +50,7 @@ struct passes_speed passes_speed(const struct session_conf *conf, const struct r
     const struct session_grid *grid = &conf->grid;
     const double r_mm = hypot(grid->width_mm, grid->height_mm) / 2;
     const double texel_mm = MIN(grid->width_mm / grid->width, grid->height_mm / grid->height);
-    const double exposure_s = passes_exposure_s(conf);
+    const double exposure_s = exposure_s_of(conf);
     gint64 stamp_us = 0;
     for (int c = 0; c < rig->n_cameras; c++)
         if (cameras & 1u << c)
@@ -116,7 +116,7 @@ static void measure(struct group *group, const struct session_conf *conf, const 
     const struct axis_motion *table = group->table = &timing->turntable;
     const double v = passes_speed(conf, rig, timing, cameras).deg_s, ramp = axis_ramp_deg(table, v);
     group->speed_deg_s = v;
-    group->exposure_s = passes_exposure_s(conf);
+    group->exposure_s = exposure_s_of(conf);
     group->frame_s = slowest_s(timing->trigger_us, cameras) + group->exposure_s;
     group->readout_s = slowest_s(timing->readout_us, cameras);
     /* Before the first trigger, the table makes two reports at its final speed. After the last
@@ -126,7 +126,7 @@ static void measure(struct group *group, const struct session_conf *conf, const 
     group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);
 }
 
-static struct session_pass passes_pass(const struct group *group, int first, int last) {
+static struct session_pass pass_of(const struct group *group, int first, int last) {
     const double from = floor((group->at_deg[first] - group->lead_deg) / STEP_DEG) * STEP_DEG;
     const double to = ceil((group->at_deg[last] + group->behind_deg) / STEP_DEG) * STEP_DEG;
     return (struct session_pass){
@@ -136,7 +136,7 @@ static struct session_pass passes_pass(const struct group *group, int first, int
 /* Returns whether shots first … last fit into one pass. */
 static gboolean fit(const struct group *group, int first, int last) {
     const double least_deg = group->speed_deg_s * (group->frame_s + group->readout_s + HOST_S);
-    const struct session_pass pass = passes_pass(group, first, last);
+    const struct session_pass pass = pass_of(group, first, last);
     for (int i = first; i < last; i++)
         if (group->at_deg[i + 1] - group->at_deg[i] < least_deg)
             return FALSE;
@@ -160,7 +160,7 @@ static void divide(const struct group *group, int *ret_first) {
         for (int first = last; first >= 0; first--) {
             if (first < last && !fit(group, first, last))
                 continue;
-            const struct session_pass pass = passes_pass(group, first, last);
+            const struct session_pass pass = pass_of(group, first, last);
             const double from = first == last ? group->at_deg[last] : pass.from_deg;
             double s = first == 0 ? 0 : axis_move_time_s(group->table, end_deg[first], from);
             s = best_s[first] + (first == 0 ? s : MAX(s, group->readout_s));
@@ -178,7 +178,7 @@ static void set_group(struct group *group, int *number) {
     g_autofree int *first = g_new(int, group->n);
     divide(group, first);
     for (int last = group->n - 1; last >= 0; last = first[last] - 1) {
-        struct session_pass pass = passes_pass(group, first[last], last);
+        struct session_pass pass = pass_of(group, first[last], last);
         if (first[last] == last)
             continue;
         pass.number = ++*number;
@@ -187,15 +187,15 @@ static void set_group(struct group *group, int *number) {
     }
 }
 
-static gboolean may(const struct session_shot *shot) {
+static gboolean can_be_in_pass(const struct session_shot *shot) {
     return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
 }
 
 /* Returns whether two shots differ only in the angle of the turntable. */
-static gboolean passes_alike(const struct session_shot *a, const struct session_shot *b,
-                             const struct rig *rig) {
-    return may(a) && may(b) && a->device == b->device && a->arc_deg == b->arc_deg &&
-           rig_arm_deg(rig, a->cameras) == rig_arm_deg(rig, b->cameras);
+static gboolean are_alike(const struct session_shot *a, const struct session_shot *b,
+                          const struct rig *rig) {
+    return can_be_in_pass(a) && can_be_in_pass(b) && a->device == b->device &&
+           a->arc_deg == b->arc_deg && rig_arm_deg(rig, a->cameras) == rig_arm_deg(rig, b->cameras);
 }
 
 int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
@@ -203,9 +203,9 @@ int passes_set(struct session_shot *const *shots, int n, const struct session_co
     g_autofree double *at_deg = g_new(double, n + 1);
     for (int i = 0; i < n; i++)
         shots[i]->pass = (struct session_pass){0};
-    for (int i = 0, k; i < n && wanted(conf); i += k) {
+    for (int i = 0, k; i < n && is_continuous(conf); i += k) {
         at_deg[0] = shots[i]->turntable_deg;
-        for (k = 1; i + k < n && passes_alike(shots[i], shots[i + k], rig); k++) {
+        for (k = 1; i + k < n && are_alike(shots[i], shots[i + k], rig); k++) {
             const double at = shots[i + k]->turntable_deg;
             at_deg[k] = at + (timing->turntable.wraps && at < at_deg[0] ? 360 : 0);
             if (at_deg[k] <= at_deg[k - 1])
@@ -223,13 +223,13 @@ int passes_set(struct session_shot *const *shots, int n, const struct session_co
 double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
                       const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing) {
-    if (!wanted(conf) || !passes_alike(before, shot, rig))
+    if (!is_continuous(conf) || !are_alike(before, shot, rig))
         return G_MAXDOUBLE;
     const double way = shot->turntable_deg - before->turntable_deg;
     const double forward = way < 0 && timing->turntable.wraps ? way + 360 : way;
     const double s =
         forward / passes_speed(conf, rig, timing, before->cameras | shot->cameras).deg_s;
-    return s >= passes_exposure_s(conf) + slowest_s(timing->trigger_us, shot->cameras) +
+    return s >= exposure_s_of(conf) + slowest_s(timing->trigger_us, shot->cameras) +
                        slowest_s(timing->readout_us, before->cameras) + HOST_S
                ? s
                : G_MAXDOUBLE;
@@ -265,18 +265,18 @@ static void sort(GArray *alike, gboolean wraps) {
 }
 
 /* Returns a key that is the same for alike shots; g_free(). */
-static char *passes_key(const struct session_shot *shot, const struct rig *rig) {
+static char *key_of(const struct session_shot *shot, const struct rig *rig) {
     return g_strdup_printf("%d %.17g %.17g", shot->device, shot->arc_deg,
                            rig_arm_deg(rig, shot->cameras));
 }
 
 /* Returns lists of alike shots by their keys. */
-static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
+static GHashTable *list_alike(const GArray *shots, const struct rig *rig) {
     GHashTable *table =
         g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_array_unref);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
-        char *key = may(shot) ? passes_key(shot, rig) : NULL;
+        char *key = can_be_in_pass(shot) ? key_of(shot, rig) : NULL;
         GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
         if (key && !alike) {
             alike = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -292,9 +292,9 @@ static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
 /* Takes the list of a shot out of the table and returns it; the caller then owns it. Returns NULL
  * if the shot has no key, if its list is empty, or if the table does not have the list (any more),
  * which sets *ret_later. The caller therefore gets each list once, with the first of its shots. */
-static GArray *steal(GHashTable *table, const struct session_shot *shot, const struct rig *rig,
-                     gboolean *ret_later) {
-    g_autofree char *key = may(shot) ? passes_key(shot, rig) : NULL;
+static GArray *take_list(GHashTable *table, const struct session_shot *shot, const struct rig *rig,
+                         gboolean *ret_later) {
+    g_autofree char *key = can_be_in_pass(shot) ? key_of(shot, rig) : NULL;
     GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
     *ret_later = key && !alike;
     if (!alike || alike->len == 0)
@@ -305,8 +305,8 @@ static GArray *steal(GHashTable *table, const struct session_shot *shot, const s
 }
 
 /* Returns whether at least some of the sorted shots would be in passes. */
-static gboolean pay(GArray *alike, const struct session_conf *conf, const struct rig *rig,
-                    const struct rig_timing *timing) {
+static gboolean any_in_pass(GArray *alike, const struct session_conf *conf, const struct rig *rig,
+                            const struct rig_timing *timing) {
     g_autofree struct session_shot *copies =
         g_memdup2(alike->data, alike->len * sizeof(struct session_shot));
     g_autofree struct session_shot **list = g_new(struct session_shot *, alike->len + 1);
@@ -316,14 +316,14 @@ static gboolean pay(GArray *alike, const struct session_conf *conf, const struct
 }
 
 /* Empties the lists in which no shot would be in a pass. Sorts the other lists. */
-static void keep_paying(GHashTable *table, const struct session_conf *conf, const struct rig *rig,
-                        const struct rig_timing *timing) {
+static void empty_lists_without_passes(GHashTable *table, const struct session_conf *conf,
+                                       const struct rig *rig, const struct rig_timing *timing) {
     GHashTableIter iter;
     gpointer alike;
     g_hash_table_iter_init(&iter, table);
     while (g_hash_table_iter_next(&iter, NULL, &alike)) {
         sort(alike, timing->turntable.wraps);
-        if (!pay(alike, conf, rig, timing))
+        if (!any_in_pass(alike, conf, rig, timing))
             g_array_set_size(alike, 0);
     }
 }
@@ -331,13 +331,13 @@ static void keep_paying(GHashTable *table, const struct session_conf *conf, cons
 GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing) {
     GArray *followers = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
-    g_autoptr(GHashTable) table = passes_table(shots, rig);
+    g_autoptr(GHashTable) table = list_alike(shots, rig);
     guint n = 0;
-    keep_paying(table, conf, rig, timing);
+    empty_lists_without_passes(table, conf, rig, timing);
     for (guint i = 0; i < shots->len; i++) {
         struct session_shot shot = g_array_index(shots, struct session_shot, i);
         gboolean follows = FALSE;
-        g_autoptr(GArray) alike = steal(table, &shot, rig, &follows);
+        g_autoptr(GArray) alike = take_list(table, &shot, rig, &follows);
         if (follows)
             continue;
         if (alike) {
@@ -354,11 +354,11 @@ GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, co
 
 void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig) {
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
-    g_autoptr(GHashTable) table = passes_table(followers, rig);
+    g_autoptr(GHashTable) table = list_alike(followers, rig);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
         gboolean later;
-        g_autoptr(GArray) alike = steal(table, shot, rig, &later);
+        g_autoptr(GArray) alike = take_list(table, shot, rig, &later);
         g_array_append_vals(all, shot, 1);
         if (alike)
             g_array_append_vals(all, alike->data, alike->len);

@@ -17,10 +17,11 @@ static const struct {
     {"26", "15:2; 30:6; 45:6; 60:6; 75:6"},
 };
 
-struct fields { /* the session, and what is checked before it becomes a part of it */
+struct fields { /* the session, and values that are checked before they become a part of it */
     struct session_conf conf;
     char *name, *prompt;
-    char *described, *operator_name, *notes, *license; /* read again by the archive */
+    /* Only checked here. The archive reads them again. */
+    char *described, *operator_name, *notes, *license;
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;
     int texels, texels_x, texels_y;
@@ -354,7 +355,7 @@ static gboolean read_rings(const struct config_section *section, const struct op
     return ok;
 }
 
-/* FALSE: a heading is wrong, so that a section that seems to be missing may be that one. */
+/* Returns FALSE if a heading is wrong. A section that seems to be missing may be that section. */
 static gboolean check_sections(const Config *config, Mistakes *mistakes) {
     static const char *const known[] = {"session", "sample",  "views", "lights",
                                         "lasers",  "capture", NULL};
@@ -429,7 +430,8 @@ static gboolean take_sample(const struct config_section *section, struct fields 
     return good;
 }
 
-/* What stands for "auto" until it is chosen: a plan with it takes the longest. */
+/* Sets the values that stand for "auto" until they are chosen. A plan with them takes the longest.
+ */
 static void take_bounds(struct session_conf *conf) {
     if (conf->is_auto[AUTO_EXPOSURES]) {
         conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MAX_EXPOSURES;
@@ -508,7 +510,7 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
         config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
 }
 
-/* also: keys that options does not have, or NULL. */
+/* also lists keys that options lacks, or is NULL. */
 static void read_section(const Config *config, const char *class_name, const struct option *options,
                          const char *const *also, struct fields *f,
                          gboolean (*take)(const struct config_section *section, struct fields *f,
@@ -524,7 +526,7 @@ static void read_section(const Config *config, const char *class_name, const str
     }
 }
 
-/* The section but for keys that are "auto", of which it only notes that they are. */
+/* Reads the section without the keys that are "auto", and notes these keys. */
 static void read_capture(const Config *config, struct fields *f, gboolean all_sections,
                          Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "capture", NULL);
@@ -547,7 +549,7 @@ static void read_capture(const Config *config, struct fields *f, gboolean all_se
     read_section(config, "capture", options, automatic, f, take_capture, all_sections, mistakes);
 }
 
-/* Takes ownership of config; NULL: mistakes say why. */
+/* Takes ownership of config. If config is NULL, mistakes contains the reason. */
 static gboolean read_config(struct session_conf *conf, Config *config, Mistakes *mistakes,
                             GError **error) {
     struct fields f = {0};
@@ -582,7 +584,7 @@ gboolean session_conf_parse(struct session_conf *conf, const char *text, const c
     return read_config(conf, config_parse_checked(text, path, mistakes), mistakes, error);
 }
 
-/* The value of a key in lines "KEY = VALUE"; g_free(). NULL: there is none. */
+/* Returns the value of a key in lines "KEY = VALUE", or NULL if there is none; g_free(). */
 static char *chosen_value(const char *lines, const char *key) {
     g_auto(GStrv) all = g_strsplit(lines, "\n", -1);
 

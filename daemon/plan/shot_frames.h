@@ -2,7 +2,7 @@
  * expects them. Pure functions. */
 #pragma once
 
-#include "plan.h"
+#include "session_conf.h"
 
 #define SHOT_MAX_DARKS (PLAN_MAX_BRACKET + 1)
 

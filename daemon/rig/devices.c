@@ -51,9 +51,8 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
                                 GError **error) {
     for (int i = 0; i < layout->n_interlocks; i++) {
         const struct config_section *section = layout->interlocks[i];
-        gconstpointer driver = drivers_find(section, error);
-        Interlock *opened =
-            driver ? interlock_open(driver, section, NULL, devices->clock, error) : NULL;
+        gconstpointer driver = layout_device(layout, section)->info;
+        Interlock *opened = interlock_open(driver, section, NULL, devices->clock, error);
         if (!opened)
             return fail_at(section, error);
         devices->interlocks[devices->n_interlocks++] = opened;
@@ -73,11 +72,11 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
     return TRUE;
 }
 
-static Axis *open_axis(struct devices *devices, const struct config_section *section,
-                       GError **error) {
-    gconstpointer driver = drivers_find(section, error);
+static Axis *open_axis(struct devices *devices, const struct layout *layout,
+                       const struct config_section *section, GError **error) {
+    gconstpointer driver = layout_device(layout, section)->info;
     g_autofree const char **keys = layout_keys("axis");
-    g_autoptr(Axis) axis = driver ? axis_open(driver, section, keys, devices->clock, error) : NULL;
+    g_autoptr(Axis) axis = axis_open(driver, section, keys, devices->clock, error);
     const char *park = config_value(section, LAYOUT_PARK_KEY, NULL);
 
     if (!axis) {
@@ -109,7 +108,7 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
         if (!axes[i].section)
             continue;
-        if (!(*axes[i].axis = open_axis(devices, axes[i].section, error)))
+        if (!(*axes[i].axis = open_axis(devices, layout, axes[i].section, error)))
             return FALSE;
         *axes[i].motion = (*axes[i].axis)->motion;
     }
@@ -118,7 +117,7 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
             if (layout->sweeps[k] == layout->sweeps[i])
                 devices->sweeps[i] = devices->sweeps[k];
         if (!devices->sweeps[i] &&
-            !(devices->sweeps[i] = open_axis(devices, layout->sweeps[i], error)))
+            !(devices->sweeps[i] = open_axis(devices, layout, layout->sweeps[i], error)))
             return FALSE;
         devices->timing.sweep[i] = devices->sweeps[i]->motion;
     }
@@ -127,9 +126,8 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
 
 static gboolean open_banks(struct devices *devices, const struct layout *layout, GError **error) {
     for (int i = 0; i < layout->n_banks; i++) {
-        gconstpointer driver = drivers_find(layout->banks[i], error);
-        LampBank *bank =
-            driver ? lamps_open(driver, layout->banks[i], NULL, devices->clock, error) : NULL;
+        gconstpointer driver = layout_device(layout, layout->banks[i])->info;
+        LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
         if (!bank)
             return fail_at(layout->banks[i], error);
         devices->banks[devices->n_banks++] = bank;
@@ -172,9 +170,8 @@ static gboolean open_lasers(struct devices *devices, const struct layout *layout
                 return FALSE;
             continue;
         }
-        gconstpointer driver = drivers_find(layout->lasers[i], error);
-        if (driver)
-            devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
+        gconstpointer driver = layout_device(layout, layout->lasers[i])->info;
+        devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
         if (!devices->lasers[i])
             return fail_at(layout->lasers[i], error);
         laser_guard(devices->lasers[i], devices->guard);
@@ -207,9 +204,8 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
             devices->cameras[i] = devices->cameras[i - 1];
             continue;
         }
-        gconstpointer driver = drivers_find(section, error);
-        if (driver)
-            devices->cameras[i] = camera_open_begin(driver, section, keys, devices->clock, error);
+        gconstpointer driver = layout_device(layout, section)->info;
+        devices->cameras[i] = camera_open_begin(driver, section, keys, devices->clock, error);
         if (!devices->cameras[i])
             return fail_at(section, error);
     }
@@ -232,7 +228,7 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
 struct devices *devices_open(const char *rig_path, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, TRUE, error))
+    if (!layout_read(&layout, rig_path, NULL, TRUE, error))
         return NULL;
     struct devices *devices = g_new0(struct devices, 1);
     devices->clock = layout.virtual_clock ? clock_new_virtual() : clock_new_real();
@@ -249,25 +245,23 @@ struct devices *devices_open(const char *rig_path, GError **error) {
     return devices;
 }
 
-gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+static gboolean read_geometry(const char *path, const char *text, struct rig *ret, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, FALSE, error))
+    if (!layout_read(&layout, path, text, FALSE, error))
         return FALSE;
     *ret = layout.geometry;
     layout_clear(&layout);
     return TRUE;
 }
 
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+    return read_geometry(rig_path, NULL, ret, error);
+}
+
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error) {
-    struct layout layout;
-
-    if (!layout_parse(&layout, text, path, error))
-        return FALSE;
-    *ret = layout.geometry;
-    layout_clear(&layout);
-    return TRUE;
+    return read_geometry(path, text, ret, error);
 }
 
 static gboolean is_first_sweep(const struct devices *devices, int laser) {

@@ -88,7 +88,7 @@ static inline Axis *devices_positioner(const struct devices *devices, int i) {
     return all[i];
 }
 
-/* Whether a camera of the geometry is a device of its own, and not a further stop of a camera
+/* Returns whether a camera of the geometry is a separate device, and not a further stop of a camera
  * before it. */
 static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
     return rig->cameras[camera].stop == 0;
@@ -128,11 +128,11 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
 /* Set the permit and the watch function (drivers/device.h) of each axis, lamp bank and laser. */
 void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data);
 void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data);
-/* What each device, interlocks and cameras included, reports of itself: “camera cam30: MODEL,
- * serial number 7” (char *, with a free function), by class and name. A device that reports nothing
- * is not in it. All devices must be open. */
+/* Returns the identity that each device reports, with its class and name: “camera cam30: MODEL,
+ * serial number 7” (char *, with a free function). Interlocks and cameras are included. Devices
+ * that report nothing are left out. All devices must be open. */
 GPtrArray *devices_identities(const struct devices *devices);
-/* Whether one of them should be off or stand and has not confirmed it. */
+/* Returns whether an axis, lamp bank or laser has not confirmed that it stands or is off. */
 gboolean devices_any_unsafe(const struct devices *devices);
 
 /* Commands the safe state, and waits until every device has confirmed it. Lasers and lamps must

@@ -23,9 +23,26 @@ const char **layout_keys(const char *class_name) {
     return names_of(devices_section_options(class_name), NULL);
 }
 
-/* Checks the driver's options without opening it, and reads the keys of the rig from the same
- * section. If the driver is not known, only the keys of the rig are checked. */
-static gboolean read_device(const struct layout *layout, const struct config_section *section,
+const struct layout_device *layout_device(const struct layout *layout,
+                                          const struct config_section *section) {
+    for (guint i = 0; i < layout->devices->len; i++) {
+        const struct layout_device *device =
+            &g_array_index(layout->devices, struct layout_device, i);
+        if (device->section == section)
+            return device;
+    }
+    return NULL;
+}
+
+static void keep_device(struct layout *layout, const struct config_section *section,
+                        const struct driver_info *info, gpointer fields) {
+    const struct layout_device device = {section, info, fields};
+    g_array_append_val(layout->devices, device);
+}
+
+/* Reads the driver's options without opening it, and the keys of the rig from the same section. If
+ * the driver is not known, only the keys of the rig are checked. */
+static gboolean read_device(struct layout *layout, const struct config_section *section,
                             struct place_fields *place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
     GError *error = NULL;
@@ -39,13 +56,18 @@ static gboolean read_device(const struct layout *layout, const struct config_sec
             options_clear(options, place);
         return FALSE;
     }
-    g_autofree gpointer priv = g_malloc0(MAX(info->priv_size, 1));
-    const struct option_target both[] = {{info->options, priv}, ours};
-    if (!options_read(both, options ? 2 : 1, section, only_driver, mistakes))
+    g_autofree gpointer fields = g_malloc0(MAX(info->priv_size, 1));
+    const struct option_target both[] = {{info->options, fields}, ours};
+    if (!options_read(both, options ? 2 : 1, section, only_driver, mistakes)) {
+        /* The mistake may be in a key of the rig. What the driver needs is checked nevertheless. */
+        g_autoptr(Mistakes) known = mistakes_new();
+        if (options_read(both, 1, section, any, known))
+            keep_device(layout, section, info, g_steal_pointer(&fields));
         return FALSE;
+    }
     if (info->check && layout->checks_drivers)
-        info->check(priv, section, mistakes);
-    options_clear(info->options, priv);
+        info->check(fields, section, mistakes);
+    keep_device(layout, section, info, g_steal_pointer(&fields));
     return TRUE;
 }
 
@@ -529,15 +551,48 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                          needed[i].what);
 }
 
+/* Reports only the first thing of each section that an earlier section also needs. */
+static void check_needs_of(const struct layout_device *device, GHashTable *owners,
+                           Mistakes *mistakes) {
+    g_autoptr(GPtrArray) needs = g_ptr_array_new_with_free_func(g_free);
+    gboolean told = FALSE;
+    device->info->needs(device->fields, needs);
+    for (guint i = 0; i < needs->len; i++) {
+        const struct config_section *owner = g_hash_table_lookup(owners, needs->pdata[i]);
+        if (owner && owner != device->section && !told)
+            told = !config_mistake(mistakes, CONFIG_ERROR_VALUE, device->section, NULL,
+                                   "%s is already used by [%s], in line %d; correct one of the two",
+                                   (const char *)needs->pdata[i], owner->group, owner->line);
+        if (!owner)
+            g_hash_table_insert(owners, g_strdup(needs->pdata[i]), (gpointer)device->section);
+    }
+}
+
+/* Finds things that two sections need exclusively: the same coil, relay, axis or camera. */
+static void check_needs(const struct layout *layout, Mistakes *mistakes) {
+    g_autoptr(GHashTable) owners = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    gsize n;
+    const struct config_section *sections = config_sections(layout->config, &n);
+    for (gsize i = 0; i < n; i++) {
+        const struct layout_device *device = layout_device(layout, &sections[i]);
+        if (device && device->info->needs)
+            check_needs_of(device, owners, mistakes);
+    }
+}
+
 /* Axes, banks and interlocks come first, because lamps and lasers name them. */
-static gboolean layout_take(struct layout *layout, Config *config, gboolean checks_drivers,
-                            Mistakes *mistakes, GError **error) {
+gboolean layout_read(struct layout *layout, const char *path, const char *text,
+                     gboolean checks_drivers, GError **error) {
+    g_autoptr(Mistakes) mistakes = mistakes_new();
+    Config *config =
+        text ? config_parse_checked(text, path, mistakes) : config_load_checked(path, mistakes);
     gsize n;
     gboolean lasers = TRUE;
 
-    memset(layout, 0, sizeof *layout);
-    layout->checks_drivers = checks_drivers;
-    if ((layout->config = config)) {
+    *layout = (struct layout){.config = config,
+                              .devices = g_array_new(FALSE, FALSE, sizeof(struct layout_device)),
+                              .checks_drivers = checks_drivers};
+    if (config) {
         const struct config_section *sections = config_sections(config, &n);
         g_autofree gboolean *known = g_new0(gboolean, n + 1);
         layout->has_all_sections = config_has_all_sections(config);
@@ -552,7 +607,7 @@ static gboolean layout_take(struct layout *layout, Config *config, gboolean chec
                 lasers &= !g_str_equal(sections[i].class_name, "laser");
         check_whole(layout, lasers, mistakes);
         if (checks_drivers)
-            layout_check_needs(config, mistakes);
+            check_needs(layout, mistakes);
     }
     if (mistakes_report(mistakes, error))
         return TRUE;
@@ -560,19 +615,13 @@ static gboolean layout_take(struct layout *layout, Config *config, gboolean chec
     return FALSE;
 }
 
-gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
-                     GError **error) {
-    g_autoptr(Mistakes) mistakes = mistakes_new();
-    return layout_take(layout, config_load_checked(path, mistakes), checks_drivers, mistakes,
-                       error);
-}
-
-gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
-    g_autoptr(Mistakes) mistakes = mistakes_new();
-    return layout_take(layout, config_parse_checked(text, path, mistakes), FALSE, mistakes, error);
-}
-
 void layout_clear(struct layout *layout) {
+    for (guint i = 0; layout->devices && i < layout->devices->len; i++) {
+        struct layout_device *device = &g_array_index(layout->devices, struct layout_device, i);
+        options_clear(device->info->options, device->fields);
+        g_free(device->fields);
+    }
+    g_clear_pointer(&layout->devices, g_array_unref);
     g_clear_pointer(&layout->config, config_free);
     g_clear_pointer(&layout->calibration_path, g_free);
 }

@@ -10,51 +10,20 @@
 #define ASSUMED_STAMP_US   1000 /* for a camera whose time stamps are the time of the exposure */
 #define MOST_EXPOSURE_US   60000000
 
-struct offline { /* the options of one device */
-    const struct driver_info *info;
-    char *fields; /* the values that its driver's open() would find */
-};
-
-static gboolean offline_read(struct offline *device, const struct config_section *section,
-                             GError **error) {
-    g_autofree const char **also = layout_keys(section->class_name);
-    g_autoptr(GPtrArray) keys = g_ptr_array_new();
-
-    for (const char **key = also; *key; key++)
-        g_ptr_array_add(keys, (gpointer)*key);
-    g_ptr_array_add(keys, (gpointer) "driver");
-    g_ptr_array_add(keys, NULL);
-    *device = (struct offline){drivers_find(section, error), NULL};
-    if (!device->info)
-        return FALSE;
-    device->fields = g_malloc0(MAX(device->info->priv_size, 1));
-    if (options_parse(device->info->options, section, (const char *const *)keys->pdata,
-                      device->fields, error))
-        return TRUE;
-    g_clear_pointer(&device->fields, g_free);
-    return FALSE;
-}
-
-static void offline_clear(struct offline *device) {
-    if (device->fields)
-        options_clear(device->info->options, device->fields);
-    g_clear_pointer(&device->fields, g_free);
-}
-
 /* Returns FALSE if its driver has no such option. */
-static gboolean offline_number(const struct offline *device, const char *name, double *ret) {
+static gboolean number_of(const struct layout_device *device, const char *name, double *ret) {
     const struct option *option = options_find(device->info->options, name);
 
     if (!option || (option->type != OPTION_DOUBLE && option->type != OPTION_INT))
         return FALSE;
-    *ret = option->type == OPTION_INT ? *(int *)(gpointer)(device->fields + option->offset)
-                                      : *(double *)(gpointer)(device->fields + option->offset);
+    gconstpointer value = G_STRUCT_MEMBER_P(device->fields, option->offset);
+    *ret = option->type == OPTION_INT ? *(const int *)value : *(const double *)value;
     return TRUE;
 }
 
 G_GNUC_PRINTF(3, 4)
-static void offline_assume(GPtrArray *assumed, const struct config_section *section,
-                           const char *format, ...) {
+static void assume(GPtrArray *assumed, const struct config_section *section, const char *format,
+                   ...) {
     va_list args;
 
     va_start(args, format);
@@ -65,116 +34,102 @@ static void offline_assume(GPtrArray *assumed, const struct config_section *sect
 
 /* Sets report_ms and stamp_ms of an axis that has turn(). While the axis turns, it reports its
  * position with each poll. Its driver's open() adds the time that an answer may take. */
-static void offline_turn(const struct offline *device, struct axis_motion *motion) {
+static void read_turning(const struct layout_device *device, struct axis_motion *motion) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
     double poll_ms, speed_register, stamp_ms = 0;
 
-    if (!driver->turn || motion->report_ms > 0 || !offline_number(device, "poll_ms", &poll_ms) ||
-        (offline_number(device, "speed_register", &speed_register) && speed_register < 0))
+    if (!driver->turn || motion->report_ms > 0 || !number_of(device, "poll_ms", &poll_ms) ||
+        (number_of(device, "speed_register", &speed_register) && speed_register < 0))
         return;
-    offline_number(device, "stamp_ms", &stamp_ms);
+    number_of(device, "stamp_ms", &stamp_ms);
     motion->report_ms = poll_ms;
     motion->stamp_ms = stamp_ms;
 }
 
-static gboolean offline_axis(const struct config_section *section, struct axis_motion *ret,
-                             GPtrArray *assumed, GError **error) {
-    struct offline device;
-
+static void read_axis(const struct layout *layout, const struct config_section *section,
+                      struct axis_motion *ret, GPtrArray *assumed) {
     if (!section)
-        return TRUE;
-    if (!offline_read(&device, section, error))
-        return FALSE;
-    const struct option *first = options_find(device.info->options, "wraps");
+        return;
+    const struct layout_device *device = layout_device(layout, section);
+    const struct option *first = options_find(device->info->options, "wraps");
     if (first) /* the whole struct, because the driver's table has it from AXIS_MOTION_OPTIONS */
-        *ret = *(struct axis_motion *)(gpointer)(device.fields + first->offset -
-                                                 G_STRUCT_OFFSET(struct axis_motion, wraps));
+        *ret = *(const struct axis_motion *)G_STRUCT_MEMBER_P(
+            device->fields, (goffset)first->offset - G_STRUCT_OFFSET(struct axis_motion, wraps));
     else {
         *ret = (struct axis_motion){-360, 360, FALSE, 20, 40, 0, 0};
-        offline_assume(assumed, section, "20° a second, from -360° to 360°");
+        assume(assumed, section, "20° a second, from -360° to 360°");
     }
-    offline_turn(&device, ret);
-    offline_clear(&device);
-    return TRUE;
+    read_turning(device, ret);
 }
 
 /* Returns the warm-up time of a bank or laser. Simulated lamps take it from their world file, which
  * can be read without devices. */
-static gboolean offline_warm_up(const struct config_section *section, double *ret_s,
-                                GPtrArray *assumed, GError **error) {
-    struct offline device;
+static gboolean read_warm_up(const struct layout *layout, const struct config_section *section,
+                             double *ret_s, GPtrArray *assumed, GError **error) {
+    const struct layout_device *device = layout_device(layout, section);
     double ms;
-
-    if (!offline_read(&device, section, error))
-        return FALSE;
     gboolean ok = TRUE;
-    if (offline_number(&device, "warm_up_ms", &ms)) {
+    if (number_of(device, "warm_up_ms", &ms)) {
         *ret_s = ms / 1000;
-    } else if (!offline_number(&device, "warm_up_s", ret_s)) {
+    } else if (!number_of(device, "warm_up_s", ret_s)) {
         *ret_s = 0;
-        if (g_str_has_prefix(device.info->name, "sim-") &&
+        if (g_str_has_prefix(device->info->name, "sim-") &&
             g_str_equal(section->class_name, "lamps")) {
             Clock *clock = clock_new_virtual();
             LampBank *bank =
-                lamps_open((const struct lamps_driver *)device.info, section, NULL, clock, error);
+                lamps_open((const struct lamps_driver *)device->info, section, NULL, clock, error);
             ok = bank != NULL;
             *ret_s = ok ? bank->warm_up_s : 0;
             lamps_close(bank);
             clock_unref(clock);
         } else {
-            offline_assume(assumed, section, "no time to warm up");
+            assume(assumed, section, "no time to warm up");
         }
     }
-    offline_clear(&device);
     return ok;
 }
 
-static gboolean offline_camera(const struct config_section *section, int index,
-                               struct rig_timing *timing, GPtrArray *assumed, GError **error) {
-    struct offline device;
+static void read_camera(const struct layout *layout, int index, struct rig_timing *timing,
+                        GPtrArray *assumed) {
+    const struct config_section *section = layout->cameras[index];
+    const struct layout_device *device = layout_device(layout, section);
     double readout_ms = ASSUMED_READOUT_MS, trigger_ms = ASSUMED_READOUT_MS / 2;
     double min_us = 1, max_us = MOST_EXPOSURE_US, bits = ASSUMED_BITS;
 
-    if (!offline_read(&device, section, error))
-        return FALSE;
-    if (!offline_number(&device, "readout_ms", &readout_ms) ||
-        !offline_number(&device, "trigger_ms", &trigger_ms))
-        offline_assume(assumed, section,
-                       "30 pictures a second, because only the camera knows its rate");
-    if (!offline_number(&device, "min_exposure_us", &min_us) ||
-        !offline_number(&device, "max_exposure_us", &max_us))
-        offline_assume(assumed, section, "that it supports the exposures of the session");
-    offline_number(&device, "bits", &bits);
+    if (!number_of(device, "readout_ms", &readout_ms) ||
+        !number_of(device, "trigger_ms", &trigger_ms))
+        assume(assumed, section, "30 pictures a second, because only the camera knows its rate");
+    if (!number_of(device, "min_exposure_us", &min_us) ||
+        !number_of(device, "max_exposure_us", &max_us))
+        assume(assumed, section, "that it supports the exposures of the session");
+    number_of(device, "bits", &bits);
     timing->readout_us[index] = (gint64)(readout_ms * 1000);
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);
     timing->min_exposure_us[index] = (gint64)min_us;
     timing->max_exposure_us[index] = (gint64)max_us;
-    timing->stamp_us[index] = g_str_has_prefix(device.info->name, "v4l2")   ? -1
-                              : g_str_has_prefix(device.info->name, "sim-") ? 0
-                                                                            : ASSUMED_STAMP_US;
+    timing->stamp_us[index] = g_str_has_prefix(device->info->name, "v4l2")   ? -1
+                              : g_str_has_prefix(device->info->name, "sim-") ? 0
+                                                                             : ASSUMED_STAMP_US;
     timing->bits[index] = bits > 0 ? (int)bits : ASSUMED_BITS;
-    offline_clear(&device);
-    return TRUE;
 }
 
-static gboolean offline_lights(const struct layout *layout, struct rig_timing *timing,
-                               GPtrArray *assumed, GError **error) {
+static gboolean read_lights(const struct layout *layout, struct rig_timing *timing,
+                            GPtrArray *assumed, GError **error) {
     double bank_s[DEVICES_MAX_BANKS] = {0};
 
     for (int i = 0; i < layout->n_banks; i++)
-        if (!offline_warm_up(layout->banks[i], &bank_s[i], assumed, error))
+        if (!read_warm_up(layout, layout->banks[i], &bank_s[i], assumed, error))
             return FALSE;
     for (int i = 0; i < layout->geometry.n_lamps; i++)
         timing->lamp_warm_up_s[i] = bank_s[layout->lamp_bank[i]];
     for (int i = 0; i < layout->geometry.n_lasers; i++) {
         const int unit = layout->unit[i];
-        if (!offline_axis(layout->sweeps[i], &timing->sweep[i], assumed, error))
-            return FALSE;
+        read_axis(layout, layout->sweeps[i], &timing->sweep[i], assumed);
         if (unit != i) {
             timing->mounts[unit] |= 1u << i;
             timing->laser_warm_up_s[i] = timing->laser_warm_up_s[unit];
-        } else if (!offline_warm_up(layout->lasers[i], &timing->laser_warm_up_s[i], assumed,
-                                    error)) {
+        } else if (!read_warm_up(layout, layout->lasers[i], &timing->laser_warm_up_s[i], assumed,
+                                 error)) {
             return FALSE;
         }
     }
@@ -185,18 +140,18 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error) {
     struct layout layout;
 
-    if (!layout_load(&layout, rig_path, TRUE, error))
+    if (!layout_read(&layout, rig_path, NULL, TRUE, error))
         return FALSE;
     memset(ret_timing, 0, sizeof *ret_timing);
     *ret_geometry = layout.geometry;
-    gboolean ok = offline_axis(layout.turntable, &ret_timing->turntable, assumed, error) &&
-                  offline_axis(layout.arc, &ret_timing->arc, assumed, error) &&
-                  offline_axis(layout.arm, &ret_timing->arm, assumed, error) &&
-                  offline_axis(layout.probe, &ret_timing->probe, assumed, error) &&
-                  offline_lights(&layout, ret_timing, assumed, error);
+    read_axis(&layout, layout.turntable, &ret_timing->turntable, assumed);
+    read_axis(&layout, layout.arc, &ret_timing->arc, assumed);
+    read_axis(&layout, layout.arm, &ret_timing->arm, assumed);
+    read_axis(&layout, layout.probe, &ret_timing->probe, assumed);
+    const gboolean ok = read_lights(&layout, ret_timing, assumed, error);
     for (int i = 0; i < layout.geometry.n_cameras && ok; i++) {
         if (devices_is_unit(&layout.geometry, i)) {
-            ok = offline_camera(layout.cameras[i], i, ret_timing, assumed, error);
+            read_camera(&layout, i, ret_timing, assumed);
             continue;
         }
         ret_timing->trigger_us[i] = ret_timing->trigger_us[i - 1];

@@ -3,8 +3,15 @@
 
 #include "devices.h"
 
+struct layout_device { /* a section with a driver */
+    const struct config_section *section;
+    const struct driver_info *info;
+    gpointer fields; /* the values of the driver's options */
+};
+
 struct layout {
     Config *config;
+    GArray *devices; /* of struct layout_device */
     struct rig geometry;
     /* FALSE if a heading is wrong. A section that seems to be missing may then be the one with the
      * wrong heading. */
@@ -28,18 +35,18 @@ struct layout {
 /* A key of [axis NAME] that the rig reads and not the driver (park_deg in struct Axis). */
 #define LAYOUT_PARK_KEY "park_deg"
 
-/* Checks everything that can be checked without a device, including the options of drivers. If
- * checks_drivers is TRUE, drivers also check which options fit each other, and check other files
- * that the options name. This is for devices that are to be opened. The error lists all mistakes of
- * the file. */
-gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
-                     GError **error);
-gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
+/* Reads a rig file. text is its content if the file is not to be read, or NULL. Checks everything
+ * that can be checked without a device, including the options of drivers. If checks_drivers is
+ * TRUE, drivers also check which options fit each other, and check other files that the options
+ * name. This is for devices that are to be opened. The error lists all mistakes of the file. */
+gboolean layout_read(struct layout *layout, const char *path, const char *text,
+                     gboolean checks_drivers, GError **error);
 void layout_clear(struct layout *layout);
 
-/* Reports each section that needs something for its exclusive use that an earlier section of the
- * file also needs. */
-void layout_check_needs(const Config *config, Mistakes *mistakes);
+/* Returns the driver of a section and the values of its options. Returns NULL if the section has no
+ * driver, or if these options have mistakes. */
+const struct layout_device *layout_device(const struct layout *layout,
+                                          const struct config_section *section);
 
 /* Returns the keys that the rig reads in a section of a class, in addition to the driver's keys.
  * The list is NULL-terminated. Free only the list, with g_free(). */

@@ -1,6 +1,7 @@
 #include "device.h"
 
 #include "connect.h"
+#include "errors.h"
 #include "raw.h"
 #include "socket_buffer.h"
 
@@ -40,48 +41,6 @@ struct AravisDevice {
     gint unplugged; /* atomic: a USB camera has left the bus */
 };
 
-static enum device_error code_of(const GError *why) {
-    if (why->domain != ARV_DEVICE_ERROR)
-        return DEVICE_ERROR_PROTOCOL;
-    switch (why->code) {
-    case ARV_DEVICE_ERROR_TIMEOUT:
-        return DEVICE_ERROR_TIMEOUT;
-    case ARV_DEVICE_ERROR_NOT_CONNECTED:
-    case ARV_DEVICE_ERROR_TRANSFER_ERROR:
-    case ARV_DEVICE_ERROR_NOT_CONTROLLER:
-    case ARV_DEVICE_ERROR_PROTOCOL_ERROR_ACCESS_DENIED:
-        return DEVICE_ERROR_DISCONNECTED;
-    case ARV_DEVICE_ERROR_FEATURE_NOT_FOUND:
-    case ARV_DEVICE_ERROR_WRONG_FEATURE:
-        return DEVICE_ERROR_UNSUPPORTED;
-    default:
-        return DEVICE_ERROR_PROTOCOL;
-    }
-}
-
-gboolean aravis_device_check(GError *why, const char *what, GError **error) {
-    if (!why)
-        return TRUE;
-    enum device_error code = code_of(why);
-    if (code == DEVICE_ERROR_TIMEOUT)
-        device_error_set(error, code, NULL,
-                         "it does not answer (%s)" ERROR_ADVICE "check its power and cable", what);
-    else if (code == DEVICE_ERROR_DISCONNECTED)
-        device_error_set(error, code, NULL,
-                         "control of it was lost (%s: %s)" ERROR_ADVICE
-                         "check its cable, and that no other program uses it",
-                         what, why->message);
-    else
-        device_error_set(error, code, NULL, "%s: %s", what, why->message);
-    g_error_free(why);
-    return FALSE;
-}
-
-gboolean aravis_device_is_lost(const GError *error) {
-    return g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT) ||
-           g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
-}
-
 static gboolean device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
 }
@@ -91,7 +50,7 @@ static gboolean set_features(AravisDevice *device, GError **error) {
         GError *why = NULL;
         g_autofree char *what = g_strdup_printf("features: %s", *f);
         arv_device_set_features_from_string(device->device, *f, &why);
-        if (!aravis_device_check(why, what, error))
+        if (!aravis_error_take(why, what, error))
             return FALSE;
     }
     return TRUE;
@@ -144,7 +103,7 @@ static gboolean set_raw(AravisDevice *device, GError **error) {
     device->warnings = g_strv_builder_end(warnings);
     if (device_has(device, "AcquisitionMode"))
         arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
-    return aravis_device_check(why, "AcquisitionMode", error);
+    return aravis_error_take(why, "AcquisitionMode", error);
 }
 
 static gboolean device_is_grey(AravisDevice *device) {
@@ -159,7 +118,7 @@ static gboolean device_set_format(AravisDevice *device, GError **error) {
     GError *why = NULL;
     const struct aravis_format *format = NULL, *coloured = NULL;
     g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
-    if (!aravis_device_check(why, "PixelFormat", error))
+    if (!aravis_error_take(why, "PixelFormat", error))
         return FALSE;
     for (const struct aravis_format *f = aravis_formats; f->name; f++)
         for (guint i = 0; i < n; i++)
@@ -183,7 +142,7 @@ static gboolean device_set_format(AravisDevice *device, GError **error) {
     device->limits.format = format;
     device->limits.bits = device->options->bits > 0 ? device->options->bits : format->bits;
     arv_camera_set_pixel_format(device->camera, format->code, &why);
-    return aravis_device_check(why, format->name, error);
+    return aravis_error_take(why, format->name, error);
 }
 
 static gboolean set_region(AravisDevice *device, GError **error) {
@@ -192,7 +151,7 @@ static gboolean set_region(AravisDevice *device, GError **error) {
     struct aravis_limits *limits = &device->limits;
     GError *why = NULL;
     arv_camera_get_sensor_size(device->camera, &sensor_width, &sensor_height, &why);
-    if (!aravis_device_check(why, "SensorWidth", error))
+    if (!aravis_error_take(why, "SensorWidth", error))
         return FALSE;
     int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
     int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
@@ -205,7 +164,7 @@ static gboolean set_region(AravisDevice *device, GError **error) {
                           &why);
     if (why == NULL)
         arv_camera_get_region(device->camera, &x, &y, &limits->width, &limits->height, &why);
-    return aravis_device_check(why, "Width, Height, OffsetX, OffsetY", error);
+    return aravis_error_take(why, "Width, Height, OffsetX, OffsetY", error);
 }
 
 static gboolean set_trigger(AravisDevice *device, GError **error) {
@@ -224,7 +183,7 @@ static gboolean set_trigger(AravisDevice *device, GError **error) {
                                 source, list->str);
     }
     arv_camera_set_trigger(device->camera, source, &why);
-    return aravis_device_check(why, "TriggerSource", error);
+    return aravis_error_take(why, "TriggerSource", error);
 }
 
 static gboolean set_limits(AravisDevice *device, GError **error) {
@@ -238,10 +197,10 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
         g_strcmp0(arv_camera_get_string(device->camera, "SensorShutterMode", NULL), "Rolling") == 0;
     if (options->black_level >= 0)
         arv_camera_set_black_level(device->camera, options->black_level, &why);
-    if (!aravis_device_check(why, "black_level", error))
+    if (!aravis_error_take(why, "black_level", error))
         return FALSE;
     arv_camera_get_exposure_time_bounds(device->camera, &low, &high, &why);
-    if (!aravis_device_check(why, "ExposureTime", error))
+    if (!aravis_error_take(why, "ExposureTime", error))
         return FALSE;
     limits->min_exposure_us = (gint64)CLAMP(ceil(low), 1, 1e12);
     limits->max_exposure_us = (gint64)CLAMP(floor(high), (double)limits->min_exposure_us, 1e12);
@@ -250,7 +209,7 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     arv_camera_get_gain_bounds(device->camera, &low, &high, &why);
     limits->min_gain_db = (low - options->gain_zero) / options->gain_per_db;
     limits->max_gain_db = (high - options->gain_zero) / options->gain_per_db;
-    return aravis_device_check(why, "Gain", error);
+    return aravis_error_take(why, "Gain", error);
 }
 
 static gboolean set_transport(AravisDevice *device, GError **error) {
@@ -269,7 +228,7 @@ static gboolean set_transport(AravisDevice *device, GError **error) {
         arv_camera_gv_set_packet_size(device->camera, options->packet_size, &why);
     else if (why == NULL)
         arv_camera_gv_auto_packet_size(device->camera, &why);
-    return aravis_device_check(why, "packet size", error);
+    return aravis_error_take(why, "packet size", error);
 }
 
 static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpointer data,
@@ -280,7 +239,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     int room = options->socket_buffer_kib * 1024;
     device->stream = arv_camera_create_stream(device->camera, func, data, &why);
     guint payload = why ? 0 : arv_camera_get_payload(device->camera, &why);
-    if (!aravis_device_check(why, "stream", error))
+    if (!aravis_error_take(why, "stream", error))
         return FALSE;
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
@@ -327,7 +286,7 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     if (ARV_IS_UV_DEVICE(device->device))
         g_signal_connect(device->device, "control-lost", G_CALLBACK(on_unplugged), device);
     device->camera = arv_camera_new_with_device(device->device, &why);
-    if (!aravis_device_check(why, options->device, error))
+    if (!aravis_error_take(why, options->device, error))
         return NULL;
     if (!device_set_format(device, error) || !set_region(device, error) ||
         !set_raw(device, error) || !set_trigger(device, error) || !set_limits(device, error) ||
@@ -382,7 +341,7 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
     GError *why = NULL;
     arv_camera_set_exposure_time(device->camera, (double)exposure_us, &why);
     double is_us = why ? 0 : arv_camera_get_exposure_time(device->camera, &why);
-    if (!aravis_device_check(why, "ExposureTime", error))
+    if (!aravis_error_take(why, "ExposureTime", error))
         return FALSE;
     return fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us ||
            device_error_set(error, DEVICE_ERROR_RANGE, NULL,
@@ -397,19 +356,19 @@ gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **e
     if (device->limits.min_gain_db == 0 && device->limits.max_gain_db == 0)
         return TRUE;
     arv_camera_set_gain(device->camera, options->gain_zero + gain_db * options->gain_per_db, &why);
-    return aravis_device_check(why, "Gain", error);
+    return aravis_error_take(why, "Gain", error);
 }
 
 gboolean aravis_device_start(AravisDevice *device, GError **error) {
     GError *why = NULL;
     arv_camera_start_acquisition(device->camera, &why);
-    return aravis_device_check(why, "AcquisitionStart", error);
+    return aravis_error_take(why, "AcquisitionStart", error);
 }
 
 gboolean aravis_device_stop(AravisDevice *device, GError **error) {
     GError *why = NULL;
     arv_camera_stop_acquisition(device->camera, &why);
-    return aravis_device_check(why, "AcquisitionStop", error);
+    return aravis_error_take(why, "AcquisitionStop", error);
 }
 
 static gboolean pulse(const char *path, GError **error) {
@@ -433,7 +392,7 @@ gboolean aravis_device_trigger(AravisDevice *device, GError **error) {
     if (!g_str_equal(device->options->trigger, "Software"))
         return pulse(device->options->pulse_path, error);
     arv_camera_software_trigger(device->camera, &why);
-    return aravis_device_check(why, "TriggerSoftware", error);
+    return aravis_error_take(why, "TriggerSoftware", error);
 }
 
 ArvBuffer *aravis_device_pop(AravisDevice *device) {

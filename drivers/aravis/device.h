@@ -32,9 +32,9 @@ struct aravis_limits {
     int bits;
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
-    double min_gain_db, max_gain_db; /* both 0: it has none */
-    gboolean rolling;                /* it says that its rows are exposed one after the other */
-    char model[128], serial[64];     /* as the camera reports them; "": it does not */
+    double min_gain_db, max_gain_db; /* both 0 if the camera has no gain */
+    gboolean rolling;            /* the camera reports that rows are exposed one after the other */
+    char model[128], serial[64]; /* as the camera reports them, or empty */
 };
 
 /* Connects, takes control of the camera, sets everything up and creates the stream. Waits up to
@@ -80,10 +80,3 @@ struct aravis_clock {
     double offset_us, error_us;
 };
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret);
-
-/* Converts why, an error of Aravis, to an error that says what failed, and frees why. Returns TRUE
- * and sets no error if why is NULL. */
-gboolean aravis_device_check(GError *why, const char *what, GError **error);
-
-/* Returns TRUE for errors after which the camera has to be opened again. */
-gboolean aravis_device_is_lost(const GError *error);

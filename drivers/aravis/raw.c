@@ -1,6 +1,7 @@
 #include "raw.h"
 
-#include "device.h"
+#include "drivers/device.h"
+#include "errors.h"
 
 #include <math.h>
 #include <string.h>
@@ -96,7 +97,7 @@ struct visit { /* the state of a feature over all positions of its selectors */
     char *position, *value, *why;
 };
 
-void aravis_raw_free(struct aravis_raw *raw) {
+static void raw_free(struct aravis_raw *raw) {
     g_free(raw->feature);
     g_free(raw->value);
     g_free(raw->why);
@@ -328,7 +329,7 @@ static gboolean function(const struct survey *survey, gsize i, GPtrArray *found,
         answered = raw_visit(survey, ARV_GC_FEATURE_NODE(node), parts[1], 0, parts[0], &visit, why);
         off = visit.available && !visit.on;
         if (off)
-            g_clear_pointer(&raw, aravis_raw_free);
+            g_clear_pointer(&raw, raw_free);
         if (visit.available && !raw) {
             raw = g_new0(struct aravis_raw, 1);
             *raw = (struct aravis_raw){functions[i].what,
@@ -348,7 +349,7 @@ static gboolean function(const struct survey *survey, gsize i, GPtrArray *found,
 }
 
 GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error) {
-    g_autoptr(GPtrArray) found = g_ptr_array_new_with_free_func((GDestroyNotify)aravis_raw_free);
+    g_autoptr(GPtrArray) found = g_ptr_array_new_with_free_func((GDestroyNotify)raw_free);
     struct survey survey;
     GError *why = NULL;
     survey_begin(&survey, device, switch_off);
@@ -356,7 +357,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
     for (gsize i = 0; answered && i < G_N_ELEMENTS(functions); i++)
         answered = function(&survey, i, found, &why);
     survey_end(&survey);
-    return aravis_device_check(why, "switching off what alters frames", error)
+    return aravis_error_take(why, "switching off what alters frames", error)
                ? g_steal_pointer(&found)
                : NULL;
 }

@@ -19,7 +19,6 @@ struct aravis_raw {
     /* While the function is on, the same light gives different values from frame to frame. */
     gboolean unsteady;
 };
-void aravis_raw_free(struct aravis_raw *raw);
 
 /* Returns all functions of the table that the camera has and that can be in use with its present
  * settings, as struct aravis_raw. Free the array with g_ptr_array_unref(). If switch_off is TRUE,

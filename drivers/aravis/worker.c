@@ -1,6 +1,7 @@
 #include "worker.h"
 
 #include "answer.h"
+#include "errors.h"
 
 #include <string.h>
 
@@ -166,7 +167,7 @@ static void worker_lose(AravisWorker *worker, GError *error) {
 static void worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);
     post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
-    if (worker->device && aravis_device_is_lost(error))
+    if (worker->device && aravis_error_is_lost(error))
         worker_lose(worker, error);
     else
         g_error_free(error);
@@ -245,7 +246,7 @@ static void worker_do_disarm(AravisWorker *worker, const struct job *job) {
     set_pending(worker, FALSE, job->generation);
     worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
-        aravis_device_is_lost(error))
+        aravis_error_is_lost(error))
         worker_lose(worker, g_steal_pointer(&error));
 }
 

@@ -204,41 +204,6 @@ static ModbusBus *modbus_bus_new(const struct modbus_link *link, const char *key
     return bus;
 }
 
-static gboolean same_settings(const struct modbus_link *a, const struct modbus_link *b) {
-    return a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
-           a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
-}
-
-static gboolean is_same_line(const char *a, const char *b) {
-    g_autofree char *one = modbus_address_name(a), *two = modbus_address_name(b);
-    return strcmp(one, two) == 0;
-}
-
-void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
-                       Mistakes *mistakes) {
-    static const struct option table[] = {MODBUS_LINK_OPTIONS, {NULL}};
-    static const char *const any[] = {"*", NULL};
-    gsize n;
-    const struct config_section *sections = config_sections(section->config, &n);
-    for (gsize i = 0; i < n && &sections[i] != section; i++) {
-        struct modbus_link other = {0};
-        g_autoptr(Mistakes) theirs = mistakes_new();
-        const char *bus = config_value(&sections[i], "bus", NULL);
-        if (sections[i].broken || !bus || !is_same_line(bus, link->bus) ||
-            !options_read(&(struct option_target){table, &other}, 1, &sections[i], any, theirs))
-            continue;
-        const gboolean same = same_settings(&other, link);
-        options_clear(table, &other);
-        if (same)
-            continue;
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "bus",
-                       "[%s], in line %d, opens %s with other settings; make baud, parity, "
-                       "stop_bits, timeout_ms, late_ms and retries the same",
-                       sections[i].group, sections[i].line, link->bus);
-        return;
-    }
-}
-
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error) {
     const struct config_section *section = device->section;
@@ -248,7 +213,7 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
         buses = g_hash_table_new(g_str_hash, g_str_equal);
     g_autofree char *key = modbus_address_name(link->bus);
     ModbusBus *bus = g_hash_table_lookup(buses, key);
-    if (bus && !same_settings(&bus->link, link)) {
+    if (bus && !modbus_link_is_same(&bus->link, link)) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "bus",
                          "another section opens %s with other settings; make baud, parity, "
                          "stop_bits, timeout_ms, late_ms and retries the same",

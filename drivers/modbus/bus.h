@@ -23,72 +23,11 @@
  */
 #pragma once
 
-#include "drivers/device.h"
+#include "request.h"
 
 typedef struct ModbusBus ModbusBus;
 
-/* The options of a line in a device's section; the first member of the driver's struct. */
-struct modbus_link {
-    char *bus;
-    int baud, parity, stop_bits; /* parity: index into modbus_parities */
-    int unit;
-    double timeout_ms, late_ms;
-    int retries;
-};
-
-extern const char *const modbus_parities[];
-
-/* The entries of an options table for a struct that begins with a struct modbus_link. */
-#define MODBUS_LINK(name) G_STRUCT_OFFSET(struct modbus_link, name)
-/* clang-format off */
-#define MODBUS_LINK_OPTIONS                                                                        \
-    {"bus", OPTION_STRING, .offset = MODBUS_LINK(bus),                                             \
-     .help = "The line: /dev/ttyUSB0 or another serial port, or tcp:HOST:PORT"},                   \
-    {"baud", OPTION_INT, NULL, 300, 4000000, "115200", NULL, MODBUS_LINK(baud),                    \
-     "Serial: speed of the line"},                                                                 \
-    {"parity", OPTION_CHOICE, NULL, 0, 0, "even", modbus_parities, MODBUS_LINK(parity),            \
-     "Serial: parity of the line"},                                                                \
-    {"stop_bits", OPTION_INT, NULL, 1, 2, "1", NULL, MODBUS_LINK(stop_bits),                       \
-     "Serial: stop bits"},                                                                         \
-    {"unit", OPTION_INT, NULL, 1, 247, "1", NULL, MODBUS_LINK(unit),                               \
-     "The device's address on the line"},                                                          \
-    {"timeout_ms", OPTION_DOUBLE, "ms", 1, 1000, "100", NULL, MODBUS_LINK(timeout_ms),             \
-     "How long an answer may take; the same for all devices of a line"},                           \
-    {"late_ms", OPTION_DOUBLE, "ms", 1, 5000, "300", NULL, MODBUS_LINK(late_ms),                   \
-     "How late an answer may come after a time-out; the same for all devices of a line"},          \
-    {"retries", OPTION_INT, NULL, 0, 20, "3", NULL, MODBUS_LINK(retries),                          \
-     "How often a request is repeated after a damaged answer or none"}
-/* clang-format on */
-
-/* For a driver's check(): adds a mistake if a section further up in the file names the same line
- * with other settings. */
-void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
-                       Mistakes *mistakes);
-
-enum modbus_kind {
-    MODBUS_READ_COILS,
-    MODBUS_READ_INPUTS,
-    MODBUS_READ_HOLDING,
-    MODBUS_READ_INPUT_REGISTERS,
-    MODBUS_WRITE_COILS,   /* function 5 for one value, function 15 for more */
-    MODBUS_WRITE_HOLDING, /* function 6 for one value, function 16 for more */
-    MODBUS_PULSE_COIL,    /* function 5 with a time instead of on or off; one coil at a time */
-};
-
-#define MODBUS_MAX_VALUES   64
 #define MODBUS_MAX_REQUESTS 16
-
-struct modbus_request {
-    enum modbus_kind kind;
-    int address, n;
-    /* Values to write, or values that were read; bits are 0 or 1. */
-    guint16 values[MODBUS_MAX_VALUES];
-    /* After a write, the values are read back and compared. For a read, the values that were read
-     * are compared with the given values. */
-    gboolean verify;
-    /* MODBUS_PULSE_COIL: the coil that is on for that time; verify needs it */
-    int coil;
-};
 
 /* Requests that are carried out together, in order, up to the first that fails. */
 struct modbus_job {
@@ -101,11 +40,6 @@ struct modbus_job {
 /* Called from the main loop, exactly once for each job that was not cancelled. error is NULL if the
  * whole job succeeded. */
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
-
-/* Counters of a line since it was opened. */
-struct modbus_counts {
-    int transactions, timeouts, damaged, disbelieved, reconnects;
-};
 
 /* For a device's open(): opens the line, or returns the open one if its settings are the same. May
  * wait timeout_ms for a connection. Errors name file and line. */

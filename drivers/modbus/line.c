@@ -25,8 +25,6 @@
  * baud. */
 #define SILENCE_MS 20
 
-const char *const modbus_parities[] = {"none", "even", "odd", NULL};
-
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;

@@ -4,7 +4,7 @@
  */
 #pragma once
 
-#include "bus.h"
+#include "request.h"
 
 struct modbus_line;
 

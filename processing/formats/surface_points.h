@@ -3,7 +3,8 @@
 #pragma once
 
 #include "base/vec.h"
-#include "export_surface.h"
+#include "base/work.h"
+#include "session/session.h"
 
 struct surface_point {
     struct vec3 at_mm, normal; /* unit, towards the camera */

@@ -77,8 +77,11 @@ static void take(struct live *live, gboolean drop) {
     for (int camera = 0; camera < CAMERAS; camera++) {
         const guint8 *from = last ? live->dark : live->pictures[(live->sub + camera) % PICTURES];
         g_autoptr(Frame) frame = unpack(from);
-        const struct intake_frame of = {.camera = camera, .sub = live->sub};
-        intake_frame(live->intake, shot, &of, frame);
+        const struct taken_frame taken = {.shot = shot,
+                                          .sub = live->sub,
+                                          .frame = frame,
+                                          .row = {.shot = shot->id, .camera = camera}};
+        intake_take(live->intake, &taken);
     }
     live->ret.frames += CAMERAS;
     live->ret.dropped += drop ? CAMERAS : 0;

@@ -15,6 +15,57 @@ HOUSES = ("base", "calib", "cli", "daemon", "drivers", "processing", "renderer",
 SOURCE = re.compile(r".*\.(c|cpp|h)$")
 ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|$")
 
+# (folder of the room, modules that include each other): why that is plainer than the alternative
+CIRCLES = {
+    (
+        "processing/btf",
+        ("btf", "btf_matrix", "btf_missing"),
+    ): "The three are one algorithm: holes are filled from the matrix of the whole BTF.",
+    (
+        "processing/formats",
+        ("import_poses", "nominal"),
+    ): "A template of nominal values lists the columns of the table that is imported.",
+    (
+        "processing/maps",
+        ("maps", "maps_store"),
+    ): "The fit is stored as the struct that the fit returns.",
+    (
+        "processing/mdf",
+        ("mdf_errors", "mdf_merge"),
+    ): "Merging gives the samples whose spread is the input of the errors.",
+    (
+        "processing/pipeline",
+        ("causes", "pipeline"),
+    ): "Causes are sentences about the result that the pipeline returns.",
+    (
+        "renderer/drawing",
+        (
+            "methods/eigenmaps_view",
+            "methods/hsh_view",
+            "methods/lobes_view",
+            "methods/lpca_grid",
+            "methods/lpca_revised",
+            "methods/lpca_texels",
+            "methods/lpca_view",
+            "methods/method",
+            "methods/microfacet",
+            "methods/slices",
+        ),
+    ): "method.h is the interface of a method, and method.c has the table of all methods.",
+    (
+        "renderer/scene",
+        ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
+    ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",
+    (
+        "renderer/tracer",
+        ("trace_relief", "trace_scene", "trace_surface", "trace_texture"),
+    ): "trace_scene.h has the hit and the error that its parts return.",
+    (
+        "renderer/window",
+        ("settings", "viewer_options"),
+    ): "The options of the command line are made from the table of settings, which fills them.",
+}
+
 
 def read_table(path):
     """{room: (folder, set of rooms that it may use)} in the order of the table."""
@@ -95,6 +146,55 @@ def find_arrows(root, rooms):
     return arrows, wrong
 
 
+def find_modules(root, folder, files):
+    """{module: set of modules of the same room that it includes}."""
+
+    def module_of(name):
+        return re.sub(r"_private$", "", os.path.splitext(name)[0])
+
+    room = os.path.basename(folder)
+    modules = {module_of(name): set() for name in files}
+    for name in files:
+        for _, header in includes(os.path.join(root, folder, name)):
+            here = os.path.normpath(os.path.join(os.path.dirname(name), header))
+            used = here if here in files else header.removeprefix(room + "/")
+            if used in files and module_of(used) != module_of(name):
+                modules[module_of(name)].add(module_of(used))
+    return modules
+
+
+def find_circles(modules):
+    """Sorted tuples of the modules that include each other, directly or by others."""
+    reached = {}
+    for module in modules:
+        seen, left = set(), [module]
+        while left:
+            for used in modules[left.pop()] - seen:
+                seen.add(used)
+                left.append(used)
+        reached[module] = seen
+    return {
+        tuple(sorted(other for other in seen if module in reached[other]))
+        for module, seen in reached.items()
+        if module in seen
+    }
+
+
+def check_modules(root, rooms):
+    circles = {
+        (folder, circle)
+        for folder, files in rooms.items()
+        for circle in find_circles(find_modules(root, folder, files))
+    }
+    return [
+        f"{folder}: {' '.join(circle)} include each other; dissolve that, or justify it in CIRCLES"
+        for folder, circle in sorted(circles - CIRCLES.keys())
+    ] + [
+        f"CIRCLES: {folder}: {' '.join(circle)} do not include each other any more"
+        for folder, circle in sorted(CIRCLES.keys() - circles)
+    ]
+
+
 def check_circles(table):
     """Rooms of the table in which no order exists."""
     left = {room: set(uses) for room, (_, uses) in table.items()}
@@ -141,7 +241,7 @@ def check(root, table, rooms):
     circle = check_circles(table)
     if circle:
         wrong.append("ARCHITECTURE.md: no order of floors fits " + " ".join(circle))
-    return wrong
+    return wrong + check_modules(root, rooms)
 
 
 def main():

@@ -225,7 +225,7 @@ static void take_calls(struct bus_owners *owners) {
 }
 
 static gint64 dead_until_us(const struct bus_owners *owners, const struct watched_light *light) {
-    const struct devices *devices = owners->bus->devices;
+    const struct devices *devices = owners->bus->rig.devices;
     if (!devices)
         return 0;
     /* Their clock is the monotonic one. */

@@ -9,11 +9,12 @@
 #include "radiometry/fiducials.h"
 
 #define FULL_BYTES ((gsize)512 << 20)
-/* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
-#define BATCH 8
-/* LASER_PIXELS pixels with a signal above the threshold make a laser line. MIN_LASER_PIXELS above
- * half the threshold do if the line lit them, and no more than twice as many, when it stood there.
+/* Frames of a sweep are handed over in batches, because waking a worker costs more than its work.
  */
+#define BATCH 8
+/* LASER_PIXELS pixels with a signal above the threshold are a laser line. MIN_LASER_PIXELS pixels
+ * above half the threshold are one if the line lit them, and at most twice as many, when it was
+ * there. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
@@ -22,30 +23,25 @@
 
 struct job {
     guint generation;
-    const struct session_shot *shot;
-    int camera; /* the lane's, or a further stop of it */
-    int sub;
-    int retakes;
-    double time_s;
-    gboolean turned;
-    double turntable_deg; /* if it turned */
-    Frame *frame;
+    /* The camera is that of the lane, or a further stop of it. The frame is owned. */
+    struct taken_frame taken;
 };
 
-/* A sweep all of whose frames were taken. */
+/* A sweep of which all frames were taken. */
 struct complete_sweep {
-    struct job job; /* the last; its frame is owned */
+    guint generation;
+    struct taken_frame last; /* the frame is owned */
     Sweep *sweep, *short_sweep;
     double dark_dn;
     gboolean laser_seen;
     GError *error;
-    gsize bytes; /* of the sweeps; they count as waiting */
+    gsize bytes; /* size of the sweeps, which count as waiting */
 };
 
-/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but
- * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end immediately take seconds to
- * evaluate and write: a second thread (finisher) does that, so that the frames that arrive
- * meanwhile are still accepted. */
+/* The worker of a camera, and of all stops of a camera on the arm. Its thread owns all fields but
+ * batch, which belongs to the main loop. It takes seconds to evaluate and write eight sweeps of
+ * 1024 × 768 that end at the same time. A second thread (finisher) does that, so that frames that
+ * arrive meanwhile are accepted. */
 struct lane {
     Intake *intake;
     int camera;
@@ -58,14 +54,14 @@ struct lane {
     int n_complete; /* guarded by mutex */
 
     guint generation;
-    const struct session_shot *shot; /* being collected */
+    const struct session_shot *shot; /* the shot that is being collected */
     int n_frames;
     Frame *bracket[PLAN_MAX_BRACKET];
     guint32 *sums;
     Sweep *sweep, *short_sweep;
     Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
     gboolean laser_seen;
-    GError *error; /* the first, while a shot's frames are being kept */
+    GError *error; /* the first error of keeping the frames of the shot */
     struct intake_darks darks;
 };
 
@@ -89,7 +85,7 @@ struct Intake {
 
 static void job_free(gpointer data) {
     struct job *job = data;
-    frame_unref(job->frame);
+    frame_unref(job->taken.frame);
     g_free(job);
 }
 
@@ -118,75 +114,63 @@ static void lane_reset(struct lane *lane) {
     lane->shot = NULL;
 }
 
-static double job_turntable_deg(const struct job *job) {
-    return job->turned ? job->turntable_deg : job->shot->turntable_deg;
-}
-
-static void describe(struct lane *lane, const struct job *job, struct intake_file *file) {
+static void describe(struct lane *lane, const struct taken_frame *taken, struct intake_file *file) {
     const struct intake_setup *setup = &lane->intake->setup;
     const struct rig *rig = &setup->devices->geometry;
     *file = (struct intake_file){
         .directory = setup->directory,
-        .shot = job->shot,
-        .camera = job->camera,
-        .camera_name = rig->cameras[job->camera].name,
+        .shot = taken->shot,
+        .camera = taken->row.camera,
+        .camera_name = rig->cameras[taken->row.camera].name,
         .rig = rig,
         .conf = setup->conf,
-        .last = job->frame,
-        .turntable_deg = job_turntable_deg(job),
-        .turned = job->turned,
+        .last = taken->frame,
+        .turntable_deg = session_frame_turntable_deg(&taken->row, taken->shot),
+        .turned = taken->row.turned,
     };
-    if (job->shot->kind == SHOT_LAMP)
-        file->source_name = rig->lamps[job->shot->device].name;
-    if (job->shot->kind == SHOT_SWEEP)
-        file->source_name = rig->lasers[job->shot->device].name;
+    if (taken->shot->kind == SHOT_LAMP)
+        file->source_name = rig->lamps[taken->shot->device].name;
+    if (taken->shot->kind == SHOT_SWEEP)
+        file->source_name = rig->lasers[taken->shot->device].name;
 }
 
-/* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
-static void return_result(struct lane *lane, const struct job *job, struct intake_result result) {
-    struct finished *finished = g_new0(struct finished, 1);
-    finished->generation = job->generation;
-    finished->result = result;
-    finished->result.shot = job->shot;
-    finished->result.frame.shot = job->shot->id;
-    finished->result.frame.camera = job->camera;
-    finished->result.frame.retakes = job->retakes;
-    finished->result.frame.captured_s = job->time_s;
-    finished->result.frame.turned = job->turned;
-    finished->result.frame.turntable_deg = job->turned ? job->turntable_deg : 0;
+/* Returns a camera's part of a shot to the main loop. Takes ownership of what result owns. */
+static void return_result(struct lane *lane, guint generation, const struct intake_result *result) {
+    struct finished *finished = g_new(struct finished, 1);
+    *finished = (struct finished){generation, *result};
     g_async_queue_push(lane->intake->finished, finished);
     g_source_set_ready_time(lane->intake->wake, 0);
 }
 
-static void keep_raw(struct lane *lane, const struct job *job) {
+static void keep_raw(struct lane *lane, const struct taken_frame *taken) {
     struct intake_file file;
-    describe(lane, job, &file);
+    describe(lane, taken, &file);
     if (!lane->error)
-        intake_write_raw(&file, job->sub, &lane->error);
+        intake_write_raw(&file, taken->sub, &lane->error);
 }
 
-static void take_dark(struct lane *lane, const struct job *job) {
+static void take_dark(struct lane *lane, const struct taken_frame *taken) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    gsize n = (gsize)job->frame->width * job->frame->height;
-    if (job->sub % conf->dark_frames == 0) {
+    gsize n = (gsize)taken->frame->width * taken->frame->height;
+    if (taken->sub % conf->dark_frames == 0) {
         g_free(lane->sums);
         lane->sums = g_new0(guint32, n);
     }
-    radiance_add(job->frame, lane->sums);
-    if ((job->sub + 1) % conf->dark_frames != 0)
+    radiance_add(taken->frame, lane->sums);
+    if ((taken->sub + 1) % conf->dark_frames != 0)
         return;
     float *pixels = g_new(float, n);
     double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
-    intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
-                     mean);
+    intake_darks_set(&lane->darks, taken->sub / conf->dark_frames, taken->frame->exposure_us,
+                     pixels, mean);
 }
 
-static void finish_dark(struct lane *lane, const struct job *job) {
+static void finish_dark(struct lane *lane, const struct taken_frame *taken) {
     gint64 exposures[SHOT_MAX_DARKS];
     int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
     struct intake_file file;
-    describe(lane, job, &file);
-    struct intake_result result = {0};
+    describe(lane, taken, &file);
+    struct intake_result result = {.shot = taken->shot, .frame = taken->row};
     const float *pixels[SHOT_MAX_DARKS];
     for (int i = 0; i < n; i++) {
         pixels[i] = lane->darks.levels[i].pixels;
@@ -196,73 +180,78 @@ static void finish_dark(struct lane *lane, const struct job *job) {
     result.error = g_steal_pointer(&lane->error);
     if (!result.error)
         intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
-    return_result(lane, job, result);
+    return_result(lane, lane->generation, &result);
 }
 
-/* Finds the marks next to the sample; NULL if there are none. */
-static GArray *measure_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
+/* Finds the marks next to the sample. Returns NULL if there are none. */
+static GArray *measure_marks(const struct lane *lane, const struct taken_frame *taken,
+                             const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
-    const struct session_shot *shot = job->shot;
+    const struct session_shot *shot = taken->shot;
     if (!calibration || calibration->rig.n_fiducials == 0 ||
         shot->device >= calibration->rig.n_lamps)
         return NULL;
     struct fiducial_scene scene = {
         .rig = &calibration->rig,
-        .camera = job->camera,
+        .camera = taken->row.camera,
         .lamp = shot->device,
-        .turntable_rad = job_turntable_deg(job) * G_PI / 180,
+        .turntable_rad = session_frame_turntable_deg(&taken->row, shot) * G_PI / 180,
         .arc_rad = shot->arc_deg * G_PI / 180,
-        .radiometry = &calibration->camera_radiometry[job->camera],
+        .radiometry = &calibration->camera_radiometry[taken->row.camera],
         .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
     };
     GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
-    fiducials_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
+    fiducials_measure(&scene, cfa_name(taken->frame->cfa), mosaic, marks);
     return marks;
 }
 
 /* Curvature of the sensor's response for the merge; 0 where it is within the noise of the
  * calibration. */
-static double bend_of(const struct lane *lane, const struct job *job, const Frame *frame) {
+static double bend_of(const struct lane *lane, const struct taken_frame *taken,
+                      const Frame *frame) {
     const struct calibration *calibration = lane->intake->setup.calibration;
-    if (!calibration || !calibration->noise[job->camera].known)
+    if (!calibration || !calibration->noise[taken->row.camera].known)
         return 0;
-    const struct transfer *t = &calibration->noise[job->camera].transfer;
+    const struct transfer *t = &calibration->noise[taken->row.camera].transfer;
     if (fabs(t->curvature) <= 3 * t->curvature_error)
         return 0;
     return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
 }
 
-static void finish_lamp(struct lane *lane, const struct job *job) {
+static void finish_lamp(struct lane *lane, const struct taken_frame *taken) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const float *darks[PLAN_MAX_BRACKET];
     struct intake_file file;
-    describe(lane, job, &file);
+    describe(lane, taken, &file);
     for (int i = 0; i < conf->n_exposures; i++) {
         const struct intake_dark *dark = intake_darks_at(&lane->darks, i, lane->bracket[i]);
         darks[i] = dark->pixels;
         file.dark_dn = dark->mean_dn;
     }
     file.bracket = (const Frame *const *)lane->bracket;
-    g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
+    g_autofree float *merged = g_new(float, (gsize)taken->frame->width * taken->frame->height);
     struct radiance_stats stats;
     radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
-                   bend_of(lane, job, job->frame), merged, &stats);
+                   bend_of(lane, taken, taken->frame), merged, &stats);
     file.saturated = stats.saturated;
     const Frame *longest = lane->bracket[conf->n_exposures - 1];
     if (conf->n_exposures > 1)
         file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
-                                             conf->gain_db, bend_of(lane, job, job->frame));
-    struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
+                                             conf->gain_db, bend_of(lane, taken, taken->frame));
+    struct intake_result result = {.shot = taken->shot,
+                                   .frame = taken->row,
+                                   .signal_dn = stats.signal_dn,
+                                   .saturated = stats.saturated};
     result.error = g_steal_pointer(&lane->error);
     result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
-    result.marks = measure_marks(lane, job, merged);
+    result.marks = measure_marks(lane, taken, merged);
     if (!result.error && !result.uneven)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
-    return_result(lane, job, result);
+    return_result(lane, lane->generation, &result);
 }
 
-/* In lockstep the clock stands from when work is handed to a worker until the main loop has taken
- * its result: clock_release() in the worker could let time pass before that. */
+/* In lockstep the clock stands from the moment when work is given to a worker until the main loop
+ * has taken the result. If the worker called clock_release(), time could pass before that. */
 static void begin_step(Intake *intake) {
     if (clock_is_lockstep(intake->setup.devices->clock))
         clock_hold(intake->setup.devices->clock);
@@ -281,8 +270,8 @@ static void release_steps(Intake *intake, int n) {
         clock_release(intake->setup.devices->clock);
 }
 
-static gboolean is_current(const Intake *intake, const struct job *job) {
-    return job->generation == (guint)g_atomic_int_get(&intake->generation);
+static gboolean is_current(const Intake *intake, guint generation) {
+    return generation == (guint)g_atomic_int_get(&intake->generation);
 }
 
 static void add_bytes(Intake *intake, gssize bytes) {
@@ -292,26 +281,28 @@ static void add_bytes(Intake *intake, gssize bytes) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
-/* The finisher's; setpriority() is of the calling thread only, on Linux. */
+/* Runs in the finisher. On Linux, setpriority() applies only to the calling thread. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct complete_sweep *complete = data;
     struct lane *lane = lane_data;
     const struct session_conf *conf = lane->intake->setup.conf;
     setpriority(PRIO_PROCESS, 0, FINISH_NICE);
-    if (is_current(lane->intake, &complete->job)) {
+    if (is_current(lane->intake, complete->generation)) {
         struct intake_file file;
-        describe(lane, &complete->job, &file);
+        describe(lane, &complete->last, &file);
         file.dark_dn = complete->dark_dn;
         if (complete->short_sweep)
             sweep_set_shorter(complete->sweep, complete->short_sweep,
                               conf->laser_exposure_us / conf->laser_short_us);
-        struct intake_result result = {.laser_seen = complete->laser_seen,
+        struct intake_result result = {.shot = complete->last.shot,
+                                       .frame = complete->last.row,
+                                       .laser_seen = complete->laser_seen,
                                        .error = g_steal_pointer(&complete->error)};
         if (!result.error && !result.laser_seen)
             intake_write_sweep(&file, complete->sweep, &result.frame, &result.error);
-        return_result(lane, &complete->job, result);
+        return_result(lane, complete->generation, &result);
     }
-    frame_unref(complete->job.frame);
+    frame_unref(complete->last.frame);
     sweep_free(complete->sweep);
     sweep_free(complete->short_sweep);
     g_clear_error(&complete->error);
@@ -324,13 +315,14 @@ static void finish_sweep(gpointer data, gpointer lane_data) {
     g_mutex_unlock(&lane->mutex);
 }
 
-static void queue_sweep(struct lane *lane, const struct job *job) {
+static void queue_sweep(struct lane *lane, const struct taken_frame *last) {
     struct complete_sweep *complete = g_new0(struct complete_sweep, 1);
-    complete->job = *job;
-    complete->job.frame = frame_ref(job->frame);
+    complete->generation = lane->generation;
+    complete->last = *last;
+    complete->last.frame = frame_ref(last->frame);
     complete->sweep = g_steal_pointer(&lane->sweep);
     complete->short_sweep = g_steal_pointer(&lane->short_sweep);
-    complete->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
+    complete->dark_dn = intake_darks_at(&lane->darks, 0, last->frame)->mean_dn;
     complete->laser_seen = lane->laser_seen;
     complete->error = g_steal_pointer(&lane->error);
     complete->bytes = sweep_bytes(complete->sweep) +
@@ -346,40 +338,43 @@ static void queue_sweep(struct lane *lane, const struct job *job) {
 /* Adds to the sweep the frames that have one of its two exposures. */
 static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct session_conf *conf,
                    gboolean shorter) {
-    const Frame *frame = jobs[0]->frame;
+    const struct taken_frame *first = &jobs[0]->taken;
+    const Frame *frame = first->frame;
     const guint16 *pixels[BATCH];
     int count = 0;
     for (int i = 0; i < n; i++)
-        if (shot_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
-            pixels[count++] = jobs[i]->frame->pixels;
+        if (shot_is_short(conf, first->shot, jobs[i]->taken.sub) == shorter)
+            pixels[count++] = jobs[i]->taken.frame->pixels;
     if (count > 0 && !*sweep)
-        *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
+        *sweep = sweep_new(frame->width, frame->height, first->shot->sweep_steps,
                            radiance_saturation(frame->bits));
     if (count > 0)
         sweep_add_some(*sweep, pixels, count);
 }
 
 /* Keeps the first frame of a sweep, and those next to its middle, for is_laser_seen(). */
-static void keep_for_end(struct lane *lane, const struct job *job) {
+static void keep_for_end(struct lane *lane, const struct taken_frame *taken) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    const int n = job->shot->sweep_steps, step = shot_sweep_step(conf, job->shot, job->sub);
-    if (shot_is_short(conf, job->shot, job->sub))
+    const int n = taken->shot->sweep_steps, step = shot_sweep_step(conf, taken->shot, taken->sub);
+    if (shot_is_short(conf, taken->shot, taken->sub))
         return;
     if (step == 0)
-        lane->sweep_first = frame_ref(job->frame);
+        lane->sweep_first = frame_ref(taken->frame);
     else if (step == (n - 1) / 2)
-        lane->sweep_middle[0] = frame_ref(job->frame);
+        lane->sweep_middle[0] = frame_ref(taken->frame);
     else if (step == n / 2)
-        lane->sweep_middle[1] = frame_ref(job->frame);
+        lane->sweep_middle[1] = frame_ref(taken->frame);
 }
 
 static gboolean is_brighter(const Frame *frame, const Frame *than, double margin_dn, gsize p) {
     return frame && frame->pixels[p] - than->pixels[p] > margin_dn;
 }
 
-/* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
- * pixels are brighter than their dark level, or than in the sweep's first frame, since the laser
- * may have lit the dark frames as well; or a few of the few that the laser lit in the middle. */
+/* Returns whether the last frame of a sweep shows the laser. This frame is taken in the middle of
+ * the sweep with the laser off. The laser is seen if many pixels are brighter than their dark
+ * level. It is also seen if many pixels are brighter than in the first frame, because the laser may
+ * have lit the dark frames. If the laser lit only a few pixels in the middle, a few of them
+ * suffice. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;
@@ -397,79 +392,82 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Frames of a sweep, one after the other; the one without the laser comes only. */
+/* Takes consecutive frames of a sweep. The frame without the laser comes alone. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    const struct job *job = jobs[0];
-    if (shot_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
-        const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
-        lane->laser_seen = is_laser_seen(lane, job->frame, dark->pixels);
+    const struct taken_frame *first = &jobs[0]->taken;
+    if (shot_sweep_step(conf, first->shot, first->sub) == first->shot->sweep_steps) {
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, first->frame);
+        lane->laser_seen = is_laser_seen(lane, first->frame, dark->pixels);
         return;
     }
     absorb(&lane->sweep, jobs, n, conf, FALSE);
     absorb(&lane->short_sweep, jobs, n, conf, TRUE);
     for (int i = 0; i < n; i++) {
-        keep_for_end(lane, jobs[i]);
+        keep_for_end(lane, &jobs[i]->taken);
         if (conf->keep_laser_frames)
-            keep_raw(lane, jobs[i]);
+            keep_raw(lane, &jobs[i]->taken);
     }
 }
 
-/* n is 1, or that of frames that follow each other in a sweep. */
+/* Takes n consecutive frames of a sweep, or one frame of another shot. */
 static void take(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[n - 1];
-    if (lane->shot != job->shot || lane->generation != job->generation)
+    const struct taken_frame *taken = &job->taken;
+    if (lane->shot != taken->shot || lane->generation != job->generation)
         lane_reset(lane);
-    lane->shot = job->shot;
+    lane->shot = taken->shot;
     lane->generation = job->generation;
-    /* Frames come in order; another one would be mixed up with its neighbours. */
-    g_return_if_fail(job->sub == lane->n_frames + n - 1);
+    /* Frames come in order. A frame out of order would be taken for another one. */
+    g_return_if_fail(taken->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
-    gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
-    if (last && job->shot->kind != SHOT_SWEEP) {
-        /* Wait for the finisher: a camera's results come in the order of its shots. */
+    gboolean last = lane->n_frames == shot_n_frames(conf, taken->shot);
+    if (last && taken->shot->kind != SHOT_SWEEP) {
+        /* Wait for the finisher, because the results of a camera come in the order of its shots. */
         g_mutex_lock(&lane->mutex);
         while (lane->n_complete > 0)
             g_cond_wait(&lane->finished, &lane->mutex);
         g_mutex_unlock(&lane->mutex);
     }
-    if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
-        keep_raw(lane, job);
-    switch (job->shot->kind) {
+    if (conf->keep_exposures && taken->shot->kind != SHOT_SWEEP)
+        keep_raw(lane, taken);
+    switch (taken->shot->kind) {
     case SHOT_DARK:
-        take_dark(lane, job);
+        take_dark(lane, taken);
         if (last)
-            finish_dark(lane, job);
+            finish_dark(lane, taken);
         break;
     case SHOT_LAMP:
-        lane->bracket[job->sub] = frame_ref(job->frame);
+        lane->bracket[taken->sub] = frame_ref(taken->frame);
         if (last)
-            finish_lamp(lane, job);
+            finish_lamp(lane, taken);
         break;
     case SHOT_SWEEP:
         take_sweep(lane, jobs, n);
         if (last)
-            queue_sweep(lane, job);
+            queue_sweep(lane, taken);
         break;
     }
     if (last)
         lane_reset(lane);
 }
 
-static gsize job_bytes(const struct job *job) {
-    return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
+static gsize frame_bytes(const Frame *frame) {
+    return (gsize)frame->width * frame->height * sizeof(guint16);
 }
 
-/* Number of leading jobs that are frames of one sweep and are processed together; otherwise 1. */
+/* Returns the number of leading jobs that are frames of one sweep and are processed together, or
+ * 1. */
 static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    const struct job *first = jobs[0];
+    const struct taken_frame *first = &jobs[0]->taken;
     guint n = 0;
     if (first->shot->kind == SHOT_SWEEP)
-        while (n < most && n < BATCH && jobs[n]->shot == first->shot &&
-               jobs[n]->generation == first->generation && jobs[n]->sub == first->sub + (int)n &&
-               shot_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
+        while (n < most && n < BATCH && jobs[n]->taken.shot == first->shot &&
+               jobs[n]->generation == jobs[0]->generation &&
+               jobs[n]->taken.sub == first->sub + (int)n &&
+               shot_sweep_step(conf, first->shot, jobs[n]->taken.sub) < first->shot->sweep_steps)
             n++;
     return MAX(n, 1);
 }
@@ -485,10 +483,10 @@ static gpointer lane_run(gpointer data) {
         for (guint i = 0, n = 0; i < batch->len; i += n) {
             struct job *const *jobs = (struct job *const *)&batch->pdata[i];
             n = count_together(lane, jobs, batch->len - i);
-            if (is_current(intake, jobs[0]))
+            if (is_current(intake, jobs[0]->generation))
                 take(lane, jobs, (int)n);
             for (guint k = 0; k < n; k++)
-                add_bytes(intake, -(gssize)job_bytes(jobs[k]));
+                add_bytes(intake, -(gssize)frame_bytes(jobs[k]->taken.frame));
         }
         if (running)
             end_step(intake);
@@ -603,28 +601,19 @@ static void flush(struct lane *lane) {
     lane->batch = g_ptr_array_new_with_free_func(job_free);
 }
 
-void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
-                  Frame *frame) {
-    struct lane *lane = intake->lanes->pdata[intake->lane_of[of->camera]];
-    struct job *job = g_new0(struct job, 1);
-    *job = (struct job){.generation = intake->generation,
-                        .shot = shot,
-                        .camera = of->camera,
-                        .sub = of->sub,
-                        .retakes = of->retakes,
-                        .time_s = of->time_s,
-                        .turned = of->turned,
-                        .turntable_deg = of->turntable_deg,
-                        .frame = frame_ref(frame)};
-    gsize bytes = job_bytes(job);
-    add_bytes(intake, (gssize)bytes);
+void intake_take(Intake *intake, const struct taken_frame *taken) {
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[taken->row.camera]];
+    struct job *job = g_new(struct job, 1);
+    *job = (struct job){intake->generation, *taken};
+    frame_ref(taken->frame);
+    add_bytes(intake, (gssize)frame_bytes(taken->frame));
     g_ptr_array_add(lane->batch, job);
-    gboolean last = of->sub + 1 == shot_n_frames(intake->setup.conf, shot);
+    gboolean last = taken->sub + 1 == shot_n_frames(intake->setup.conf, taken->shot);
     if (last || lane->batch->len >= BATCH)
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* Frames waiting in a batch would never be processed. */
+    /* Otherwise frames in a batch would never be processed. */
     for (guint i = 0; i < intake->lanes->len; i++)
         flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);

@@ -1,25 +1,28 @@
-/* Each camera's dark levels, by exposure, as the intake subtracts them. One thread at a time. */
+/* The dark levels of a camera at each exposure, which the intake subtracts. One thread at a time.
+ */
 #pragma once
 
+#include "drivers/frame.h"
 #include "plan/shot_frames.h"
 
 struct intake_dark {
     gint64 exposure_us;
     double mean_dn;
-    float *pixels; /* NULL: not known */
+    float *pixels; /* NULL if it is not known */
 };
 
 struct intake_darks {
     struct intake_dark levels[SHOT_MAX_DARKS];
-    struct intake_dark guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures that have none */
+    struct intake_dark guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures without dark frames */
 };
 
-/* Takes pixels. index: of shot_dark_exposures(). */
+/* Takes ownership of pixels. index is that of shot_dark_exposures(). */
 void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us, float *pixels,
                       double mean_dn);
 
-/* The dark level for a frame; sub is the frame's index in its shot. For an exposure without dark
- * frames it is interpolated from other exposures. Valid until the next call of a function above. */
+/* Returns the dark level for a frame, whose index in its shot is sub. For an exposure without dark
+ * frames, the level is interpolated from other exposures. Valid until the next call of a function
+ * of this header. */
 const struct intake_dark *intake_darks_at(struct intake_darks *darks, int sub, const Frame *frame);
 
 void intake_darks_clear(struct intake_darks *darks);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "exr/exr.h"
-#include "intake.h"
+#include "plan/shot_frames.h"
 #include "radiance.h"
 
 static const char *const mono_channels[] = {"Y", NULL};

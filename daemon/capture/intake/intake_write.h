@@ -1,4 +1,4 @@
-/* Writes and reads the intake's files; intake.h describes their content. Any thread. */
+/* Writes and reads the files that intake.h describes. Any thread. */
 #pragma once
 
 #include "frames/sweep.h"
@@ -9,19 +9,19 @@ struct intake_file {
     const struct session_shot *shot;
     int camera;
     const char *camera_name;
-    const char *source_name; /* lamp or laser; NULL for dark */
+    const char *source_name; /* name of the lamp or laser; NULL for dark */
     const struct session_conf *conf;
     const struct rig *rig; /* nominal, for the angles of arm and probe */
-    const Frame *last;     /* of those that went into it */
-    double turntable_deg;  /* where the table stood, or, if it turned, was in the middle of last */
+    const Frame *last;     /* the last frame of the file */
+    double turntable_deg;  /* angle of the turntable, if it turned in the middle of last */
     gboolean turned;
-    const Frame *const *bracket; /* SHOT_LAMP: all of them */
+    const Frame *const *bracket; /* SHOT_LAMP: all frames */
     double dark_dn;
-    gint64 saturated;    /* SHOT_LAMP: pixels, in every exposure */
-    double shorter_from; /* SHOT_LAMP: DN/ms, see intake.h; 0: there is one exposure only */
+    gint64 saturated;    /* SHOT_LAMP: number of pixels that are saturated in every exposure */
+    double shorter_from; /* SHOT_LAMP: DN/ms (intake.h); 0 if there is only one exposure */
 };
 
-/* These write and sync the file, and fill path, sha256 and bytes of ret_frame. */
+/* Write and sync the file, and set path, sha256 and bytes of ret_frame. */
 gboolean intake_write_lamp(const struct intake_file *file, const float *radiance,
                            struct session_frame *ret_frame, GError **error);
 gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposures_us,
@@ -30,10 +30,10 @@ gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposur
 gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
                             struct session_frame *ret_frame, GError **error);
 
-/* Keeps one raw frame of a shot, not synced. */
+/* Writes one raw frame of a shot. The file is not synced. */
 gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error);
 
-/* The dark level of every pixel from a dark shot's file; g_free(). */
+/* Reads the dark level of every pixel from the file of a dark shot; g_free(). */
 float *intake_read_dark(const char *directory, const struct session_shot *shot,
                         const char *camera_name, const struct camera_format *format,
                         gint64 exposure_us, GError **error);

@@ -1,49 +1,54 @@
 /*
- * From raw pictures to linear radiance: the mean of dark frames, and the merging of an exposure
- * bracket. Pure functions over arrays; any thread.
+ * Converts raw pictures to linear radiance: means of dark frames, merging of an exposure bracket.
+ * Pure functions over arrays; any thread.
  *
- * Values are DN a millisecond of exposure at 0 dB, above dark. Divided by the camera's response
- * (DN per second per W·sr⁻¹·m⁻²) and times 1000 they are radiance, vignetting aside. Milliseconds,
- * because 4095 DN in half a millisecond are 8.2e6 DN/s, more than a half float holds.
+ * Values are DN above dark per millisecond of exposure at 0 dB. Radiance is such a value times 1000
+ * divided by the camera's response (DN per second per W·sr⁻¹·m⁻²), apart from vignetting. The unit
+ * is a millisecond because 4095 DN in half a millisecond are 8.2e6 DN/s, which exceeds the range of
+ * a half float.
  */
 #pragma once
 
 #include "drivers/frame.h"
 
-/* DN from which a pixel is taken to be saturated: 98 % of full scale, rounded up. */
+/* Returns the DN from which a pixel counts as saturated: 98 % of full scale, rounded up. */
 int radiance_saturation(int bits);
 gint64 radiance_saturated(const Frame *frame); /* number of saturated pixels */
 
 struct radiance_stats {
-    gint64 saturated; /* pixels saturated in every exposure: they hold the shortest's value */
-    double signal_dn; /* mean above dark, of the longest exposure */
+    /* Number of pixels that are saturated in every exposure. They have the value of the shortest
+     * exposure. */
+    gint64 saturated;
+    double signal_dn; /* mean above dark of the longest exposure */
 };
 
 /* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
- * pixel at frame i's exposure. Each pixel's exposures are weighted by their length; those that by
- * their common mean are saturated are left out, so that noise makes no bias there. A sensor that
- * shows linear·(1 − bend·linear) DN above dark is made linear first; 0 for one that is. ret has
- * width × height values. */
+ * pixel at the exposure of frame i. The exposures of a pixel are weighted by their length.
+ * Exposures that are saturated according to the mean are left out, so that noise causes no bias. A
+ * sensor that shows linear·(1 − bend·linear) DN above dark is corrected first; bend_per_dn is 0 for
+ * a linear sensor. ret has width × height values. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
-/* Whether the exposures of one light disagree, as they do if the lamp dies between them: over the
- * pixels that none saturates, a longer exposure is darker than the shorter one before it, or has
- * more than twice the signal that the shorter one accounts for; by 0.25 % of full scale or more, so
- * that a dark level that has drifted is none. Frames and dark as for radiance_merge(). */
+/* Returns whether the exposures of one light disagree, for instance because the lamp has failed
+ * between them. They disagree if a longer exposure is darker than the shorter one before it, or has
+ * more than twice the signal that the shorter one predicts. Only pixels that no exposure saturates
+ * are compared. A difference below 0.25 % of full scale does not count, because the dark level may
+ * have drifted. Frames and dark are as for radiance_merge(). */
 gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n);
 
-/* The least merged value (see above) at which a pixel of this dark level saturates an exposure. */
+/* Returns the smallest merged value at which a pixel of this dark level saturates an exposure. */
 double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
                         double bend_per_dn);
 
-/* 1 for each pixel that is saturated in all of the frames, else 0. */
+/* Sets each pixel to 1 if it is saturated in all frames, otherwise to 0. */
 void radiance_mark(const Frame *const *frames, int n, float *ret);
 
-/* Adds a frame to sums; n sums divided by n are the dark level. */
+/* Adds a frame to sums. The sums of n frames divided by n are the dark level. */
 void radiance_add(const Frame *frame, guint32 *sums);
 /* Writes the dark level of every pixel and returns their mean. */
 double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret);
 
-/* Number of pixels more than margin_dn above dark: those that a laser lights if it stays on. */
+/* Returns the number of pixels more than margin_dn above dark, which a laser lights if it stays
+ * on. */
 gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn);

@@ -9,7 +9,7 @@
 #include "rounds.h"
 #include "sweeps.h"
 
-struct choice { /* of a thread */
+struct choice { /* the result of a thread */
     struct sweeps_choice sweeps;
     struct lamps_choice lamps;
     GError *error;
@@ -18,12 +18,12 @@ struct choice { /* of a thread */
 struct Adaptive {
     struct adaptive_setup setup;
     Readers *readers;
-    struct rounds of_sweeps, of_lamps; /* over: also if they do not come in rounds */
-    Sweeps *sweeps;                    /* NULL: all are taken */
-    Lamps *lamps;                      /* NULL: all are taken */
+    struct rounds of_sweeps, of_lamps; /* also over if they do not come in rounds */
+    Sweeps *sweeps;                    /* NULL if all are taken */
+    Lamps *lamps;                      /* NULL if all are taken */
     GThread *thread;                   /* while a choice is made */
-    struct choice *choice;             /* its result */
-    GSource *wake;                     /* when that is there */
+    struct choice *choice;             /* result of the thread */
+    GSource *wake;                     /* ready when the result is there */
 };
 
 gboolean adaptive_is_wanted(const struct session_conf *conf) {
@@ -76,7 +76,7 @@ static void free_choice(struct choice *choice) {
     g_free(choice);
 }
 
-/* In a thread of its own, which reads nothing that the main loop may change meanwhile. */
+/* Runs in a separate thread. It reads nothing that the main loop may change meanwhile. */
 static gpointer work_out(gpointer data) {
     Adaptive *adaptive = data;
     struct choice *choice = g_new0(struct choice, 1);
@@ -104,7 +104,7 @@ static gboolean leave_sweeps_out(Adaptive *adaptive, GError **error) {
     return rounds_leave_out(&adaptive->of_sweeps, note, error);
 }
 
-/* The expected error is that which was stored, so that the note is the same after a kill. */
+/* Uses the stored value of the expected error, so that the note is the same after a kill. */
 static gboolean leave_lamps_out(Adaptive *adaptive, GError **error) {
     g_autofree char *pct = NULL;
     if (!session_read_value(adaptive->setup.session, ADAPTIVE_ERROR_PCT, &pct, error))
@@ -116,7 +116,7 @@ static gboolean leave_lamps_out(Adaptive *adaptive, GError **error) {
     return rounds_leave_out(&adaptive->of_lamps, note, error);
 }
 
-/* Stores the further round of sweeps. ret_text: what was found; g_free(). */
+/* Stores the further round of sweeps. ret_text describes the result; g_free(). */
 static gboolean store_sweeps(Adaptive *adaptive, const struct sweeps_choice *choice,
                              char **ret_text, GError **error) {
     const int n = (int)choice->shots->len, rounds = adaptive->of_sweeps.n;
@@ -146,7 +146,7 @@ static char *tell_lamps(const struct session_conf *conf, const struct lamps_choi
     return g_strdup("no shot is left");
 }
 
-/* Stores the further round of lamps. ret_text: what was found; g_free(). */
+/* Stores the further round of lamps. ret_text describes the result; g_free(). */
 static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choice, char **ret_text,
                             GError **error) {
     g_autofree char *more = tell_lamps(adaptive->setup.conf, choice);
@@ -161,7 +161,8 @@ static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choic
            (choice->shots->len > 0 || leave_lamps_out(adaptive, error));
 }
 
-/* A resumed session takes the shots of such frames again, if they are as damaged as they seem. */
+/* Notes a frame that could not be read. If it is really damaged, a resumed session takes its shot
+ * again. */
 static void note_damage(const char *frame, const GError *error, gpointer data) {
     Adaptive *adaptive = data;
     if (g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID))

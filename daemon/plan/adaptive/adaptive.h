@@ -1,27 +1,28 @@
 /*
- * Which of the planned shots are taken, in rounds: laser sweeps until the surface is known
- * ([lasers] stop = covered), and lamps until what they would show is known ([lights] sampling =
- * adaptive). One of them, or both, may be on; each chooses for itself, by its own frames.
+ * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the surface
+ * is known ([lasers] stop = covered). Shots of lamps are taken until the remaining pictures can be
+ * predicted ([lights] sampling = adaptive). Either or both may be on. Each kind chooses by its own
+ * frames.
  *
- * The first round has what plan_first_sweeps() and plan_first_lamps() chose from geometry only
- * when the session was planned.
- * Every frame is examined as it is committed (coverage/coverage_view.h; lamps.h). At the end of a
- * round:
+ * plan_first_sweeps() and plan_first_lamps() choose the first round from the geometry when the
+ * session is planned. Every frame is examined when it is committed (selection/coverage_view.h,
+ * lamps.h). At the end of a round:
  *
- * - Sweeps: for each turntable angle, the one that is expected to add most to what its cameras know
- *   joins the next round, and the next best after it, as long as they add at least [lasers] gain.
- *   When none does, those that are left are left out for good.
- * - Lamps: the pictures that are not taken are predicted (prediction/prediction.h), and shots join
- *   that lower the expected error most for their time. When it is expected to be below [lights]
- *   error_pct, or [lights] budget_min is used up, those that are left are left out for good.
+ * - Sweeps: at each turntable angle, the sweep that is expected to add most to the knowledge of its
+ *   cameras joins the next round. The next best sweeps join as long as they add at least [lasers]
+ *   gain. When no sweep does, the remaining sweeps are left out for good.
+ * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots join
+ *   that lower the expected error most for their time. When the error is expected to be below
+ *   [lights] error_pct, or [lights] budget_min is used up, the remaining shots are left out for
+ *   good.
  *
- * A choice is a function of the session's plan and of its files only, and is stored before it is
- * acted upon, so that a session that is killed and resumed goes on as if nothing had happened
- * (rounds.h): values "lasers.round.K" and "lights.round.K". Shots that are left out are skipped,
- * and their notes say why.
+ * A choice is a function of the session's plan and its files only. It is stored before it takes
+ * effect (rounds.h), as the values "lasers.round.K" and "lights.round.K". A session that is killed
+ * and resumed therefore makes the same choices. Shots that are left out are skipped, and their
+ * notes say why.
  *
- * Main loop's thread; files are read and choices made in threads of their own, for which the clock
- * is held. In lockstep (drivers/clock.h) the main loop waits for what reads a file.
+ * All functions belong to the main loop's thread. Other threads read files and make choices. The
+ * clock is held meanwhile. In lockstep (drivers/clock.h) the main loop waits for each file.
  */
 #pragma once
 
@@ -32,64 +33,65 @@
 
 typedef struct Adaptive Adaptive;
 
-/* Values of the session: parts, in %, of the texels that the sweeps made known by the last round,
- * of all views and of that with the least. */
+/* Values of the session: the percentage of texels that the sweeps of all rounds have made known, of
+ * all views and of the view with the smallest percentage. */
 #define ADAPTIVE_KNOWN_PCT "lasers.known_pct"
 #define ADAPTIVE_WORST_PCT "lasers.worst_pct"
-/* The expected error after the last round of lamps, in %: root of the mean square over all values
- * of the BTF, relative to that of the values. Pictures that are taken count as known. */
+/* Value of the session: the expected error after the last round of lamps, in %. It is the root mean
+ * square error of all values of the BTF, relative to the root mean square of the values. Pictures
+ * that are taken count as known. */
 #define ADAPTIVE_ERROR_PCT "lights.error_pct"
-/* A round's value has its number, from 1, behind these. */
+/* Beginnings of the names of values that store a round. The number of the round follows, from 1. */
 #define ADAPTIVE_LASER_ROUNDS "lasers.round."
 #define ADAPTIVE_LIGHT_ROUNDS "lights.round."
 
 struct adaptive_hooks {
-    /* A round was chosen and stored; n: its shots; 0: nothing is left to be chosen, and the rest
-     * has been left out. of_lasers, of_lights: what was found, for the session's events; NULL:
-     * nothing was to be chosen of these. error: nothing was chosen; a file cannot be read, or the
-     * session not be written. */
+    /* Called when a round of n shots was chosen and stored. If n is 0, nothing is left to choose,
+     * and the remaining shots have been left out. of_lasers and of_lights describe the result for
+     * the session's events. Each is NULL if there was nothing to choose of this kind. If error is
+     * set, nothing was chosen, because a file cannot be read or the session cannot be written. */
     void (*chosen)(int n, const char *of_lasers, const char *of_lights, const GError *error,
                    gpointer data);
     gpointer data;
 };
 
-struct adaptive_setup { /* all is borrowed as long as it lives */
+struct adaptive_setup { /* everything is borrowed by the Adaptive */
     Session *session;
     const struct session_conf *conf;
-    const GPtrArray *shots;    /* all of the session's; their states are read in the main loop */
-    const struct rig *nominal; /* as the plan had it */
+    const GPtrArray *shots;    /* all shots of the session; the main loop reads their states */
+    const struct rig *nominal; /* the rig for which the session was planned */
     const struct rig_timing *timing;
-    const struct calibration *calibration; /* the session's */
+    const struct calibration *calibration; /* of the session */
     Clock *clock;
     struct adaptive_hooks hooks; /* copied */
 };
 
-/* Whether a session has rounds. */
+/* Returns whether a session has rounds. */
 gboolean adaptive_is_wanted(const struct session_conf *conf);
 
-/* The value of the first round of sweeps or lamps (kind), which a session has from its beginning;
- * NULL: these do not come in rounds. g_free() */
+/* Returns the value of the first round of sweeps or lamps (kind), with which a session is made.
+ * Returns NULL if this kind does not come in rounds. g_free() */
 char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
                            enum session_shot_kind kind);
 
-/* Frames that are there are examined from their files. NULL: the session cannot be read or written,
- * or its values are not as described above. */
+/* Examines the frames that the session already has. Returns NULL if the session cannot be read or
+ * written, or if its values are not as described above. */
 Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error);
 void adaptive_free(Adaptive *adaptive); /* NULL is ignored; no hook is called after it */
 
-/* Whether a shot is in a round; those that do not come in rounds always are. */
+/* Returns whether a shot is in a round. Shots that do not come in rounds always are. */
 gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot *shot);
 
-/* In which round a shot is, from 1; 0: in none yet. Shots that do not come in rounds are in the
- * first. */
+/* Returns the round of a shot, from 1, or 0 if it is in no round yet. Shots that do not come in
+ * rounds are in the first. adaptive_rounds() returns the number of rounds so far. */
 int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot);
 int adaptive_rounds(const Adaptive *adaptive);
 
-/* A shot was committed. */
+/* To be called when a shot was committed. */
 void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
                    const struct session_frame *frames, int n);
 
-/* Call it when all chosen shots are done. Answers by the hook, later. */
+/* Chooses the next round. All chosen shots must be done. The hook gives the result later. */
 void adaptive_choose(Adaptive *adaptive);
-/* There is nothing left to choose. */
+/* Returns whether nothing is left to choose. */
 gboolean adaptive_is_over(const Adaptive *adaptive);

@@ -6,12 +6,13 @@
 #include "lamps_private.h"
 
 #define SAME_DIRECTION 1e-4 /* distance of unit vectors */
-#define MORE           0.5  /* shots of a further point, of those before it */
-/* The choice sums the error over PREDICTION_TARGETS pairs at most; of more pairs it takes these
- * first, so that with nothing measured its error is too small beyond this part of the shots. */
+#define MORE           0.5  /* shots of a further point, relative to those before it */
+/* The choice sums the error over at most PREDICTION_TARGETS pairs. If there are more pairs, the
+ * pairs of the first shots are used. If nothing is measured, the error is therefore too small
+ * beyond this part of the shots. */
 #define MAX_OF_MANY 8
 
-/* An earlier session, and the reflectance of its probes. */
+/* An earlier session and the reflectances of its probes. */
 struct earlier {
     Session *session;
     struct session_conf conf;
@@ -67,10 +68,10 @@ static gboolean expected_read(struct earlier *earlier, GError **error) {
     return readers_wait(earlier->readers, error) && lamps_note_done(earlier->lamps, error);
 }
 
-/* Directions of an earlier session, and those of a plan that are not among them behind these. */
+/* The directions of an earlier session, followed by those of the plan that the session lacks. */
 struct joined {
     GArray *directions, *places_mm; /* of struct vec3 */
-    int *of;                        /* of each of the plan's: its number */
+    int *of;                        /* for each direction of the plan: its index */
 };
 
 static struct joined join(const struct vec3 *earlier, const struct vec3 *earlier_mm, int n_earlier,
@@ -101,8 +102,8 @@ static void clear_joined(struct joined *joined) {
     g_free(joined->of);
 }
 
-/* Gives the planned pairs the values that the earlier session's probes have there: measured, or
- * predicted. */
+/* Sets the values of the planned pairs from the measured or predicted values of the earlier
+ * session. */
 static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *views,
                      const struct joined *lights, const struct work *work, GError **error) {
     const int n_views = (int)views->directions->len, n_lights = (int)lights->directions->len;
@@ -176,7 +177,7 @@ static double time_s(const Lamps *lamps, const int *numbers, int n) {
     return plan_lamps_s(list, n, setup->conf, setup->nominal, setup->timing);
 }
 
-/* Rounds as a capture has them, with the values of the earlier session for its frames. */
+/* Makes rounds as a capture does. The values of the earlier session stand for its frames. */
 static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct lamps_setup *setup = &lamps->setup;
     const guint n_shots = setup->shots->len;
@@ -208,8 +209,8 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
     return TRUE;
 }
 
-/* The order in which a predictor that has measured nothing would take the shots. */
-static gboolean of_none(Lamps *lamps, int most, GArray *ret, GError **error) {
+/* Lists the shots in the order in which a predictor without measurements would take them. */
+static gboolean order_unmeasured(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
     const struct prediction_pairs pairs = lamps_pairs(lamps);
     g_autoptr(Prediction) prediction = prediction_new(&pairs, NULL, NULL, 0, &work, error);
@@ -234,7 +235,7 @@ static gboolean of_none(Lamps *lamps, int most, GArray *ret, GError **error) {
 GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                        const struct rig_timing *timing, const struct plan *plan, const char *like,
                        const struct work *work, GError **error) {
-    struct session_conf adaptive = *conf; /* what it points to stays the caller's */
+    struct session_conf adaptive = *conf; /* the pointers remain those of the caller */
     g_autoptr(GPtrArray) shots = g_ptr_array_new(), views = g_ptr_array_new();
     g_autoptr(GPtrArray) lights = g_ptr_array_new();
     g_autoptr(Calibration) nominal = calibration_new(rig);
@@ -264,10 +265,10 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
     Lamps *lamps = lamps_make(&setup, views, lights);
     GArray *ret = g_array_new(FALSE, FALSE, sizeof(struct expected_point));
     const gboolean many = lamps->n_views * lamps->n_lights > PREDICTION_TARGETS;
-    const int most_of_none = MAX(1, many ? n / MAX_OF_MANY : n / 2);
+    const int most_unmeasured = MAX(1, many ? n / MAX_OF_MANY : n / 2);
     const gboolean ok = like ? take_like(lamps, like, timing, work, error) &&
                                    expected_rounds(lamps, n / 2, ret, error)
-                             : of_none(lamps, most_of_none, ret, error);
+                             : order_unmeasured(lamps, most_unmeasured, ret, error);
     if (!ok)
         g_clear_pointer(&ret, g_array_unref);
     lamps_dispose(lamps);

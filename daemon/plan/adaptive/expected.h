@@ -1,7 +1,7 @@
 /*
- * What a session is expected to bring before it is begun: the error of its BTF against the time
- * that its lamps take, if they are taken in rounds ([lights] sampling = adaptive), whether the
- * session says so or not. Any thread; it may take minutes.
+ * Predicts the result of a session before it begins: the error of its BTF as a function of the time
+ * of its lamps. The shots are assumed to be taken in rounds ([lights] sampling = adaptive), even if
+ * the session does not say so. Any thread; this may take minutes.
  */
 #pragma once
 
@@ -9,17 +9,18 @@
 #include "plan/plan.h"
 
 struct expected_point {
-    int shots;        /* of lamps */
-    double time_s;    /* of these shots, by the plan's times; sweeps are not counted */
+    int shots;        /* number of shots of lamps */
+    double time_s;    /* time of these shots by the plan, without sweeps */
     double error_pct; /* as ADAPTIVE_ERROR_PCT */
 };
 
-/* like: directory of an earlier session of the same or such a material. What it measured, and what
- * is predicted of it where the directions are others, stands for what the session will measure: the
- * choice is made as it would be (lamps.h), in rounds half as large. NULL: of no particular
- * material. At most half of the shots are looked at; without like an eighth if there are many. An
- * array of struct expected_point, in order of time; g_array_unref(). DATA_ERROR_INCOMPLETE: the
- * earlier session has no pictures, or the plan no lamps. */
+/* like is the directory of an earlier session of the same or a similar material, or NULL. Its
+ * measured values stand for those of the new session. Where the directions differ, they are
+ * predicted. The shots are then chosen as during a capture (lamps.h), in rounds half as large.
+ * Without like, the prediction is for no particular material. At most half of the shots are
+ * considered, or an eighth if there are many and like is NULL. Returns an array of struct
+ * expected_point, in order of time; g_array_unref(). The error is DATA_ERROR_INCOMPLETE if the
+ * earlier session has no pictures or the plan has no lamps. */
 GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                        const struct rig_timing *timing, const struct plan *plan, const char *like,
                        const struct work *work, GError **error);

@@ -8,10 +8,9 @@
 
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_PROBES 256
-#define GROWTH     1.0 /* shots of a further round, of those before it, at most */
-#define MAX_SINGLE                                                                                 \
-    600 /* shots that are looked at, by themselves and as the beginning of a chain                 \
-         */
+#define GROWTH     1.0 /* maximum size of a further round, relative to all earlier rounds */
+/* Maximum number of shots that are considered, as single shots and as the first shot of a chain. */
+#define MAX_SINGLE 600
 
 struct lamps_job { /* a frame to be read */
     const Lamps *lamps;
@@ -26,7 +25,7 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* ρ = π L / E of each probe, as processing makes it (btf/btf.h) but for the lamp's output. */
+/* Computes ρ = π L / E of each probe as in the BTF (btf/btf.h), but without the lamp's output. */
 static void to_reflectance(const struct lamps_job *job, const struct rig *rig, const guint8 *holes,
                            float *values) {
     const Lamps *lamps = job->lamps;
@@ -46,7 +45,7 @@ static void to_reflectance(const struct lamps_job *job, const struct rig *rig, c
     }
 }
 
-/* A reader's thread. A camera that does not see the sample as a whole tells nothing. */
+/* Runs in a thread of the readers. A camera that does not see the whole sample is not used. */
 static gboolean lamps_read(gpointer data, GError **error) {
     static const char *const any[] = {NULL};
     struct lamps_job *job = data;
@@ -147,7 +146,7 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
     return table;
 }
 
-/* How many of the chosen shots, from the first on, the budget has time for. */
+/* Returns how many of the chosen shots, counted from the first, fit into the budget. */
 static int within_budget(const Lamps *lamps, const struct rounds *rounds, const int *chosen,
                          int n) {
     const struct lamps_setup *setup = &lamps->setup;
@@ -184,7 +183,7 @@ void lamps_clear_candidates(struct lamps_candidates *c) {
     g_free(c->pairs);
 }
 
-/* Adds a chain, and the pairs that it shows. */
+/* Adds a chain and the pairs that it shows. */
 static void add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
                           int length, double price_s) {
     struct prediction_shot *one = &c->shots[c->n];
@@ -258,7 +257,7 @@ int lamps_list_chosen(const struct lamps_candidates *left, const struct predicti
     return n;
 }
 
-/* Sets the shots of a further round, or why there is none. */
+/* Sets the shots of a further round, or the reason why there is none. */
 static gboolean choose_shots(Lamps *lamps, const struct rounds *rounds,
                              const Prediction *prediction, struct lamps_choice *ret,
                              GError **error) {
@@ -314,8 +313,8 @@ gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_ch
     return FALSE;
 }
 
-/* Texels spread over the grid by the additive recurrence of the plastic number (Roberts 2018), so
- * that a periodic structure is met in all its phases. */
+/* Spreads the probes over the grid by the additive recurrence of the plastic number (Roberts 2018),
+ * so that they meet all phases of a periodic structure. */
 static void spread_probes(Lamps *lamps) {
     const struct session_grid *grid = &lamps->setup.conf->grid;
     const int n = grid->width * grid->height;
@@ -326,7 +325,7 @@ static void spread_probes(Lamps *lamps) {
         const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
         int column = (int)((x - floor(x)) * grid->width);
         int row = (int)((y - floor(y)) * grid->height);
-        if (n <= MAX_PROBES) { /* all of them */
+        if (n <= MAX_PROBES) { /* every texel is a probe */
             column = i % grid->width;
             row = i / grid->width;
         }
@@ -344,8 +343,9 @@ static struct vec3 *lamps_directions(const GPtrArray *directions) {
     return ret;
 }
 
-/* Places of cameras and lamps in the sample's frame, as the session's calibration has them. A lamp
- * has that of the first shot of its light, whose arc may have been shifted. */
+/* Finds the positions of cameras and lamps in the sample frame from the session's calibration. The
+ * position of a lamp is that in the first shot of its light, because the plan may have shifted the
+ * arc. */
 static void find_places(Lamps *lamps, const GPtrArray *views) {
     const struct rig *rig = &lamps->setup.calibration->rig;
     lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
@@ -355,7 +355,7 @@ static void find_places(Lamps *lamps, const GPtrArray *views) {
         lamps->views_mm[v] =
             rig_turn(rig_camera_centre_mm(&rig->cameras[view->device]), -RAD(view->turntable_deg));
     }
-    for (int l = 0; l < lamps->n_lights; l++) /* none of its shots was planned: far away */
+    for (int l = 0; l < lamps->n_lights; l++) /* far away, if none of its shots was planned */
         lamps->lights_mm[l] = vec3_scale(lamps->lights[l], 1e6);
     for (int i = (int)lamps->setup.shots->len - 1; i >= 0; i--) {
         const struct session_shot *shot = lamps->setup.shots->pdata[i];
@@ -366,7 +366,7 @@ static void find_places(Lamps *lamps, const GPtrArray *views) {
     }
 }
 
-/* Which pair each camera shows in each shot. */
+/* Finds the pair that each camera shows in each shot. */
 static void find_pairs(Lamps *lamps, const GPtrArray *views) {
     const struct lamps_setup *setup = &lamps->setup;
     const int n_cameras = setup->calibration->rig.n_cameras;

@@ -1,13 +1,14 @@
 /*
- * The lamps' shots of a session with [lights] sampling = adaptive: which join a further round, by
- * how well the pictures that are not taken can be predicted from those that are
- * (prediction/prediction.h).
+ * Chooses the shots of lamps that join a further round of a session with [lights] sampling =
+ * adaptive. The choice depends on how well the pictures that are not taken can be predicted from
+ * the pictures that are (selection/prediction.h).
  *
- * Of each frame that is committed some hundred texels, the probes, are rectified and made
- * reflectances as the BTF has them. The predictor is made of these. Those shots are chosen that
- * lower the expected error most for their price (plan_lamp_prices_s()), until it is expected to be
- * below [lights] error_pct, [lights] budget_min is used up, or the round has as many shots as all
- * before it. Main loop's thread, but for lamps_choose().
+ * Some hundred texels of each committed frame, the probes, are rectified and converted to
+ * reflectances as in the BTF. The predictor uses these values. The shots are chosen that lower the
+ * expected error most for their price (plan_lamp_prices_s()). The round is complete when the error
+ * is expected to be below [lights] error_pct, when [lights] budget_min is used up, or when it has
+ * as many shots as all earlier rounds together. All functions but lamps_choose() belong to the main
+ * loop's thread.
  */
 #pragma once
 
@@ -18,37 +19,39 @@
 
 typedef struct Lamps Lamps;
 
-struct lamps_setup { /* all is borrowed, and stays as it is while it lives, but the shots' states */
+struct lamps_setup { /* borrowed; only the states of the shots may change */
     Session *session;
     const struct session_conf *conf;
     const GPtrArray *shots;
-    const struct calibration *calibration; /* the session's */
+    const struct calibration *calibration; /* of the session */
     const struct rig *nominal;
     const struct rig_timing *timing;
     Readers *readers;
 };
 
-/* NULL: the session cannot be read. */
+/* Returns NULL if the session cannot be read. */
 Lamps *lamps_new(const struct lamps_setup *setup, GError **error);
-void lamps_dispose(Lamps *lamps); /* after the readers; NULL is ignored */
-void lamps_stop(Lamps *lamps);    /* a choice under way ends soon, with G_IO_ERROR_CANCELLED */
+void lamps_dispose(Lamps *lamps); /* call readers_free() before; NULL is ignored */
+void lamps_stop(Lamps *lamps);    /* ends a choice under way soon, with G_IO_ERROR_CANCELLED */
 
-/* A shot was committed: its frames are read in a reader's thread. */
+/* To be called when a shot was committed. A thread of the readers reads its frames. */
 void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
                      const struct session_frame *frames, int n);
 
-/* Before lamps_choose(): which shots are done, and what the lamps gave in them. */
+/* To be called before lamps_choose(). Notes which shots are done, and the output of their lamps. */
 gboolean lamps_note_done(Lamps *lamps, GError **error);
 
-enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL }; /* why there is no further */
+/* The reason why there is no further round. */
+enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 
 struct lamps_choice {
-    GArray *shots;               /* of int: numbers of shots, from 0; the caller's */
-    double error_pct, after_pct; /* expected, now and after those shots */
+    GArray *shots;               /* of int: numbers of shots, from 0; owned by the caller */
+    double error_pct, after_pct; /* expected error now, and after those shots */
     int n_taken, n_pictures;     /* of the BTF */
     enum lamps_end end;
 };
-/* In any thread, while the readers rest and the main loop calls nothing of this. rounds: those
- * before. The same measured values give the same choice. FALSE: cancelled. */
+/* Any thread may call it while the readers have no jobs and the main loop calls no function of
+ * this header. rounds contains the earlier rounds. The same measured values give the same choice.
+ * Returns FALSE if it was cancelled. */
 gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error);

@@ -28,7 +28,7 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* A reader's thread. */
+/* Runs in a thread of the pool. */
 static void run(gpointer data, gpointer readers_data) {
     struct readers_job *job = data;
     Readers *readers = readers_data;

@@ -1,7 +1,7 @@
 /*
- * Threads that read frames next to the capture. In lockstep (drivers/clock.h) the main loop waits
- * for each of them, so that nothing overlaps, neither readers with each other nor with what the
- * main loop writes: their calls to the disk come in the same order in each run.
+ * Threads that read frames during a capture. In lockstep (drivers/clock.h) the main loop waits for
+ * each job. Jobs then overlap neither each other nor the writing of the main loop, and calls to the
+ * disk come in the same order in each run.
  */
 #pragma once
 
@@ -10,25 +10,26 @@
 typedef struct Readers Readers;
 
 Readers *readers_new(Clock *clock);
-void readers_free(Readers *readers); /* jobs that have not begun are dropped; NULL is ignored */
+void readers_free(Readers *readers); /* drops jobs that have not begun; NULL is ignored */
 
-/* Main loop's thread. Calls read (job) in a thread, and then, when it has been read or is not
- * wanted any more, drop (job). A job that fails changes nothing, and is kept. frame: what it reads;
- * copied. */
+/* Calls read (job) in a thread, and drop (job) after the job succeeded or was dropped. A job that
+ * fails must change nothing, and is kept. frame is the name of the file that it reads, and is
+ * copied. Main loop's thread. */
 typedef gboolean (*ReadersRead)(gpointer job, GError **error);
 void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpointer job,
                   const char *frame);
 
-/* In another thread: waits until all jobs are done. FALSE: jobs have failed; the first of the
- * errors. */
+/* Waits until all jobs are done. Returns FALSE with the first error if jobs have failed. To be
+ * called in another thread than the main loop's. */
 gboolean readers_wait(Readers *readers, GError **error);
 
-/* Main loop's thread: the jobs that have failed are read once more. */
+/* Starts the jobs again that have failed. Main loop's thread. */
 void readers_retry(Readers *readers);
-/* Main loop's thread, while nothing is read: calls each for every job that has failed. */
+/* Calls each for every job that has failed. No job may be running. Main loop's thread. */
 void readers_each_failed(Readers *readers,
                          void (*each)(const char *frame, const GError *error, gpointer data),
                          gpointer data);
 
-gboolean readers_stopped(const Readers *readers); /* by readers_stop(); any thread */
-void readers_stop(Readers *readers);              /* jobs that have not begun are dropped */
+void readers_stop(Readers *readers); /* drops jobs that have not begun */
+/* Returns whether readers_stop() was called. Any thread. */
+gboolean readers_stopped(const Readers *readers);

@@ -2,14 +2,14 @@
 
 #include "selection/coverage_view.h"
 
-#define MAX_MORE 2 /* sweeps that join a round, at each turntable angle */
+#define MAX_MORE 2 /* maximum number of sweeps that join a round at each turntable angle */
 
 /* The sweeps of one turntable angle, and the views that they show. */
 struct group {
-    GArray *shots;                        /* of int: numbers of shots */
-    guint64 done;                         /* as sweeps_note_done() found them */
-    GMutex mutex;                         /* guards which views there are */
-    CoverageView *views[RIG_MAX_CAMERAS]; /* NULL: nothing was taken of it */
+    GArray *shots; /* of int: numbers of shots */
+    guint64 done;  /* bits of sweeps that were done at the last sweeps_note_done() */
+    GMutex mutex;  /* guards the array of views */
+    CoverageView *views[RIG_MAX_CAMERAS]; /* NULL before its first sweep */
     CoverageModel *models[RIG_MAX_CAMERAS];
 };
 
@@ -20,7 +20,7 @@ struct Sweeps {
     const struct rig *rig; /* calibrated */
     Readers *readers;
     GPtrArray *groups;
-    GHashTable *group_of; /* number of a shot + 1 → struct group */
+    GHashTable *group_of; /* maps the number of a shot + 1 to a struct group */
 };
 
 struct sweeps_job { /* a file to be examined */
@@ -48,7 +48,7 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* A reader's thread. */
+/* Runs in a thread of the readers. */
 static gboolean sweeps_read(gpointer data, GError **error) {
     struct sweeps_job *job = data;
     CoverageView **view = &job->group->views[job->camera];
@@ -92,8 +92,8 @@ void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
     }
 }
 
-/* The expected gain of a sweep: it makes a share of the texels of each camera's view known, and the
- * gain is the mean of these shares. */
+/* Returns the expected gain of a sweep. The sweep makes a share of the texels of each camera's view
+ * known. The gain is the mean of these shares. */
 static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int sweep) {
     const struct session_shot *shot = sweeps->shots->pdata[g_array_index(group->shots, int, sweep)];
     double sum = 0;
@@ -104,8 +104,8 @@ static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int s
     return sum / MAX(__builtin_popcount(shot->cameras), 1);
 }
 
-/* Adds the sweeps of a group that join the next round to ret. When one has joined, the gain of each
- * other sweep is lowered by the share by which the model lowers it. */
+/* Adds the sweeps of a group that join the next round to ret. After a sweep has joined, the
+ * model lowers the gains of the other sweeps. */
 static void choose_group(const Sweeps *sweeps, const struct group *group, guint64 chosen,
                          GArray *ret) {
     const double least = sweeps->conf->laser_gain_pct / 100;

@@ -1,7 +1,7 @@
 /*
- * The laser sweeps of a session with [lasers] stop = covered: which join a further round, by what
- * those taken so far know of the surface (coverage/coverage_view.h). Main loop's thread, but for
- * sweeps_choose().
+ * Chooses the laser sweeps that join a further round of a session with [lasers] stop = covered. The
+ * choice depends on the part of the surface that the sweeps taken so far have measured
+ * (selection/coverage_view.h). All functions but sweeps_choose() belong to the main loop's thread.
  */
 #pragma once
 
@@ -10,22 +10,22 @@
 
 typedef struct Sweeps Sweeps;
 
-/* All but the readers are borrowed, and stay as they are while it lives, but for the shots' states;
- * rig: calibrated. */
+/* All arguments are borrowed. Only the states of the shots may change. rig is calibrated. */
 Sweeps *sweeps_new(Session *session, const struct session_conf *conf, const GPtrArray *shots,
                    const struct rig *rig, Readers *readers);
-void sweeps_free(Sweeps *sweeps); /* after the readers; NULL is ignored */
+void sweeps_free(Sweeps *sweeps); /* call readers_free() before; NULL is ignored */
 
-/* A sweep was committed: it is examined in a reader's thread. */
+/* To be called when a sweep was committed. A thread of the readers examines it. */
 void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
                  const struct session_frame *frames, int n);
 
-/* Before sweeps_choose(): which sweeps are done. */
+/* To be called before sweeps_choose(). Notes which sweeps are done. */
 void sweeps_note_done(Sweeps *sweeps);
 
 struct sweeps_choice {
-    GArray *shots; /* of int: numbers of shots, from 0; the caller's */
+    GArray *shots; /* of int: numbers of shots, from 0; owned by the caller */
     double known_pct, worst_pct;
 };
-/* In any thread, while the readers rest and the main loop calls nothing of this. */
+/* Any thread may call it while the readers have no jobs and the main loop calls no function of this
+ * header. */
 struct sweeps_choice sweeps_choose(const Sweeps *sweeps);

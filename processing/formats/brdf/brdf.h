@@ -8,21 +8,10 @@
  * evaluate an opened BRDF at the same time. */
 #pragma once
 
-#include <gio/gio.h>
+#include "brdf_function.h"
 
 enum brdf_kind { BRDF_RGL, BRDF_MERL, BRDF_UTIA };
 #define BRDF_KINDS 3
-
-/* A BRDF to be written, or any other function of two directions. light and view are above the
- * surface. The function is called from several threads at the same time. */
-typedef void (*BrdfFunction)(const float light[3], const float view[3], float ret[3],
-                             gpointer data);
-
-/* The conversion of UTIA's numbers to f_r = scale · decode (number / divide); see utia.h. */
-struct brdf_coding {
-    double divide, scale; /* 0 means 1 */
-    gboolean srgb;        /* decode converts from sRGB to linear; otherwise numbers are linear */
-};
 
 typedef struct Brdf Brdf;
 

@@ -19,7 +19,7 @@
 #pragma once
 
 #include "base/work.h"
-#include "brdf.h"
+#include "brdf_function.h"
 
 struct rgl;
 

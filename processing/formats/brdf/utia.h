@@ -13,7 +13,7 @@
  */
 #pragma once
 
-#include "brdf.h"
+#include "brdf_function.h"
 
 #define UTIA_THETAS 6
 #define UTIA_PHIS   48

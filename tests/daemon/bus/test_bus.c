@@ -282,7 +282,7 @@ static void test_limits(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "Start", start_parameters(endless, fixture->directory), "PlanSize", "poses");
 
     g_autofree char *large = long_session_write(fixture->folder, "30:140; 60:140");
-    struct preparer_limits *limits = &fixture->bus->limits[PREPARER_CHECK];
+    struct preparer_limits *limits = &fixture->bus->jobs.limits[PREPARER_CHECK];
     limits->wall_s = 1;
     refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
             "longer than the limit of 1 s");
@@ -296,7 +296,7 @@ static void test_limits(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
             "MiB of memory");
 #endif
-    fixture->bus->limits[PREPARER_BEGIN].cpu_s = 1;
+    fixture->bus->jobs.limits[PREPARER_BEGIN].cpu_s = 1;
     refused(fixture, "Start", start_parameters(large, fixture->directory), "Limit",
             "computing time");
     g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));

@@ -1,7 +1,7 @@
 /* Devices by hand, as the bus answers for them: names that there are not, calls that meet, clients
  * that go, a door that opens, and devices that fail. Whatever happens, what was switched on goes
  * off, or the operator is told that it may shine. */
-#include "bus/bus_hands.h"
+#include "bus/bus_private.h"
 
 #include <string.h>
 #include <sys/socket.h>
@@ -17,11 +17,11 @@
  * call has begun before the second comes in. */
 
 static gboolean no_hands(const Bus *bus) {
-    return bus->hands->len == 0;
+    return bus->hands.list->len == 0;
 }
 
 static gboolean some_hands(const Bus *bus) {
-    return bus->hands->len > 0;
+    return bus->hands.list->len > 0;
 }
 
 static gboolean is_dark(const struct devices *devices) {
@@ -88,22 +88,22 @@ TEST(lights) {
     GAsyncResult *first = NULL;
     bus_peer_tell(peer, "SetLamp", off("lamp30")); /* that is off */
     bus_peer_tell(peer, "SetLaser", off("laser60"));
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_tell(peer, "SetLamp", on("lamp30"));
     bus_peer_tell(peer, "SetLamp", on("lamp60"));
     bus_peer_tell(peer, "SetLamp", on("lamp60")); /* again */
-    g_assert_cmpuint(peer->bus->hands->len, ==, 2);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 2);
     bus_peer_tell(peer, "SetLamp", off("lamp60"));
-    g_assert_cmpuint(peer->bus->hands->len, ==, 1);
-    g_assert_true(lamps_is_on(peer->bus->devices->banks[0], 0));
-    g_assert_false(lamps_is_on(peer->bus->devices->banks[0], 1));
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 1);
+    g_assert_true(lamps_is_on(peer->bus->rig.devices->banks[0], 0));
+    g_assert_false(lamps_is_on(peer->bus->rig.devices->banks[0], 1));
     bus_peer_begin(peer->client, "SetLaser", on("laser30"), &first);
     bus_peer_refused(peer, "SetLaser", on("laser30"), "Busy", "laser30 is busy with another call");
     g_variant_unref(bus_peer_end(peer->client, &first, NULL, NULL));
-    g_assert_true(laser_is_on(peer->bus->devices->lasers[0]));
+    g_assert_true(laser_is_on(peer->bus->rig.devices->lasers[0]));
     bus_peer_tell(peer, "SafeState", NULL);
     bus_peer_wait(peer, no_hands);
-    g_assert_true(is_dark(peer->bus->devices));
+    g_assert_true(is_dark(peer->bus->rig.devices));
     bus_peer_free(peer);
 }
 
@@ -121,22 +121,22 @@ TEST(gone) {
     g_variant_unref(bus_peer_end(other, &laser, NULL, NULL));
     bus_peer_begin(other, "MoveAxis", to("arc", 170), &moves);
     bus_peer_begin(other, "Snap", picture("cam30", 3000000), &snaps);
-    while (peer->bus->hands->len < 5)
+    while (peer->bus->hands.list->len < 5)
         g_main_context_iteration(NULL, TRUE);
-    g_assert_true(axis_is_moving(peer->bus->devices->arc));
+    g_assert_true(axis_is_moving(peer->bus->rig.devices->arc));
     g_dbus_connection_close_sync(other, NULL, NULL);
-    while (peer->bus->hands->len > 1)
+    while (peer->bus->hands.list->len > 1)
         g_main_context_iteration(NULL, TRUE);
-    g_assert_false(axis_is_moving(peer->bus->devices->arc));
-    g_assert_false(laser_is_on(peer->bus->devices->lasers[0]));
-    g_assert_true(lamps_is_on(peer->bus->devices->banks[0], 0));
-    g_assert_false(lamps_is_on(peer->bus->devices->banks[0], 1));
+    g_assert_false(axis_is_moving(peer->bus->rig.devices->arc));
+    g_assert_false(laser_is_on(peer->bus->rig.devices->lasers[0]));
+    g_assert_true(lamps_is_on(peer->bus->rig.devices->banks[0], 0));
+    g_assert_false(lamps_is_on(peer->bus->rig.devices->banks[0], 1));
     g_autoptr(GError) error = NULL;
     g_assert_null(bus_peer_end(other, &moves, NULL, &error));
     g_clear_error(&error);
     g_assert_null(bus_peer_end(other, &snaps, NULL, &error));
     bus_peer_tell(peer, "CloseRig", NULL);
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_free(peer);
 }
 
@@ -151,11 +151,12 @@ TEST(door) {
     bus_peer_begin(peer->client, "Snap", picture("cam30", 20000000), &snaps);
     bus_peer_fails(peer->client, &snaps, "Cancelled", "door");
     bus_peer_wait(peer, no_hands);
-    g_assert_true(is_dark(peer->bus->devices));
+    g_assert_true(is_dark(peer->bus->rig.devices));
     bus_peer_refused(peer, "SetLaser", on("laser30"), "DeviceInterlock", "door");
     bus_peer_refused(peer, "MoveAxis", to("arc", 3), "DeviceInterlock", "door");
     bus_peer_refused(peer, "HomeAxis", name_of("turntable"), "DeviceInterlock", "door");
-    g_assert_false(bus_hands_park(peer->bus, peer->bus->devices->arc, NULL, &error));
+    g_assert_false(
+        bus_hands_park(&peer->bus->hands, peer->bus->rig.devices->arc, NULL, NULL, &error));
     assert_has(error->message, "door");
     bus_peer_tell(peer, "SetLamp", on("lamp30"));
     bus_peer_tell(peer, "SetLamp", off("lamp30"));
@@ -177,26 +178,26 @@ TEST(axes) {
     bus_peer_tell(peer, "SafeState", NULL);
     bus_peer_fails(peer->client, &moves, "Cancelled", "SafeState");
     bus_peer_wait(peer, no_hands);
-    g_assert_false(axis_is_moving(peer->bus->devices->arc));
+    g_assert_false(axis_is_moving(peer->bus->rig.devices->arc));
     bus_peer_tell(peer, "Release", NULL);
     bus_peer_tell(peer, "MoveAxis", to("arc", 10));
     /* Stopped by somebody else than its client. */
     bus_peer_begin(peer->client, "MoveAxis", to("arc", 170), &moves);
     bus_peer_wait(peer, some_hands);
-    axis_stop(peer->bus->devices->arc, NULL);
+    axis_stop(peer->bus->rig.devices->arc, NULL);
     bus_peer_fails(peer->client, &moves, "DeviceStalled", "it was stopped at");
     bus_peer_free(peer);
 
     peer = bus_peer_open(stalls);
     bus_peer_tell(peer, "HomeAxis", name_of("arc"));
     bus_peer_refused(peer, "MoveAxis", to("arc", 170), "DeviceStalled", "arc");
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_free(peer);
 
     peer = bus_peer_open(silent);
     bus_peer_tell(peer, "HomeAxis", name_of("arc"));
     bus_peer_refused(peer, "MoveAxis", to("arc", 170), "DeviceTimeout", "arc");
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_free(peer);
 }
 
@@ -205,7 +206,7 @@ static struct parked {
     char *error;
 } parked;
 
-static void on_park(Bus *bus, const GError *error) {
+static void on_park(gpointer data, const GError *error) {
     g_free(parked.error);
     parked = (struct parked){parked.n + 1, error ? g_strdup(error->message) : NULL};
 }
@@ -216,7 +217,8 @@ static gboolean has_parked(const Bus *bus) {
 
 static void park_arc(struct bus_peer *peer) {
     parked.n = 0;
-    g_assert_true(ok(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, ERR)));
+    g_assert_true(
+        ok(bus_hands_park(&peer->bus->hands, peer->bus->rig.devices->arc, on_park, NULL, ERR)));
 }
 
 TEST(park) {
@@ -232,15 +234,16 @@ TEST(park) {
     g_autoptr(GError) error = NULL;
     park_arc(peer); /* homes, then moves */
     bus_peer_refused(peer, "MoveAxis", to("arc", 3), "Busy", "arc is busy");
-    g_assert_false(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, &error));
+    g_assert_false(
+        bus_hands_park(&peer->bus->hands, peer->bus->rig.devices->arc, on_park, NULL, &error));
     assert_has(error->message, "somebody is moving the axis arc");
     bus_peer_wait(peer, has_parked);
     g_assert_null(parked.error);
-    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->devices->arc), 40, 0.01);
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->rig.devices->arc), 40, 0.01);
     bus_peer_tell(peer, "MoveAxis", to("arc", 100));
     park_arc(peer); /* moves */
     bus_peer_wait(peer, has_parked);
-    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->devices->arc), 40, 0.01);
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->rig.devices->arc), 40, 0.01);
     bus_peer_tell(peer, "HomeAxis", name_of("turntable"));
     bus_peer_tell(peer, "MoveAxis", to("arc", 100));
     bus_peer_begin(peer->client, "MoveAxis", to("turntable", 170), &moves);
@@ -276,7 +279,7 @@ TEST(pictures) {
     bus_peer_wait(peer, some_hands);
     bus_peer_tell(peer, "SafeState", NULL);
     bus_peer_fails(peer->client, &first, "Cancelled", "SafeState");
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_free(peer);
 
     peer = bus_peer_open(lost);
@@ -287,12 +290,12 @@ TEST(pictures) {
     peer = bus_peer_open(stale);
     bus_peer_tell(peer, "Snap", picture("cam30", 4000));
     bus_peer_refused(peer, "Snap", picture("cam30", 4000), "DeviceStale", "cam30");
-    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    g_assert_cmpuint(peer->bus->hands.list->len, ==, 0);
     bus_peer_free(peer);
 }
 
 static gboolean is_all_off(const Bus *bus) {
-    return bus->hands->len == 0 && is_dark(bus->devices);
+    return bus->hands.list->len == 0 && is_dark(bus->rig.devices);
 }
 
 /* The daemon measures how long a light is on. */
@@ -326,7 +329,7 @@ TEST(lease) {
     g_usleep(1100 * 1000); /* the first lease is over now */
     while (g_main_context_iteration(NULL, FALSE))
         ;
-    g_assert_true(laser_is_on(peer->bus->devices->lasers[0]));
+    g_assert_true(laser_is_on(peer->bus->rig.devices->lasers[0]));
     g_clear_pointer(&renewed, g_variant_unref);
     bus_peer_begin(peer->client, "Renew", g_variant_new("(d)", 0.1), &result);
     renewed = bus_peer_end(peer->client, &result, NULL, NULL);
@@ -488,7 +491,7 @@ static void check_unheard(const char *section, const char *method, const char *d
                      "Busy", "has not confirmed that it is off");
     g_assert_true(has_unsafe(peer->bus)); /* it was so until here */
     bus_peer_wait(peer, has_none_unsafe);
-    g_assert_true(is_dark(peer->bus->devices));
+    g_assert_true(is_dark(peer->bus->rig.devices));
     assert_health(peer, laser ? device : "bank", "off");
     bus_peer_tell(peer, method, on(device));
     bus_peer_tell(peer, method, off(device));

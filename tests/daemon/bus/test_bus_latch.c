@@ -1,8 +1,7 @@
 /* The safe state as a latch: SafeState comes before calls that arrived earlier, holds until
  * Release, and is answered while devices or the main loop are busy. */
 #include "bus/bus_errors.h"
-#include "bus/bus_hands.h"
-#include "bus/bus_latch.h"
+#include "bus/bus_private.h"
 
 #include <string.h>
 
@@ -22,11 +21,11 @@ static GVariant *off(const char *name) {
 }
 
 static gboolean no_hands(const Bus *bus) {
-    return bus->hands->len == 0;
+    return bus->hands.list->len == 0;
 }
 
 static gboolean is_dark(const Bus *bus) {
-    const struct devices *devices = bus->devices;
+    const struct devices *devices = bus->rig.devices;
     for (int i = 0; i < devices->geometry.n_lamps; i++)
         if (lamps_light(devices->lamps[i].bank, devices->lamps[i].index) != LIGHT_OFF)
             return FALSE;
@@ -98,16 +97,16 @@ TEST(holds) {
 
     /* No path inside of the daemon passes the latch. */
     g_autoptr(GError) error = NULL;
-    g_assert_false(laser_set(peer->bus->devices->lasers[0], TRUE, &error));
+    g_assert_false(laser_set(peer->bus->rig.devices->lasers[0], TRUE, &error));
     g_assert_error(error, BUS_ERROR, BUS_ERROR_LATCHED);
     g_clear_error(&error);
-    g_assert_false(lamps_set(peer->bus->devices->banks[0], 0, TRUE, &error));
+    g_assert_false(lamps_set(peer->bus->rig.devices->banks[0], 0, TRUE, &error));
     g_assert_error(error, BUS_ERROR, BUS_ERROR_LATCHED);
     g_clear_error(&error);
-    g_assert_false(axis_home(peer->bus->devices->arc, &error));
+    g_assert_false(axis_home(peer->bus->rig.devices->arc, &error));
     g_assert_error(error, BUS_ERROR, BUS_ERROR_LATCHED);
     g_clear_error(&error);
-    g_assert_false(bus_begin(peer->bus, peer->session, FALSE, NULL, FALSE, &error));
+    g_assert_false(bus_run_begin(&peer->bus->run, peer->session, FALSE, NULL, FALSE, &error));
     g_assert_error(error, BUS_ERROR, BUS_ERROR_LATCHED);
 
     bus_peer_tell(peer, "Release", NULL);
@@ -173,7 +172,7 @@ TEST(slow_device) {
     }
     g_assert_false(safe);
     g_assert_true(told);
-    g_assert_cmpint(laser_safety(peer->bus->devices->lasers[0]), ==, DEVICE_TOLD);
+    g_assert_cmpint(laser_safety(peer->bus->rig.devices->lasers[0]), ==, DEVICE_TOLD);
     bus_peer_free(peer);
 }
 
@@ -208,7 +207,7 @@ TEST(busy_loop) {
     GThread *thread = g_thread_new("operator", ask_in_thread, &asking);
     while (!is_set(peer->bus))
         g_main_context_iteration(NULL, FALSE);
-    const gboolean blocked = !asking.answer && laser_is_on(peer->bus->devices->lasers[0]);
+    const gboolean blocked = !asking.answer && laser_is_on(peer->bus->rig.devices->lasers[0]);
     g_thread_join(thread);
     gboolean safe = TRUE;
     g_autoptr(GVariant) devices = NULL;

@@ -1,7 +1,6 @@
 /* How the rig is left when the last session of the queue has ended, as its devices tell it. */
 #include "bus/bus.h"
 #include "bus/bus_private.h"
-#include "bus/bus_unattended.h"
 #include "bus/queue.h"
 #include "lib/ok.h"
 #include "lib/test.h"
@@ -27,8 +26,8 @@ static void add_session(Bus *bus, const char *folder) {
     set_text(&item->session_path, path);
     set_text(&item->session_text, text);
     set_text(&item->directory, directory);
-    set_text(&item->rig, bus->rig_path);
-    ok(bus_unattended_add(bus, item, ERR));
+    set_text(&item->rig, bus->rig.path);
+    ok(bus_unattended_add(bus->unattended, item, ERR));
 }
 
 /* Runs one session in a rig with these changes, and fills where the axes stand. */
@@ -53,14 +52,14 @@ static void run_one(const struct change *changes, double *ret_turntable_deg, dou
     }
     g_assert_cmpstr(bus_rig1_get_queue_state(bus->object), ==, "empty");
     g_assert_cmpstr(bus_rig1_get_state(bus->object), ==, "done");
-    *ret_turntable_deg = axis_position_deg(bus->devices->turntable);
-    *ret_arc_deg = axis_position_deg(bus->devices->arc);
-    g_variant_unref(g_variant_ref_sink(devices_safety(bus->devices, &safety)));
+    *ret_turntable_deg = axis_position_deg(bus->rig.devices->turntable);
+    *ret_arc_deg = axis_position_deg(bus->rig.devices->arc);
+    g_variant_unref(g_variant_ref_sink(devices_safety(bus->rig.devices, &safety)));
     g_assert_cmpint(safety, ==, DEVICE_SAFE);
-    for (int i = 0; i < bus->devices->geometry.n_lasers; i++)
-        g_assert_false(laser_is_on(bus->devices->lasers[i]));
-    for (int i = 0; i < bus->devices->banks[0]->n; i++)
-        g_assert_false(lamps_is_on(bus->devices->banks[0], i));
+    for (int i = 0; i < bus->rig.devices->geometry.n_lasers; i++)
+        g_assert_false(laser_is_on(bus->rig.devices->lasers[i]));
+    for (int i = 0; i < bus->rig.devices->banks[0]->n; i++)
+        g_assert_false(lamps_is_on(bus->rig.devices->banks[0], i));
     bus_unserve(bus, server);
     bus_free(bus);
     while (g_main_context_iteration(NULL, FALSE))

@@ -1,7 +1,6 @@
 /* Test shots of a session of the queue are another program's: what it is asked, and what its
  * answers, its faults and its silence mean. In its place are scripts. */
 #include "bus/bus_trial.h"
-#include "bus/queue.h"
 #include "lib/ok.h"
 
 #include <stdlib.h>
@@ -19,13 +18,13 @@ static struct answer { /* the last */
     enum bus_trial_end end;
 } answer;
 
-static void on_answer(Bus *bus, char *chosen, char *said, enum bus_trial_end end) {
+static void on_answer(const char *chosen, const char *said, enum bus_trial_end end, gpointer data) {
     g_free(answer.chosen);
     g_free(answer.said);
     answer = (struct answer){answer.n + 1, g_strdup(chosen), g_strdup(said), end};
 }
 
-static struct bus_trial *start(Bus *bus, const char *script, GError **error) {
+static struct bus_trial *start(const char *address, const char *script, GError **error) {
     g_autoptr(QueueItem) item = queue_item_new();
     g_free(item->session_path);
     item->session_path = g_strdup("/a/small.conf");
@@ -33,7 +32,7 @@ static struct bus_trial *start(Bus *bus, const char *script, GError **error) {
     item->session_text = g_strdup("[session]\nname = small\n");
     item->yes = TRUE;
     beside_write("mesorig", script);
-    return bus_trial_start(bus, item, on_answer, error);
+    return bus_trial_start(address, item, on_answer, NULL, error);
 }
 
 static void pass_time(int ms) {
@@ -43,11 +42,11 @@ static void pass_time(int ms) {
     }
 }
 
-static void expect(Bus *bus, const char *script, enum bus_trial_end end, const char *chosen,
-                   const char *said) {
+static void expect(const char *address, const char *script, enum bus_trial_end end,
+                   const char *chosen, const char *said) {
     const int before = answer.n;
     const gint64 until = g_get_monotonic_time() + WAIT_US;
-    struct bus_trial *trial = ok(start(bus, script, ERR));
+    struct bus_trial *trial = ok(start(address, script, ERR));
     while (answer.n == before) {
         g_assert_cmpint(g_get_monotonic_time(), <, until);
         g_main_context_iteration(NULL, TRUE);
@@ -63,9 +62,8 @@ static void expect(Bus *bus, const char *script, enum bus_trial_end end, const c
 }
 
 static void test_answers_inside(void) {
-    Bus *bus = bus_new(ADDRESS);
     /* It gets what cli/captures/queue_try.c reads. */
-    expect(bus, "cat >&2; echo \"$*\" >&2; printf 'cam30 4000'", BUS_TRIAL_DONE, "cam30 4000",
+    expect(ADDRESS, "cat >&2; echo \"$*\" >&2; printf 'cam30 4000'", BUS_TRIAL_DONE, "cam30 4000",
            NULL);
     static const char *const asked[] = {"[try]",
                                         "session=/a/small.conf",
@@ -77,50 +75,45 @@ static void test_answers_inside(void) {
         assert_has(answer.said, asked[i]);
     /* These do not read it, and are heard all the same. The program's name before a line says
      * nothing here; empty lines neither. */
-    expect(bus, "printf 'mesorig: one\\n\\nmesorig: two\\nthree\\n' >&2; exit 1", BUS_TRIAL_SESSION,
-           "", "one\ntwo\nthree");
-    expect(bus, "echo mesorig: the lamp is out >&2; exit 3", BUS_TRIAL_RIG, "", "the lamp is out");
-    expect(bus, "exit 0", BUS_TRIAL_DONE, "", "");
-    expect(bus, "exit 2", BUS_TRIAL_SESSION, "", "the test shots ended without an answer");
-    expect(bus, "kill -9 $$", BUS_TRIAL_SESSION, "", "the test shots ended without an answer");
-    expect(bus, "printf '\\377'", BUS_TRIAL_SESSION, "", NULL);
+    expect(ADDRESS, "printf 'mesorig: one\\n\\nmesorig: two\\nthree\\n' >&2; exit 1",
+           BUS_TRIAL_SESSION, "", "one\ntwo\nthree");
+    expect(ADDRESS, "echo mesorig: the lamp is out >&2; exit 3", BUS_TRIAL_RIG, "",
+           "the lamp is out");
+    expect(ADDRESS, "exit 0", BUS_TRIAL_DONE, "", "");
+    expect(ADDRESS, "exit 2", BUS_TRIAL_SESSION, "", "the test shots ended without an answer");
+    expect(ADDRESS, "kill -9 $$", BUS_TRIAL_SESSION, "", "the test shots ended without an answer");
+    expect(ADDRESS, "printf '\\377'", BUS_TRIAL_SESSION, "", NULL);
     assert_has(answer.said, "the test shots ended without an answer: ");
-    bus_free(bus);
 }
 
 /* On the system's bus, or the session's, it looks for the daemon there. */
 static void test_bus_inside(void) {
     static const char *const names[] = {"system", "session"};
     for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
-        Bus *bus = bus_new(names[i]);
         g_autofree char *asked = g_strdup_printf("queue try --bus %s", names[i]);
-        expect(bus, "echo \"$*\" >&2", BUS_TRIAL_DONE, "", asked);
-        bus_free(bus);
+        expect(names[i], "echo \"$*\" >&2", BUS_TRIAL_DONE, "", asked);
     }
 }
 
 static void test_none_inside(void) {
     g_autoptr(GError) error = NULL;
-    Bus *bus = bus_new(ADDRESS);
     g_setenv("PATH", "/no/such/folder", TRUE);
-    g_assert_null(start(bus, NULL, &error));
+    g_assert_null(start(ADDRESS, NULL, &error));
     assert_has(error->message, "neither in the folder of this program nor in PATH");
     g_clear_error(&error);
     beside_write_raw("mesorig", "#!/no/such/interpreter");
     g_autoptr(QueueItem) item = queue_item_new();
-    g_assert_null(bus_trial_start(bus, item, on_answer, &error));
+    g_assert_null(bus_trial_start(ADDRESS, item, on_answer, NULL, &error));
     g_assert_nonnull(error);
-    bus_free(bus);
 }
 
 /* Freed while it runs: it is killed, and its answer is heard by nobody. */
 static void test_free_inside(void) {
-    Bus *bus = bus_new(ADDRESS);
     const int before = answer.n;
     const char *folder = beside_write("none", NULL);
     g_autofree char *note = g_build_filename(folder, "note", NULL), *text = NULL;
     g_autofree char *script = g_strdup_printf("trap '' TERM; echo $$ >'%s'; exec sleep 600", note);
-    struct bus_trial *trial = ok(start(bus, script, ERR));
+    struct bus_trial *trial = ok(start(ADDRESS, script, ERR));
     for (int i = 0; i < 4000 && (!text || !strchr(text, '\n')); i++) {
         g_clear_pointer(&text, g_free);
         pass_time(5);
@@ -135,7 +128,6 @@ static void test_free_inside(void) {
         pass_time(5);
     g_assert_false(g_file_test(process, G_FILE_TEST_EXISTS));
     g_assert_cmpint(answer.n, ==, before);
-    bus_free(bus);
 }
 
 static void test_copy(gconstpointer path) {

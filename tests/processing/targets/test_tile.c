@@ -143,8 +143,8 @@ TEST(quick_check) {
 }
 
 /* Four marks in each camera's picture, cam1's 3 pixels off if it is turned. */
-static void shot_of_marks(struct flight *flight, gboolean turned) {
-    flight->marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+static GArray *marks_of_shot(gboolean turned) {
+    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
     for (int i = 0; i < 8; i++) {
         struct fiducial_seen seen = {.camera = i / 4,
                                      .fiducial = i % 4,
@@ -154,17 +154,16 @@ static void shot_of_marks(struct flight *flight, gboolean turned) {
                                      .expected_y_px = 40};
         seen.x_px = seen.expected_x_px + (turned && seen.camera == 1 ? 3 : 0);
         seen.y_px = seen.expected_y_px;
-        g_array_append_val(flight->marks, seen);
+        g_array_append_val(marks, seen);
     }
+    return marks;
 }
 
-static char *check_shot(Capture *capture, gboolean turned) {
+static char *check_shot(struct capture_marks *marks, const struct capture_session *session,
+                        gboolean turned) {
     const struct session_shot shot = {.id = 1, .kind = SHOT_LAMP};
-    struct flight flight = {.shot = &shot};
-    shot_of_marks(&flight, turned);
-    char *told = ok(capture_marks_check(capture, &flight, ERR));
-    g_array_unref(flight.marks);
-    return told;
+    g_autoptr(GArray) seen = marks_of_shot(turned);
+    return ok(capture_marks_check(marks, session, &shot, seen, ERR));
 }
 
 /* A light may make marks look displaced; nobody is called at night for one shot's sake. */
@@ -177,21 +176,22 @@ TEST(quick_check_asks_twice) {
                     CAPTURE_DONE);
     g_autoptr(Clock) clock = clock_new_virtual();
     struct devices devices = {.clock = clock};
-    Capture capture = {.devices = &devices,
-                       .session = session_open(path, SESSION_PRODUCTS, NULL),
-                       .calibration = calibration_read(calibration_path, NULL),
-                       .since_us = -1};
+    struct capture_session session = {.devices = &devices,
+                                      .store = session_open(path, SESSION_PRODUCTS, NULL),
+                                      .calibration = calibration_read(calibration_path, NULL),
+                                      .clock = {.clock = clock, .since_us = -1}};
+    struct capture_marks marks = {0};
     static const gboolean shots[] = {FALSE, TRUE, FALSE, FALSE, TRUE, TRUE};
     for (gsize i = 0; i < G_N_ELEMENTS(shots); i++) {
         if (i == 2) /* what was seen in the window would still show */
-            g_queue_clear_full(capture.marks, (GDestroyNotify)g_array_unref);
-        g_autofree char *told = check_shot(&capture, shots[i]);
+            g_queue_clear_full(marks.window, (GDestroyNotify)g_array_unref);
+        g_autofree char *told = check_shot(&marks, &session, shots[i]);
         g_assert_cmpint(told != NULL, ==, i == G_N_ELEMENTS(shots) - 1);
         g_assert_true(!told || strstr(told, "camera cam1 is turned by"));
     }
-    capture_marks_forget(&capture);
-    session_close(capture.session);
-    calibration_free(capture.calibration);
+    capture_marks_forget(&marks);
+    session_close(session.store);
+    calibration_free(session.calibration);
     radiometry_rig_remove(folder);
 }
 

@@ -290,8 +290,11 @@ static void tear_down(struct bench *bench, gconstpointer data) {
 }
 
 static void give(struct bench *bench, const struct session_shot *shot, int sub, Frame *frame) {
-    const struct intake_frame of = {.sub = sub, .time_s = sub * 0.5};
-    intake_frame(bench->intake, shot, &of, frame);
+    const struct taken_frame taken = {.shot = shot,
+                                      .sub = sub,
+                                      .frame = frame,
+                                      .row = {.shot = shot->id, .captured_s = sub * 0.5}};
+    intake_take(bench->intake, &taken);
     frame_unref(frame);
 }
 

@@ -1,0 +1,11 @@
+/* The queue of calls that wait for the main loop. It passes SafeState to the latch, and refuses a
+ * call if its client has too many other calls waiting. Owned by the Bus. All functions belong to
+ * the main loop's thread. */
+#pragma once
+
+#include "bus_latch.h"
+
+struct bus_queue *bus_queue_new(struct bus_latch *latch);
+/* Passes the calls that arrive on a connection through the queue. */
+void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
+void bus_queue_close(struct bus_queue *queue);

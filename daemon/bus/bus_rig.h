@@ -1,0 +1,57 @@
+/*
+ * The rig that is open, and who uses it. Owned by the Bus; its parts borrow it. bus.c opens and
+ * closes the rig. All parts may read the members and call the functions; a member that another part
+ * sets says so. All functions belong to the main loop's thread.
+ */
+#pragma once
+
+#include "rig/devices.h"
+#include "rig/guardian.h"
+#include "rig1-bus.h"
+
+struct bus_latch;
+
+struct bus_rig {
+    BusRig1 *object;         /* shows the rig to clients; borrowed */
+    struct bus_latch *latch; /* latch of the safe state (bus_latch.h); borrowed */
+    struct devices *devices; /* NULL if no rig is open */
+    char *path;
+    Guardian *guardian; /* NULL if all devices are simulated */
+    gboolean ending;    /* the rig is being made safe for good: no operation begins any more */
+    /* The rig has been made safe, and its state was read back. Whoever switches on or moves a
+     * device sets this to FALSE. */
+    gboolean is_safe;
+    gboolean holds_clock;
+    const char *captured; /* session directory of the capture under way (bus_run.h), or NULL */
+    guint n_hands;        /* number of devices in use by hand (bus_hands.h) */
+    GHashTable *faults;   /* maps the name of a device to a message */
+    /* Maps a device ("laser top") to the state that it has not confirmed (bus_safety.h). */
+    GHashTable *unsafe;
+    /* Called when something has changed for which the queue of sessions may be waiting. */
+    void (*freed)(gpointer data);
+    gpointer data;
+};
+
+void bus_rig_init(struct bus_rig *rig, BusRig1 *object);
+void bus_rig_clear(struct bus_rig *rig);
+
+/* Returns whether a rig is open. Errors are BUS_ERROR_NO_RIG and BUS_ERROR_BUSY. */
+gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error);
+
+/* Returns an interlock that is open, or NULL. A rig must be open. */
+const Interlock *bus_rig_open_interlock(const struct bus_rig *rig);
+
+/* Sends an event to all clients and the log. An event of level "error" also becomes the fault of a
+ * device. */
+void bus_rig_report(struct bus_rig *rig, const char *level, const char *source,
+                    const char *message);
+void bus_rig_show_devices(struct bus_rig *rig);
+
+/* Emits the changed properties. Call it before a method is answered, so that the client never reads
+ * an old state after its call. */
+void bus_rig_flush(const struct bus_rig *rig);
+
+/* Holds the clock of a simulated rig, so that its time stands still until a client requests
+ * something. Without this, faults that the rig simulates after some seconds could occur before the
+ * first call. */
+void bus_rig_hold_clock(struct bus_rig *rig, gboolean hold);

@@ -1,0 +1,54 @@
+/*
+ * The capture that is under way, and its last state and pictures after it has ended. Owned by the
+ * Bus. All functions belong to the main loop's thread.
+ */
+#pragma once
+
+#include "bus_hands.h"
+#include "capture/capture.h"
+#include "capture/follower.h"
+
+/* Called in the main loop's thread with the data of the hooks. */
+struct bus_run_hooks {
+    void (*begun)(gpointer data);
+    void (*changed)(const struct capture_status *status, gpointer data);
+    void (*ended)(gpointer data); /* the capture has ended and released the session */
+    void (*shown)(gpointer data); /* clients see a changed state */
+    gpointer data;
+};
+
+struct bus_run {
+    struct bus_rig *rig;     /* borrowed; captured is set here */
+    struct bus_hands *hands; /* borrowed */
+    const char *address;     /* by which clients reach the daemon; borrowed */
+    struct bus_run_hooks hooks;
+    Capture *capture; /* NULL if no capture is under way or paused */
+    char *directory;  /* directory of the session that is or was captured */
+    Follower *follower;
+    gint64 started_us;        /* real time */
+    double started_elapsed_s; /* time on the rig's clock */
+    guint tick_id;            /* timer that shows the time during a capture */
+    guint end_id;             /* the idle source that frees a capture that has ended */
+    double thumbnail_time_s[RIG_MAX_CAMERAS];
+    gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
+    /* The last pictures of a capture that has ended. */
+    struct capture_thumbnail kept[RIG_MAX_CAMERAS];
+};
+
+/* Returns whether a capture is under way. The error is BUS_ERROR_NO_SESSION. */
+gboolean bus_run_need(const struct bus_run *run, GError **error);
+
+/* Captures into a session directory that a job has made, or that a job has examined if resumed is
+ * TRUE. warning may be NULL. Ends all use of devices by hand. */
+gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resumed,
+                       const char *warning, gboolean process, GError **error);
+
+/* Ends the capture in its present state, so that it can be resumed. */
+void bus_run_end(struct bus_run *run);
+
+/* Does the same, ends the processing of the session, and forgets its directory and pictures. */
+void bus_run_close(struct bus_run *run);
+
+/* Returns the camera's last picture. It is owned by run and valid until the main loop runs. */
+const struct capture_thumbnail *bus_run_thumbnail(struct bus_run *run, const char *camera,
+                                                  GError **error);

@@ -1,0 +1,16 @@
+/* A frame on its way from the camera into the session. The sequencer fills this envelope when it
+ * accepts the frame. The capture adds the time, the intake adds the file, and the session stores
+ * the row. The struct is handed on by value. Whoever keeps it takes a reference of the frame. */
+#pragma once
+
+#include "drivers/frame.h"
+#include "session/session.h"
+
+struct taken_frame {
+    const struct session_shot *shot;
+    int sub; /* the number of the frame among those of its camera in this shot */
+    Frame *frame;
+    /* The row of the camera's part of the shot. Complete are shot, camera, retakes (those of this
+     * camera in this shot so far), turned and turntable_deg. */
+    struct session_frame row;
+};

@@ -1,0 +1,19 @@
+/* The latest picture of a camera, and its thumbnail, which is made only when somebody looks at it.
+ * The pictures belong to the Capture. Main loop's thread. */
+#pragma once
+
+#include "thumbnail.h"
+
+struct latest_picture {
+    Frame *frame; /* NULL before the first picture */
+    double time_s;
+    gboolean fresh; /* the thumbnail shows that frame */
+    struct capture_thumbnail thumbnail;
+};
+
+/* Takes a reference of the frame. */
+void latest_picture_set(struct latest_picture *latest, Frame *frame, double time_s);
+void latest_picture_clear(struct latest_picture *latest);
+
+/* Returns NULL before the first picture. Valid until the next call of a function above. */
+const struct capture_thumbnail *latest_picture_thumbnail(struct latest_picture *latest);

@@ -1,0 +1,55 @@
+/* The predicted time until a session is complete. The plan gives the time of each shot. It does not
+ * know how fast this rig is, so the prediction learns from the shots of each kind how late they
+ * are. Owned by the Capture. Main loop's thread. */
+#pragma once
+
+#include "capture_session.h"
+
+/* What is left before a shot: the time by the plan, and the number of shots of each kind (enum
+ * session_shot_kind). */
+struct shots_left {
+    double planned_s;
+    int n[SHOT_SWEEP + 1];
+};
+
+struct time_left {
+    double predicted_s, lower_bound_s; /* of the whole session, by the plan */
+    /* Before each of the n_shots shots of this run, and after the last; NULL before the run. */
+    struct shots_left *plan;
+    guint n_shots;
+    /* By which time the shots of each kind took longer than planned, and the number of these
+     * shots. */
+    struct {
+        double late_s;
+        int n;
+    } learnt[SHOT_SWEEP + 1];
+    guint n_exposed; /* the number of exposed shots when the time left was last predicted */
+    double at_s;     /* the time of that prediction */
+    double left_s;   /* the prediction */
+    double min_s;    /* lower bound until the next exposure */
+};
+
+gboolean time_left_load(struct time_left *left, const struct capture_session *session,
+                        GError **error);
+void time_left_clear(struct time_left *left);
+
+/* Begins a run of these n shots, which begins with homing. */
+void time_left_begin(struct time_left *left, const struct capture_session *session,
+                     const struct session_shot *const *shots, guint n);
+
+/* Predicts the time left from the moment at_s at which the first n shots of the run were exposed.
+ */
+void time_left_predict(struct time_left *left, guint n, double at_s);
+
+/* Counts the time since the last prediction as spent on the shots that were exposed since, of which
+ * the last, number n, is of this kind. Call it before time_left_predict(). If several cameras end
+ * the same shot, each counts what it took longer. */
+void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint n, double at_s);
+
+/* Returns the time left at now_s, counted down from the last prediction. */
+double time_left_at_s(const struct time_left *left, double now_s);
+
+/* Returns the time left if a run begins anew with these n shots. learnt says whether this run's
+ * experience applies. */
+double time_left_of_new_run_s(const struct time_left *left, const struct capture_session *session,
+                              const struct session_shot *const *shots, guint n, gboolean learnt);

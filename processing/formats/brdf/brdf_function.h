@@ -1,0 +1,15 @@
+/* What the readers and writers of the file formats of BRDFs share (brdf.h). */
+#pragma once
+
+#include <gio/gio.h>
+
+/* A BRDF to be written, or any other function of two directions. light and view are above the
+ * surface. The function is called from several threads at the same time. */
+typedef void (*BrdfFunction)(const float light[3], const float view[3], float ret[3],
+                             gpointer data);
+
+/* The conversion of UTIA's numbers to f_r = scale · decode (number / divide); see utia.h. */
+struct brdf_coding {
+    double divide, scale; /* 0 means 1 */
+    gboolean srgb;        /* decode converts from sRGB to linear; otherwise numbers are linear */
+};
