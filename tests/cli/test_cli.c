@@ -1,10 +1,10 @@
 /* mesorig as a shell sees it: what it prints, and its exit codes. */
 #include "base/json.h"
 #include "codecs/codecs.h"
+#include "codecs/mdf_codecs/mdf_codec.h"
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "mdf_codecs/mdf_codec.h"
 #include "session/session.h"
 
 #include <gio/gio.h>

@@ -1,10 +1,10 @@
 /* Compressed materials: eigen-maps, local PCA, lobes, hemispherical harmonics. */
 #include "fuzz.h"
 
-#include "eigenmaps/eigenmaps.h"
-#include "hsh/hsh.h"
-#include "lobes/lobes.h"
-#include "lpca/lpca.h"
+#include "codecs/eigenmaps/eigenmaps.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/lobes/lobes.h"
+#include "codecs/lpca/lpca.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);

@@ -2,6 +2,8 @@
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
 #include "codecs/codecs.h"
+#include "codecs/lpca/lpca_levels.h"
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "lib/fields_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
@@ -10,8 +12,6 @@
 #include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
-#include "lpca/lpca_levels.h"
-#include "mdf_codecs/mdf_source.h"
 
 #include <dlfcn.h>
 #include <link.h>

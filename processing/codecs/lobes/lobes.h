@@ -40,7 +40,7 @@
  */
 #pragma once
 
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 
 #define LOBES_MAX_LOBES    3
 #define LOBES_MIN_EXPONENT 0.5F

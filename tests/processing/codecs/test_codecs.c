@@ -1,5 +1,5 @@
 /* What the contract promises of every codec in the table. */
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"

@@ -1,14 +1,14 @@
 /* What libmesorig-material evaluates, against plain sums over what each codec's own functions give.
  */
 #include "btf/direction_grid.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/lobes/lobes_levels.h"
+#include "codecs/lpca/lpca.h"
 #include "directions/directions.h"
-#include "hsh/hsh.h"
 #include "lib/material_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
-#include "lobes/lobes_levels.h"
-#include "lpca/lpca.h"
 
 #include <math.h>
 #include <mesorig/material.h>
