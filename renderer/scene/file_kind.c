@@ -1,5 +1,6 @@
 #include "file_kind.h"
 
+#include "drawing/methods/methods.h"
 #include "exr/exr.h"
 
 #include <gio/gio.h>
@@ -43,6 +44,7 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
     static const char *const mdfs[] = {"mdf-factors", "mdf-blocks", NULL};
     struct exr_file *file = exr_read_headers(path, error);
     const char *kind = NULL;
+    g_autofree char *why = NULL;
     gboolean has_views = FALSE, good = TRUE;
     if (file == NULL) {
         if (error != NULL && *error != NULL && strstr((*error)->message, path) == NULL)
@@ -68,6 +70,11 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
         ret->kind = FILE_KIND_NORMALS;
     else if (is_colour && first->width == 2 * first->height)
         ret->kind = FILE_KIND_ENVIRONMENT;
+    else if (kind != NULL)
+        good = refuse(path,
+                      why = g_strdup_printf(
+                          "is of the kind “%s”, for which there is no drawing method", kind),
+                      error);
     else
         good = refuse(path, "is an EXR of another kind", error);
     exr_file_free(file);

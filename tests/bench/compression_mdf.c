@@ -5,6 +5,7 @@
 #include "codecs/mdf_codecs/mdf_blocks.h"
 #include "codecs/mdf_codecs/mdf_factors.h"
 #include "drawing/gl/gpu.h"
+#include "drawing/methods/methods.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

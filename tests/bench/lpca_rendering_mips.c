@@ -4,6 +4,7 @@
 #include "drawing/methods/lpca_grid.h"
 #include "drawing/methods/lpca_revised.h"
 #include "drawing/methods/lpca_view.h"
+#include "drawing/methods/methods.h"
 #include "frame_time.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
