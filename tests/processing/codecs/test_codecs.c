@@ -6,6 +6,8 @@
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
 
+#include <string.h>
+
 #define WIDTH  6
 #define HEIGHT 5
 #define VIEWS  4
@@ -24,6 +26,18 @@ TEST(table) {
     }
     g_assert_null(codecs_find("wavelets"));
     g_assert_null(codecs_find(NULL));
+}
+
+/* The desktop opens the file of each codec by its name. */
+TEST(mime) {
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(BUILD_DIR "/etc/org.mesorig.xml", &text, NULL, NULL));
+    g_assert_true(g_str_has_prefix(text, "<?xml") && g_str_has_suffix(text, "</mime-info>\n"));
+    for (gsize i = 0; codecs[i]; i++) {
+        g_autofree char *glob = g_strdup_printf("<glob pattern=\"%s.exr\"", codecs[i]->name);
+        if (!strstr(text, glob))
+            g_error("org.mesorig.xml has no %s", glob);
+    }
 }
 
 /* Encodes with every option at its default, and gives the result and the matrix. */
