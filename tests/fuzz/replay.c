@@ -1,11 +1,11 @@
 /*
  * Runs the fuzz targets without libFuzzer, as part of the test run: every file of a target's
- * corpus, and then mutations of them for some seconds. The mutations follow from a seed and know
- * nothing of which code they reach; tests/fuzz/run has libFuzzer for that.
+ * corpus, and then mutations of them for some seconds. A seed determines the mutations. They do not
+ * depend on the code that they reach, unlike those of libFuzzer (tests/fuzz/run).
  *
- *   fuzz_replay TARGET CORPUS FOUND [SECONDS [SEED]]
+ *   fuzz_replay TARGET CORPUS[:CORPUS …] FOUND [SECONDS [SEED]]
  *
- * Inputs are run in a child. One on which it ends, or that takes LIMIT_S, is written into the
+ * A child runs the inputs. An input that ends the child, or that takes LIMIT_S, is written into the
  * folder FOUND.
  */
 #include "fuzz.h"
