@@ -44,7 +44,6 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
     static const char *const mdfs[] = {"mdf-factors", "mdf-blocks", NULL};
     struct exr_file *file = exr_read_headers(path, error);
     const char *kind = NULL;
-    g_autofree char *why = NULL;
     gboolean has_views = FALSE, good = TRUE;
     if (file == NULL) {
         if (error != NULL && *error != NULL && strstr((*error)->message, path) == NULL)
@@ -58,6 +57,10 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
             exr_get_string(part, "mesorig.kind", &kind, NULL);
         has_views |= exr_get_double(part, "view.theta_deg", &theta_deg, NULL);
     }
+    g_autofree char *why =
+        kind != NULL
+            ? g_strdup_printf("is of the kind “%s”, for which there is no drawing method", kind)
+            : g_strdup("is an EXR of another kind");
     const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const gboolean is_colour = first != NULL &&
                                g_strv_contains((const char *const *)first->channels, "R") &&
@@ -70,13 +73,8 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
         ret->kind = FILE_KIND_NORMALS;
     else if (is_colour && first->width == 2 * first->height)
         ret->kind = FILE_KIND_ENVIRONMENT;
-    else if (kind != NULL)
-        good = refuse(path,
-                      why = g_strdup_printf(
-                          "is of the kind “%s”, for which there is no drawing method", kind),
-                      error);
     else
-        good = refuse(path, "is an EXR of another kind", error);
+        good = refuse(path, why, error);
     exr_file_free(file);
     return good;
 }
