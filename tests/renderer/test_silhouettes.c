@@ -291,6 +291,36 @@ static void test_fins(gconstpointer data) {
     g_assert_cmpfloat(sum, <, 0.12 * way);
 }
 
+/* Texels much smaller than pixels are averaged, along both axes of the texture. */
+static void test_level_of_detail(gconstpointer data) {
+    const struct scene_options scene = {40, 40, SCENE_Z_UP, FALSE};
+    g_autoptr(Mesh) mesh = ok(scene_make("plane", &scene, ERR));
+    g_autoptr(MdfTable) mdf = flat_mdf(64, 6.0);
+    g_autoptr(GRand) random = g_rand_new_with_seed(5);
+    for (int i = 0; i < 64 * 64; i++)
+        for (int k = 0, deep = g_rand_boolean(random); k < 24; k++)
+            mdf->depth_mm[k * 64 * 64 + i] = deep ? 6.0F : 0.0F;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    s.silhouettes = TRUE;
+    g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
+    double sum = 0.0, squares = 0.0;
+    int n = 0;
+    for (int k = 0; k < 4 * W * H; k += 4)
+        if (seen[k + 3] > 0.5F) {
+            const double depth_mm = (double)seen[k + 1] * (double)v[k + 2] / (2.0 / 40.0 / 50.0);
+            sum += depth_mm;
+            squares += depth_mm * depth_mm;
+            n++;
+        }
+    const double mean = sum / MAX(n, 1), deviation = sqrt(squares / MAX(n, 1) - mean * mean);
+    g_test_message("%d points, %.2f mm deep, standard deviation %.2f mm", n, mean, deviation);
+    g_assert_cmpint(n, >, 10000);
+    g_assert_cmpfloat(fabs(mean - 3.0), <, 0.2);
+    g_assert_cmpfloat(deviation, <, 0.8);
+}
+
 /* Without structure, silhouettes change nothing. */
 static void test_smooth(gconstpointer data) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
@@ -605,6 +635,7 @@ BEFORE_TESTS {
     gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
     gpu_fixture_add("/silhouettes/lit-structure", test_lit_structure, NULL);
     gpu_fixture_add("/silhouettes/fins", test_fins, NULL);
+    gpu_fixture_add("/silhouettes/level-of-detail", test_level_of_detail, NULL);
     gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
     gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
     gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);
