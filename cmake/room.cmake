@@ -3,6 +3,8 @@
 # ARCHITECTURE.md has the table of what each may use, and the test "rooms" holds the code against it.
 #
 #   mesorig_room(FOLDER [FOLDERS sub-folder…] [USES room…] [LIBRARIES library…] [WITHOUT source…])
+#
+# “FOLDERS *” stands for all sub-folders.
 function(mesorig_room folder)
   cmake_parse_arguments(PARSE_ARGV 1 ROOM "" "" "FOLDERS;USES;LIBRARIES;WITHOUT")
   get_filename_component(name ${folder} NAME)

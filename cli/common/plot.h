@@ -1,7 +1,7 @@
 /* Plots for the command line: PNG, or SVG if the name of the file ends in .svg. */
 #pragma once
 
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 
 #include <cairo.h>
 

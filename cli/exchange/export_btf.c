@@ -1,9 +1,9 @@
 /* export btf: writes the BTF of a session in Bonn's format. */
 #include "base/plural.h"
+#include "codecs/lpca/lpca.h"
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/export.h"
-#include "lpca/lpca.h"
 #include "plan/report.h"
 
 #define COMPONENTS 24

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "codecs/codecs.h"
+#include "codecs/mdf_codecs/mdf_codec.h"
 #include "common/cli.h"
-#include "mdf_codecs/mdf_codec.h"
 
 /* A method on the command line: one of codecs[] or of mdf_codecs[]. */
 struct compress_method {

@@ -1,6 +1,6 @@
 #include "curve.h"
 
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
 
 #include <string.h>

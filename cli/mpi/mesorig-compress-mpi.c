@@ -4,7 +4,7 @@
 #include "base/json.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 #include "session/session.h"
 #include "team.h"
 

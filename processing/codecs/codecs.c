@@ -51,16 +51,13 @@ const struct codec *codecs_of_file(const char *path, GError **error) {
     return codec;
 }
 
-static Material *codecs_open(const char *path, const char *label, GError **error) {
-    const struct codec *codec = codecs_of_file(path, error);
-    gpointer model = codec ? codec->read(path, error) : NULL;
-    return model ? material_new(label, codec, model) : NULL;
-}
-
 Material *material_open(const char *path, const struct work *work, GError **error) {
     g_autofree char *label = g_path_get_basename(path);
-    if (!g_file_test(path, G_FILE_TEST_IS_DIR))
-        return codecs_open(path, label, error);
-    struct btf_matrix *btf = btf_matrix_read(path, work, error);
-    return btf ? material_new(label, &material_btf_codec, btf) : NULL;
+    const struct codec *codec = &material_btf_codec;
+    gpointer model = NULL;
+    if (g_file_test(path, G_FILE_TEST_IS_DIR))
+        model = btf_matrix_read(path, work, error);
+    else if ((codec = codecs_of_file(path, error)))
+        model = codec->read(path, error);
+    return model ? material_new(label, codec, model) : NULL;
 }

@@ -1,5 +1,5 @@
-/* The table of all codecs. A new codec needs a folder, a line in the array in codecs.c, a line in
- * processing/CMakeLists.txt, and a drawing method in renderer/drawing/methods/. */
+/* The table of all codecs. A new codec needs a folder, a row of the array in codecs.c and, to be
+ * drawn, a method in renderer/drawing/methods. contrib/new-codec writes a skeleton of all three. */
 #pragma once
 
 #include "codec/codec.h"

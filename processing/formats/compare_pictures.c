@@ -6,7 +6,7 @@
 
 #include "base/data_error.h"
 #include "base/robust.h"
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "exr/exr.h"
 #include "import_private.h"
 

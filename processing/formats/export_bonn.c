@@ -6,8 +6,8 @@
 
 #include "base/data_error.h"
 #include "btf/btf.h"
+#include "codecs/lpca/lpca.h"
 #include "exr/exr.h"
-#include "lpca/lpca.h"
 
 #define COLOURS 3
 

@@ -10,7 +10,7 @@
 #include "base/data_error.h"
 #include "base/output_file.h"
 #include "btf/btf.h"
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "exr/exr.h"
 
 #define EIGENMAPS 4

@@ -17,7 +17,7 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "btf/btf_directions.h"
-#include "hsh/hsh.h"
+#include "codecs/hsh/hsh.h"
 
 #define MAX_LIGHTS     65536
 #define MAX_INFO_BYTES (64 << 20)

@@ -7,11 +7,11 @@
 #include "base/direction.h"
 #include "base/vec.h"
 #include "btf/btf_layout.h"
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/lobes/lobes.h"
 #include "exr/exr.h"
-#include "hsh/hsh.h"
 #include "integrate_normals.h"
-#include "lobes/lobes.h"
 #include "session/session.h"
 
 #define LIGHTS 128

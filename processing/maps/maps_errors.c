@@ -2,7 +2,7 @@
  * pair. */
 #include <math.h>
 
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "maps_private.h"
 
 /* maximum number of comparisons of a texel in a view under a light */

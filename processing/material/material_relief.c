@@ -1,7 +1,7 @@
 #include "material_relief.h"
 
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "directions/directions.h"
-#include "mdf_codecs/mdf_source.h"
 
 struct material_relief {
     const struct mdf_table *table;

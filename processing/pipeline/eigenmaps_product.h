@@ -2,7 +2,7 @@
 #pragma once
 
 #include "catalogue.h"
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 
 /* Returns the eigen-maps of some views (indices of the catalogue's) and all lights, ready to be
  * computed: all members are set except weights and maps. eigenmaps_free() */

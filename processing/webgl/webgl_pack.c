@@ -4,9 +4,9 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "codecs/lpca/lpca_volumes.h"
+#include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "exr/exr_half.h"
-#include "lpca/lpca_volumes.h"
-#include "mdf_codecs/mdf_tabulated.h"
 
 #define HALF_MAX 65504.0F
 

@@ -17,9 +17,9 @@
 #pragma once
 
 #include "base/work.h"
+#include "codecs/lpca/lpca.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 #include "directions/directions.h"
-#include "lpca/lpca.h"
-#include "mdf_codecs/mdf_factors.h"
 #include "webgl_file.h"
 
 #define WEBGL_PACK_GRID_MIN 4

@@ -2,9 +2,9 @@
 
 #include "base/data_error.h"
 #include "codecs/codecs.h"
-#include "lpca/lpca_pack.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_packed.h"
+#include "codecs/lpca/lpca_pack.h"
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_packed.h"
 #include "session/session.h"
 
 #define CLUSTERS   32 /* defaults of “mesorig compress” */

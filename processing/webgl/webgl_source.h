@@ -3,8 +3,8 @@
 #pragma once
 
 #include "base/work.h"
-#include "lpca/lpca_levels.h"
-#include "mdf_codecs/mdf_factors.h"
+#include "codecs/lpca/lpca_levels.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 
 struct webgl_source {
     struct lpca *levels[LPCA_MAX_LEVELS];

@@ -1,5 +1,6 @@
 #include "file_kind.h"
 
+#include "drawing/methods/methods.h"
 #include "exr/exr.h"
 
 #include <gio/gio.h>
@@ -56,6 +57,10 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
             exr_get_string(part, "mesorig.kind", &kind, NULL);
         has_views |= exr_get_double(part, "view.theta_deg", &theta_deg, NULL);
     }
+    g_autofree char *why =
+        kind != NULL
+            ? g_strdup_printf("is of the kind “%s”, for which there is no drawing method", kind)
+            : g_strdup("is an EXR of another kind");
     const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const gboolean is_colour = first != NULL &&
                                g_strv_contains((const char *const *)first->channels, "R") &&
@@ -69,7 +74,7 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
     else if (is_colour && first->width == 2 * first->height)
         ret->kind = FILE_KIND_ENVIRONMENT;
     else
-        good = refuse(path, "is an EXR of another kind", error);
+        good = refuse(path, why, error);
     exr_file_free(file);
     return good;
 }

@@ -6,6 +6,7 @@
 #include "drawing/gl/gpu.h"
 #include "drawing/gl/places.h"
 #include "drawing/methods/eigenmaps_view.h"
+#include "drawing/methods/methods.h"
 #include "drawing/relief/relief.h"
 #include "hatching.h"
 #include "lamp.h"

@@ -6,10 +6,10 @@
  */
 #pragma once
 
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "drawing/methods/method.h"
 #include "drawing/relief/relief.h"
 #include "drawing/relief/visibility.h"
-#include "eigenmaps/eigenmaps.h"
 #include "hatching.h"
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"

@@ -4,7 +4,7 @@
  */
 #pragma once
 
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "scene/hatching.h"
 
 /* Computes eigen-maps of the views that exist, and returns their number in *ret_n_views. Blocks.

@@ -1,6 +1,7 @@
 #include "opener.h"
 
 #include "drawing/gl/gpu.h"
+#include "drawing/methods/methods.h"
 #include "exr/exr.h"
 
 #include <epoxy/gl.h>

@@ -5,8 +5,8 @@
  */
 #pragma once
 
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "drawing/methods/method.h"
-#include "mdf_codecs/mdf_source.h"
 #include "scene/environment.h"
 
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_ENVIRONMENT, OPENER_PLACES };

@@ -1,5 +1,6 @@
 #include "scene_files.h"
 
+#include "drawing/methods/methods.h"
 #include "scene/file_kind.h"
 
 struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,

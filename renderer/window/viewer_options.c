@@ -1,3 +1,4 @@
+#include "drawing/methods/methods.h"
 #include "scene/file_kind.h"
 #include "settings.h"
 
@@ -104,6 +105,22 @@ void viewer_options_init(struct viewer_options *o) {
     o->settings.environment_lamps = 0;            /* its default depends on --render */
 }
 
+/* Returns the help of --method, which lists all methods. The text exists until the program ends. */
+static const char *method_help(void) {
+    static char *text;
+    g_autoptr(GString) of_files = g_string_new(NULL), others = g_string_new(NULL);
+    for (gsize k = 0; text == NULL && methods[k] != NULL; k++) {
+        GString *list = methods[k]->product != NULL ? of_files : others;
+        g_string_append_printf(list, "%s%s", list->len > 0 ? ", " : "", methods[k]->name);
+    }
+    if (text == NULL)
+        text = g_strdup_printf("Drawing method: %s (default: that of the file; of a session, the "
+                               "first one for which it has a product); without MATERIAL %s "
+                               "(default: " METHOD_DEMO ")",
+                               of_files->str, others->str);
+    return text;
+}
+
 GOptionEntry *viewer_options_entries(struct viewer_options *o) {
     const GOptionEntry others[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render,
@@ -115,10 +132,7 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
                "With a glTF file as --shape: replaces its material NAME by this session or "
                "compressed file, with TILES tiles in one unit of the texture coordinates; may be "
                "repeated. Other materials are replaced by MATERIAL"),
-        OPTION("method", STRING, &o->method_name, "METHOD",
-               "Drawing method: eigenmaps (default, unless the session only has the product of "
-               "another method), lpca-grid, lpca-revised, lpca, fields, ptm, hsh, lafortune, ward, "
-               "ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin"),
+        OPTION("method", STRING, &o->method_name, "METHOD", method_help()),
         OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
                "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
         OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "chooser.h"
+#include "drawing/methods/methods.h"
 #include "live.h"
 #include "opener.h"
 #include "scene/file_kind.h"

@@ -2,8 +2,8 @@
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
 #include "bench.h"
+#include "codecs/lpca/lpca.h"
 #include "compression_parts.h"
-#include "lpca/lpca.h"
 
 #include <cblas.h>
 #include <math.h>

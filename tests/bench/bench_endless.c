@@ -8,7 +8,7 @@
  */
 #include "bench.h"
 #include "btf/btf_matrix.h"
-#include "eigenmaps/eigenmaps_codec.h"
+#include "codecs/eigenmaps/eigenmaps_codec.h"
 #include "frame_time.h"
 #include "lib/btf_fixture.h"
 #include "shapes/scene.h"

@@ -7,9 +7,9 @@
 #include "base/direction.h"
 #include "base/vec.h"
 #include "bench.h"
+#include "codecs/lobes/lobes_private.h"
 #include "directions/directions.h"
 #include "lib/btf_fixture.h"
-#include "lobes/lobes_private.h"
 
 #include <cairo.h>
 #include <math.h>

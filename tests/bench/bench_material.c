@@ -6,11 +6,11 @@
  * values.
  */
 #include "bench.h"
+#include "codecs/lpca/lpca.h"
 #include "directions/directions.h"
 #include "lib/material_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
-#include "lpca/lpca.h"
 
 #include <math.h>
 #include <mesorig/material.h>

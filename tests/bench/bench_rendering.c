@@ -5,8 +5,8 @@
  * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF only.
  */
 #include "bench.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "drawing/gl/gpu.h"
-#include "eigenmaps/eigenmaps.h"
 #include "frame_time.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"

@@ -20,7 +20,7 @@
 #include "base/png_bytes.h"
 #include "base/work.h"
 #include "btf/btf_matrix.h"
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "directions/directions.h"
 #include "exr/exr.h"
 #include "mdf/mdf_views.h"

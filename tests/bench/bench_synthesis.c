@@ -6,7 +6,7 @@
  * lights, and a grid of them that is ordered.
  */
 #include "bench.h"
-#include "eigenmaps/eigenmaps_codec.h"
+#include "codecs/eigenmaps/eigenmaps_codec.h"
 #include "frame_time.h"
 #include "lib/btf_fixture.h"
 #include "shapes/scene.h"

@@ -1,7 +1,7 @@
 #include "compression_parts.h"
 
 #include "bench.h"
-#include "lpca/lpca_private.h"
+#include "codecs/lpca/lpca_private.h"
 
 #include <math.h>
 #include <stdio.h>

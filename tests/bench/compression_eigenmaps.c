@@ -1,7 +1,7 @@
 #include "compression_parts.h"
 
 #include "bench.h"
-#include "eigenmaps/eigenmaps_codec.h"
+#include "codecs/eigenmaps/eigenmaps_codec.h"
 
 #include <stdio.h>
 #include <time.h>

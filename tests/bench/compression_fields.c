@@ -2,7 +2,7 @@
 
 #include "base/direction.h"
 #include "bench.h"
-#include "lobes/lobes_private.h"
+#include "codecs/lobes/lobes_private.h"
 
 #include <cminpack.h>
 #include <glib/gstdio.h>

@@ -2,9 +2,10 @@
  * how far outlines are that the viewer draws with them. */
 #include "compression_parts.h"
 
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 #include "drawing/gl/gpu.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
+#include "drawing/methods/methods.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

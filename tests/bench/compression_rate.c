@@ -1,8 +1,8 @@
 #include "compression_parts.h"
 
 #include "bench.h"
-#include "lpca/lpca_pack.h"
-#include "lpca/lpca_private.h"
+#include "codecs/lpca/lpca_pack.h"
+#include "codecs/lpca/lpca_private.h"
 
 #include <cblas.h>
 #include <glib/gstdio.h>

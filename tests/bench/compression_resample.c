@@ -1,8 +1,8 @@
 #include "compression_parts.h"
 
 #include "bench.h"
+#include "codecs/lpca/lpca_resample.h"
 #include "directions/triangulation.h"
-#include "lpca/lpca_resample.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,11 +1,11 @@
 #include "lpca_rendering_parts.h"
 
 #include "bench.h"
+#include "codecs/lpca/lpca_resample.h"
 #include "drawing/methods/lpca_grid.h"
 #include "drawing/methods/lpca_revised.h"
 #include "drawing/methods/lpca_view.h"
 #include "frame_time.h"
-#include "lpca/lpca_resample.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

@@ -1,10 +1,11 @@
 #include "lpca_rendering_parts.h"
 
+#include "codecs/lpca/lpca_levels.h"
 #include "drawing/methods/lpca_grid.h"
 #include "drawing/methods/lpca_revised.h"
 #include "drawing/methods/lpca_view.h"
+#include "drawing/methods/methods.h"
 #include "frame_time.h"
-#include "lpca/lpca_levels.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

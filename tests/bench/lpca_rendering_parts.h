@@ -2,7 +2,7 @@
  * lines. In a GL context. */
 #pragma once
 
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 
 /* On what the gain of Schneider 2004 §6 rests: the texture fetches of a pixel, counted while a
  * torus is drawn by pairs, from the 3D texture and from the grid; the time of each; the time of the

@@ -1,6 +1,7 @@
 #include "microfacet_parts.h"
 
 #include "drawing/gl/gpu.h"
+#include "drawing/methods/methods.h"
 #include "drawing/methods/microfacet.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"

@@ -12,7 +12,7 @@
 #include "base/work.h"
 #include "bench.h"
 #include "btf/btf_matrix.h"
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "directions/directions.h"
 
 #define PICTURES 12

@@ -2,10 +2,10 @@
  * (tests/transcripts) is not enough. */
 #include "base/json.h"
 #include "codecs/codecs.h"
+#include "codecs/mdf_codecs/mdf_codec.h"
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "mdf_codecs/mdf_codec.h"
 #include "session/session.h"
 
 #include <gio/gio.h>

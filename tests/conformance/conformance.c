@@ -12,10 +12,14 @@ struct test {
 static void run(gconstpointer data) {
     const struct test *test = data;
     g_autofree struct bench *bench = g_malloc0(test->suite->bench_size);
-    test->suite->begin(bench, test->driver, test->with);
-    if (test->check->run)
+    const gboolean opened = test->suite->begin(bench, test->driver, test->with);
+    if (!opened && !test->check->unopened)
+        g_test_skip("open() is not implemented");
+    else if (test->check->run)
         test->check->run(bench);
     test->suite->end(bench);
+    if (!opened)
+        return;
     int files = conformance_open_files();
     for (int i = 0; test->check->reopens && i < 20; i++) {
         test->suite->begin(bench, test->driver, test->with);
@@ -23,6 +27,15 @@ static void run(gconstpointer data) {
     }
     if (test->check->reopens)
         conformance_expect_files(test->with, files);
+}
+
+gboolean conformance_opened(gconstpointer device, const GError *error) {
+    if (!device && g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED) &&
+        strstr(error->message, "open() is not implemented"))
+        return FALSE;
+    g_assert_no_error(error);
+    g_assert_nonnull(device);
+    return TRUE;
 }
 
 void conformance_add(const struct suite *suite, gconstpointer driver,

@@ -15,6 +15,9 @@
  * axis suite moves the axis between a quarter and three quarters of its way (a wrapping axis: of a
  * turn). The struct, and what it points to, must live until the tests have run.
  *
+ * A skeleton of contrib/new-driver, whose open() says that it is not implemented, passes: checks
+ * that need the device are skipped.
+ *
  * The checks of lost answers need a device that can be made to fail: fail(), or a simulated driver
  * with the options fault_unheard and fault_dead_s. Without either they are left out.
  */

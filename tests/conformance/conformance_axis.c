@@ -43,17 +43,21 @@ static void on_event(Axis *axis, enum axis_event event, const GError *error, gpo
     bench->last = event;
 }
 
-static void open_with(struct bench *bench, const char *keys) {
+static gboolean open_with(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    bench->axis = ok(axis_open(bench->driver, section, NULL, bench->clock, ERR));
+    g_autoptr(GError) error = NULL;
+    bench->axis = axis_open(bench->driver, section, NULL, bench->clock, &error);
+    if (!conformance_opened(bench->axis, error))
+        return FALSE;
     axis_listen(bench->axis, on_event, bench);
     device_watch_safety(&bench->axis->device, conformance_on_safety, &bench->safety);
+    return TRUE;
 }
 
-static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static gboolean begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
     *bench = (struct bench){driver, with, conformance_clock(with)};
-    open_with(bench, "");
+    return open_with(bench, "");
 }
 
 static void end(struct bench *bench) {
@@ -413,7 +417,7 @@ static void close_moving(struct bench *bench) {
 
 void conformance_axis(const struct axis_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", wrong_option},
+        {"wrong-option", wrong_option, .unopened = TRUE},
         {"opens-still", opens_still},
         {"not-homed", not_homed},
         {"homes", homes},

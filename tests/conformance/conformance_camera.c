@@ -41,21 +41,28 @@ static gboolean configure(struct bench *bench, gint64 exposure_us, GError **erro
     return camera_configure(bench->camera, &settings, error);
 }
 
-static void open_camera(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static gboolean open_camera(struct bench *bench, gconstpointer driver,
+                            const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
     *bench = (struct bench){driver, with, .clock = conformance_clock(with)};
-    bench->camera = ok(camera_open(driver, section, NULL, bench->clock, ERR));
+    g_autoptr(GError) error = NULL;
+    bench->camera = camera_open(driver, section, NULL, bench->clock, &error);
+    if (!conformance_opened(bench->camera, error))
+        return FALSE;
     camera_listen(bench->camera, on_event, bench);
     bench->exposure_us =
         with->exposure_us > 0 ? with->exposure_us : bench->camera->format.min_exposure_us;
+    return TRUE;
 }
 
-static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
-    open_camera(bench, driver, with);
+static gboolean begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    if (!open_camera(bench, driver, with))
+        return FALSE;
     ok(configure(bench, bench->exposure_us, ERR));
     ok(camera_arm(bench->camera, ERR));
     g_assert_true(camera_is_armed(bench->camera));
+    return TRUE;
 }
 
 static void end(struct bench *bench) {
@@ -196,7 +203,7 @@ static void shoot_once(struct bench *bench) {
 
 void conformance_camera(const struct camera_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", wrong_option},
+        {"wrong-option", wrong_option, .unopened = TRUE},
         {"not-armed", not_armed},
         {"exposures", exposures},
         {"frames", frames},

@@ -57,17 +57,22 @@ static void expect_silence(struct bench *bench, double seconds) {
     g_assert_cmpint(bench->n_events, ==, 0);
 }
 
-static void open_bank(struct bench *bench, const char *keys) {
+static gboolean open_bank(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    bench->bank = ok(lamps_open(bench->driver, section, NULL, bench->clock, ERR));
+    g_autoptr(GError) error = NULL;
+    bench->bank = lamps_open(bench->driver, section, NULL, bench->clock, &error);
+    if (!conformance_opened(bench->bank, error))
+        return FALSE;
     lamps_listen(bench->bank, on_lamp, bench);
     device_watch_safety(&bench->bank->device, conformance_on_safety, &bench->safety);
+    return TRUE;
 }
 
-static void begin_lamps(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static gboolean begin_lamps(struct bench *bench, gconstpointer driver,
+                            const struct conformance *with) {
     *bench = (struct bench){driver, with, conformance_clock(with)};
-    open_bank(bench, "");
+    return open_bank(bench, "");
 }
 
 static void set_lamp(struct bench *bench, int index, gboolean on) {
@@ -239,7 +244,7 @@ static void lamps_close_switching(struct bench *bench) {
 
 void conformance_lamps(const struct lamps_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", lamps_wrong_option},
+        {"wrong-option", lamps_wrong_option, .unopened = TRUE},
         {"one-by-one", lamps_one_by_one},
         {"in-order", lamps_in_order},
         {"no-such-lamp", lamps_no_such_lamp},
@@ -271,22 +276,27 @@ static const struct interlock_driver door_driver = {
     .close = close_door,
 };
 
-static void open_laser(struct bench *bench, const char *keys) {
+static gboolean open_laser(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    bench->laser = ok(laser_open(bench->driver, section, NULL, bench->clock, ERR));
+    g_autoptr(GError) error = NULL;
+    bench->laser = laser_open(bench->driver, section, NULL, bench->clock, &error);
+    if (!conformance_opened(bench->laser, error))
+        return FALSE;
     laser_listen(bench->laser, on_laser, bench);
     laser_guard(bench->laser, bench->door);
     device_watch_safety(&bench->laser->device, conformance_on_safety, &bench->safety);
+    return TRUE;
 }
 
-static void begin_laser(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static gboolean begin_laser(struct bench *bench, gconstpointer driver,
+                            const struct conformance *with) {
     static const struct conformance door = {.section = "[interlock door]"};
     const struct config_section *door_section;
     g_autoptr(Config) door_config = conformance_config(&door, "", &door_section);
     *bench = (struct bench){driver, with, conformance_clock(with)};
     bench->door = ok(interlock_open(&door_driver, door_section, NULL, bench->clock, ERR));
-    open_laser(bench, "");
+    return open_laser(bench, "");
 }
 
 static void switch_laser(struct bench *bench, gboolean on) {
@@ -402,7 +412,7 @@ static void laser_close_on(struct bench *bench) {
 
 void conformance_laser(const struct laser_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", laser_wrong_option},
+        {"wrong-option", laser_wrong_option, .unopened = TRUE},
         {"switches", laser_switches},
         {"guarded", laser_guarded},
         {"guarded-late", laser_guarded_late},
@@ -417,12 +427,14 @@ void conformance_laser(const struct laser_driver *driver, const struct conforman
     conformance_add(&suite, driver, with);
 }
 
-static void begin_interlock(struct bench *bench, gconstpointer driver,
-                            const struct conformance *with) {
+static gboolean begin_interlock(struct bench *bench, gconstpointer driver,
+                                const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
     *bench = (struct bench){driver, with, conformance_clock(with)};
-    bench->door = ok(interlock_open(driver, section, NULL, bench->clock, ERR));
+    g_autoptr(GError) error = NULL;
+    bench->door = interlock_open(driver, section, NULL, bench->clock, &error);
+    return conformance_opened(bench->door, error);
 }
 
 static void interlock_wrong_option(struct bench *bench) {
@@ -464,7 +476,7 @@ static void interlock_closed(struct bench *bench) {
 
 void conformance_interlock(const struct interlock_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", interlock_wrong_option},
+        {"wrong-option", interlock_wrong_option, .unopened = TRUE},
         {"listeners", interlock_listeners},
         {"open-close", interlock_closed, TRUE},
         {NULL},

@@ -10,15 +10,21 @@ struct check {
     void (*run)(struct bench *bench); /* NULL: nothing besides what follows */
     gboolean reopens;                 /* opens and closes it twenty times: no file stays open */
     gboolean needs_fault;             /* calls conformance_fail() */
+    gboolean unopened;                /* needs no device that has been opened */
 };
 
 struct suite {
     const char *class_name;
     gsize bench_size;
-    void (*begin)(struct bench *bench, gconstpointer driver, const struct conformance *with);
+    /* Opens the device; FALSE as conformance_opened() */
+    gboolean (*begin)(struct bench *bench, gconstpointer driver, const struct conformance *with);
     void (*end)(struct bench *bench); /* also after a check that has closed the device */
     const struct check *checks;       /* ends with a NULL name */
 };
+
+/* Asserts that a device was opened, with no error. FALSE: the driver is a skeleton, whose open()
+ * says that it is not implemented. */
+gboolean conformance_opened(gconstpointer device, const GError *error);
 
 /* Adds each of the checks as a test. */
 void conformance_add(const struct suite *suite, gconstpointer driver,

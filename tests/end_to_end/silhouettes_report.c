@@ -4,6 +4,7 @@
  * sample's true surface, ray traced. Also makes that scene's picture.
  */
 #include "drawing/gl/gpu.h"
+#include "drawing/methods/methods.h"
 #include "lib/silhouettes.h"
 #include "scene/picture.h"
 

@@ -1,4 +1,4 @@
-/* What the fuzz targets share: readers that take a path are given one of a file in memory. */
+/* Shared by the fuzz targets. A reader that needs a path gets that of a file in memory. */
 #pragma once
 
 #include <glib.h>
@@ -13,13 +13,14 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* A file with these bytes, the same one again at every call; the path stays the fuzzer's. */
+/* Returns the path of a file with these bytes. Every call writes the same file. The fuzzer owns the
+ * path. */
 const char *fuzz_file(const uint8_t *data, size_t size);
 
 /* The same as a named file in a folder of its own, for readers that look next to it. */
 const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t size);
 
-/* As text, with a 0 behind it; g_free(). */
+/* Returns the bytes as text that ends with 0. Free it with g_free(). */
 char *fuzz_text(const uint8_t *data, size_t size);
 
 /* Every refusal has to say why: an error that is not set, or set next to a result, is a bug. Frees

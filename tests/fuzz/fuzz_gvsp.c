@@ -1,5 +1,5 @@
-/* What a GigE camera sends as a picture: Aravis puts its packets together and tells size, format,
- * times and number; these functions of Aravis are replaced here, so that they say anything. */
+/* Pictures of a GigE camera. Aravis joins the packets and returns size, format, times and number.
+ * These functions of Aravis are replaced here by functions that return any value. */
 #include "fuzz.h"
 
 #include "aravis/answer.h"

@@ -1,4 +1,4 @@
-/* Lists of lights (.lp); the pictures they name are not there. */
+/* Lists of lights (.lp). The pictures that they name do not exist. */
 #include "fuzz.h"
 
 #include "formats/import.h"

@@ -1,25 +1,17 @@
-/* Compressed materials: eigen-maps, local PCA, lobes, hemispherical harmonics. */
+/* Compressed materials of all codecs. */
 #include "fuzz.h"
 
-#include "eigenmaps/eigenmaps.h"
-#include "hsh/hsh.h"
-#include "lobes/lobes.h"
-#include "lpca/lpca.h"
+#include "codecs/codecs.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);
     GError *error = NULL;
-    struct eigenmaps *maps = eigenmaps_read(path, &error);
-    fuzz_check(maps != NULL, &error);
-    eigenmaps_free(maps);
-    struct lpca *lpca = lpca_read(path, &error);
-    fuzz_check(lpca != NULL, &error);
-    lpca_free(lpca);
-    struct lobes *lobes = lobes_read(path, &error);
-    fuzz_check(lobes != NULL, &error);
-    lobes_free(lobes);
-    struct hsh *hsh = hsh_read(path, &error);
-    fuzz_check(hsh != NULL, &error);
-    hsh_free(hsh);
+    for (gsize i = 0; codecs[i]; i++) {
+        if (i > 0 && codecs[i]->read == codecs[i - 1]->read) /* codecs of one family */
+            continue;
+        gpointer model = codecs[i]->read(path, &error);
+        fuzz_check(model != NULL, &error);
+        codecs[i]->free(model);
+    }
     return 0;
 }

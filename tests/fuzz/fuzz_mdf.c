@@ -1,10 +1,10 @@
 /* Distances: as measured or packed, as blocks, as few maps. */
 #include "fuzz.h"
 
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
+#include "codecs/mdf_codecs/mdf_packed.h"
 #include "mdf/mdf_views.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
-#include "mdf_codecs/mdf_packed.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);

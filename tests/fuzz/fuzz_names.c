@@ -1,4 +1,4 @@
-/* Names of pictures, as in Bonn's UBO2003 folders; the pictures are empty. */
+/* Names of pictures, as in Bonn's UBO2003 folders. The pictures are empty. */
 #include "fuzz.h"
 
 #include "formats/import.h"

@@ -1,4 +1,5 @@
-/* The file of the queue of sessions: what is read is written, and read again, as it was. */
+/* The file of the queue of sessions. A queue that was read is written and read again, and is the
+ * same. */
 #include "fuzz.h"
 
 #include "bus/queue.h"

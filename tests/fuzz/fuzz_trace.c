@@ -1,5 +1,5 @@
-/* glTF scenes of mesorig-trace: parts, materials, lamps and the camera are finite and name only
- * what there is; Embree takes the triangles in, and rays through them give hits on surfaces. */
+/* glTF scenes of mesorig-trace. Parts, materials, lamps and the camera are finite and name only
+ * parts that exist. Embree accepts the triangles, and rays through them hit surfaces. */
 #include "fuzz.h"
 
 #include "tracer/trace_scene.h"

@@ -1,6 +1,5 @@
 /* Answers of USB devices: a Tic that homes and moves, and a relay board that switches a laser. The
- * functions of usb.h are replaced here; answers come when the clock, which is virtual, has moved
- * on. */
+ * functions of usb.h are replaced here. The clock is virtual, and answers arrive when it moves. */
 #include "fuzz.h"
 
 #include "conformance/conformance.h"

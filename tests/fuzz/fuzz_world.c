@@ -1,4 +1,4 @@
-/* World files; one that is right builds its sample. */
+/* World files. A valid one builds its sample. */
 #include "fuzz.h"
 
 #include "world/world.h"

@@ -1,11 +1,11 @@
 /*
  * Runs the fuzz targets without libFuzzer, as part of the test run: every file of a target's
- * corpus, and then mutations of them for some seconds. The mutations follow from a seed and know
- * nothing of which code they reach; tests/fuzz/run has libFuzzer for that.
+ * corpus, and then mutations of them for some seconds. A seed determines the mutations. They do not
+ * depend on the code that they reach, unlike those of libFuzzer (tests/fuzz/run).
  *
- *   fuzz_replay TARGET CORPUS FOUND [SECONDS [SEED]]
+ *   fuzz_replay TARGET CORPUS[:CORPUS …] FOUND [SECONDS [SEED]]
  *
- * Inputs are run in a child. One on which it ends, or that takes LIMIT_S, is written into the
+ * A child runs the inputs. An input that ends the child, or that takes LIMIT_S, is written into the
  * folder FOUND.
  */
 #include "fuzz.h"
@@ -140,14 +140,18 @@ static gint compare_names(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-static GPtrArray *read_corpus(const char *folder) {
+/* folders: separated by colons */
+static GPtrArray *read_corpus(const char *folders) {
     GPtrArray *corpus = g_ptr_array_new_with_free_func((GDestroyNotify)g_bytes_unref);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
+    g_auto(GStrv) all = g_strsplit(folders, ":", -1);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, &error);
-    g_assert_no_error(error);
-    for (const char *name; (name = g_dir_read_name(dir));)
-        g_ptr_array_add(names, g_build_filename(folder, name, NULL));
+    for (char **folder = all; *folder; folder++) {
+        g_autoptr(GDir) dir = g_dir_open(*folder, 0, &error);
+        g_assert_no_error(error);
+        for (const char *name; (name = g_dir_read_name(dir));)
+            g_ptr_array_add(names, g_build_filename(*folder, name, NULL));
+    }
     g_ptr_array_sort(names, compare_names);
     for (guint i = 0; i < names->len; i++) {
         char *bytes = NULL;
@@ -178,7 +182,7 @@ int main(int argc, char **argv) {
         if (g_str_equal(argv[1], targets[i].name))
             func = targets[i].func;
     if (!func) {
-        g_printerr("usage: fuzz_replay TARGET CORPUS FOUND [SECONDS [SEED]]\n");
+        g_printerr("usage: fuzz_replay TARGET CORPUS[:CORPUS …] FOUND [SECONDS [SEED]]\n");
         return 2;
     }
     const double seconds = argc > 4 ? g_ascii_strtod(argv[4], NULL) : 0;

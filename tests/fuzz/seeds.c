@@ -1,21 +1,20 @@
 /* Writes small files of every kind that is not text, for fuzzing to begin with, and the calibration
  * of a rig file: seeds FOLDER RIG.conf. */
 #include "bus/queue.h"
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/codecs.h"
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 #include "exr/checkpoint.h"
 #include "exr/exr.h"
 #include "geometry/rig.h"
-#include "hsh/hsh.h"
-#include "lobes/lobes.h"
-#include "lpca/lpca.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
 #include "rig/devices.h"
 #include "session/session.h"
 #include "synthesis/index_map.h"
 
 #include "fuzz.h"
+#include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/waves_fixture.h"
 #include "lib/write_dng.h"
 
 #include <glib/gstdio.h>
@@ -55,60 +54,26 @@ static void write_exrs(const char *folder) {
         }
 }
 
-static struct btf_layout seed_layout(float *angles) {
-    const struct direction_list two = {2, angles, angles};
-    return (struct btf_layout){SIDE, SIDE, 0.5, 0, two, two};
-}
-
-static void write_lobes(const char *folder) {
-    float angles[2] = {10, 40}, values[2 * SIDE * SIDE * 9] = {1, 0.5F};
-    g_autofree char *path = file_in(folder, "material", "ptm.exr");
-    g_autofree char *hsh_path = file_in(folder, "material", "hsh.exr");
-    const struct lobes lobes = {.model = LOBES_PTM,
-                                .name = (char[]){"seed"},
-                                .layout = seed_layout(angles),
-                                .n_slices = 2,
-                                .n_values = 9,
-                                .values = values};
-    float of_hsh[2 * SIDE * SIDE * 4 * 3] = {1, 0.5F};
-    const struct hsh hsh = {
-        .name = (char[]){"seed"}, .layout = seed_layout(angles), .n_terms = 4, .values = of_hsh};
-    g_assert_true(lobes_write(path, &lobes, NULL));
-    g_assert_true(hsh_write(hsh_path, &hsh, NULL));
-}
-
-static void write_maps(const char *folder) {
-    g_autofree char *path = file_in(folder, "material", "eigenmaps.exr");
-    float weights[4] = {0.5F, 0.5F, 0.5F, 0.5F}, angles[2] = {10, 40};
-    float maps[2 * 2 * SIDE * SIDE * 3] = {1, 0.5F};
-    const struct eigenmaps all = {.name = (char[]){"seed"},
-                                  .layout = seed_layout(angles),
-                                  .n_terms = 2,
-                                  .weights = weights,
-                                  .maps = maps};
-    g_assert_true(eigenmaps_write(path, &all, NULL));
-}
-
-static void write_lpca(const char *folder) {
-    float weights[SIDE * SIDE] = {0.5F}, angles[2] = {10, 40}, brdfs[2 * 2 * 2 * 3] = {1, 0.5F};
-    float scales[2] = {1, 1}, weight_scales[1] = {1};
-    int clusters[SIDE * SIDE] = {0};
-    for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
-        g_autofree char *name = g_strdup_printf("lpca%d.exr", kind);
+/* A file of each codec, and one for each choice that an option of the codec has. */
+static void write_materials(const char *folder) {
+    struct btf_matrix *btf = waves_fixture_new(SIDE, SIDE, 4, 7, 0.002, FALSE);
+    for (gsize i = 0; codecs[i]; i++) {
+        g_autofree char *name = g_strdup_printf("%s.exr", codecs[i]->name);
         g_autofree char *path = file_in(folder, "material", name);
-        struct lpca all = {.name = (char[]){"seed"},
-                           .layout = seed_layout(angles),
-                           .n_clusters = 1,
-                           .n_components = 1,
-                           .clusters = clusters,
-                           .weights = weights,
-                           .brdfs = brdfs,
-                           .scales = scales,
-                           .weight_scales = weight_scales};
-        lpca_quantise(&all, (enum lpca_quantise)kind);
-        g_assert_true(lpca_write(path, &all, NULL));
-        g_free(all.light_scales);
+        material_fixture_write(path, codecs[i], btf, "");
+        for (const struct option *option = codecs[i]->options; option->name; option++)
+            for (int k = 0; option->type == OPTION_CHOICE && option->choices[k]; k++) {
+                g_autofree char *choice = g_strdup_printf("%s-%s-%s.exr", codecs[i]->name,
+                                                          option->name, option->choices[k]);
+                /* Without a size or an error, a packed file would have no room. */
+                g_autofree char *options =
+                    g_strdup_printf("%s=%s%s", option->name, option->choices[k],
+                                    options_find(codecs[i]->options, "error") ? " error=5%" : "");
+                g_autofree char *with = file_in(folder, "material", choice);
+                material_fixture_write(with, codecs[i], btf, options);
+            }
     }
+    btf_matrix_free(btf);
 }
 
 /* Three views of something bent, from which the other two kinds are made. */
@@ -356,9 +321,7 @@ int main(int argc, char **argv) {
     g_assert_cmpint(argc, ==, 3);
     write_calibration(argv[1], argv[2]);
     write_exrs(argv[1]);
-    write_maps(argv[1]);
-    write_lpca(argv[1]);
-    write_lobes(argv[1]);
+    write_materials(argv[1]);
     write_mdfs(argv[1]);
     write_shapes(argv[1]);
     write_database(argv[1]);

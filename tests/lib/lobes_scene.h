@@ -2,11 +2,11 @@
 #pragma once
 
 #include "btf/direction_grid.h"
+#include "codecs/lobes/lobes_levels.h"
 #include "directions/directions.h"
 #include "drawing/methods/lobes_view.h"
 #include "drawing/methods/microfacet.h"
 #include "formula_fixture.h"
-#include "lobes/lobes_levels.h"
 #include "rings.h"
 
 struct scene {

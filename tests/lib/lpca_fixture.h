@@ -2,7 +2,7 @@
 #pragma once
 
 #include "btf_fixture.h"
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 
 int lpca_fixture_row_length(const struct btf_matrix *btf);
 

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "btf/direction_grid.h"
+#include "codecs/lpca/lpca.h"
 #include "directions/directions.h"
 #include "formula_fixture.h"
-#include "lpca/lpca.h"
 #include "rings.h"
 
 #include <math.h>

@@ -2,10 +2,10 @@
 #include "lib/ok.h"
 
 #include "base/vec.h"
-#include "lpca/lpca_levels.h"
-#include "lpca/lpca_resample.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
+#include "codecs/lpca/lpca_levels.h"
+#include "codecs/lpca/lpca_resample.h"
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 
 #include <math.h>
 

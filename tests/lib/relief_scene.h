@@ -6,7 +6,7 @@
 #pragma once
 
 #include "btf_fixture.h"
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 #include "mdf/mdf_table.h"
 
 enum relief_kind {

@@ -1,7 +1,7 @@
 /* The same material by one, two and four processes. */
 #include "base/file_lock.h"
+#include "codecs/lpca/lpca.h"
 #include "formats/import.h"
-#include "lpca/lpca.h"
 
 #include "lib/process.h"
 #include "lib/session_fixture.h"

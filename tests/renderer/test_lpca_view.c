@@ -1,10 +1,10 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
+#include "codecs/lpca/lpca_resample.h"
 #include "drawing/methods/lpca_grid.h"
 #include "drawing/methods/lpca_revised.h"
 #include "drawing/methods/lpca_view.h"
 #include "lib/lpca_scene.h"
 #include "lib/ok.h"
-#include "lpca/lpca_resample.h"
 
 static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
                        int n_grid) {

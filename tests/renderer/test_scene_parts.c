@@ -1,4 +1,5 @@
 /* Scenes of several objects and materials: how glTF becomes one mesh, and what is drawn of it. */
+#include "drawing/methods/methods.h"
 #include "lib/ok.h"
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"

@@ -178,6 +178,149 @@ static void test_lists_grow(gconstpointer data) {
     mdf_table_free(mdf);
 }
 
+/* Counts points of a picture that face the lamp by at least this cosine, and those of them that its
+ * light does not reach. */
+static int count_facing(Viewer *view, const struct viewer_settings *s, float least, int *ret_dark) {
+    g_autofree float *seen = see(view, s, W, H);
+    g_autofree float *light = ok(viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIGHT, W, H, ERR));
+    int n = 0;
+    *ret_dark = 0;
+    for (int k = 0; k < 4 * W * H; k += 4)
+        if (seen[k + 3] > 0.5F && light[k + 2] > least) {
+            n++;
+            *ret_dark += seen[k] < 0.5F;
+        }
+    return n;
+}
+
+/* A structure that is deep everywhere. The BTF has its own shadows, so the lamp reaches all of it
+ * that faces the lamp. Where the lamp grazes a curved mesh, chords find the structure elsewhere
+ * than along the viewing ray. */
+static void test_lit_structure(gconstpointer data) {
+    static const struct {
+        const char *shape;
+        float least;
+    } shapes[] = {{"plane", 0.1F}, {"cylinder", 0.5F}, {"sphere", 0.7F}};
+    struct mdf_table *mdf = flat_mdf(4, 8.0);
+    for (gsize k = 0; k < G_N_ELEMENTS(shapes); k++) {
+        const struct scene_options scene = {8, 4, SCENE_Z_UP, FALSE};
+        g_autoptr(Mesh) mesh = ok(scene_make(shapes[k].shape, &scene, ERR));
+        g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+        struct viewer_settings s = viewer_settings_default;
+        s.silhouettes = s.shadows = TRUE;
+        s.light_theta_deg = 60.0;
+        s.light_phi_deg = s.camera_azimuth_deg + 60.0;
+        int dark;
+        const int n = count_facing(view, &s, shapes[k].least, &dark);
+        g_test_message("%s: %d of %d points that face the lamp are dark", shapes[k].shape, dark, n);
+        g_assert_cmpint(n, >, 5000);
+        g_assert_cmpint(dark, <=, n / 500);
+    }
+    mdf_table_free(mdf);
+}
+
+#define FINS_MM    20.0 /* depth of the ground between fins, one in each tile of 50 mm */
+#define FINS_TILES 7
+
+/* Thin fins across u, in the middle of each tile, which stand on a deep ground up to the mesh. */
+static struct mdf_table *fins_mdf(void) {
+    enum { WIDTH = 64, HEIGHT = 64, RINGS = 17, ROUND = 12 };
+    struct mdf_table *t = g_new0(struct mdf_table, 1);
+    *t = (struct mdf_table){
+        .width = WIDTH, .height = HEIGHT, .n_views = RINGS * ROUND, .texel_mm = 50.0 / WIDTH};
+    t->theta_deg = g_new(float, RINGS *ROUND);
+    t->phi_deg = g_new(float, RINGS *ROUND);
+    t->depth_mm = g_new(float, RINGS *ROUND *WIDTH *HEIGHT);
+    t->deepest_mm = FINS_MM;
+    for (int k = 0; k < RINGS * ROUND; k++) {
+        const double theta = 5.0 * (1 + k / ROUND), phi = 30.0 * (k % ROUND);
+        const double slope = tan(theta * G_PI / 180.0) * cos(phi * G_PI / 180.0);
+        t->theta_deg[k] = (float)theta;
+        t->phi_deg[k] = (float)phi;
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            /* The next fin in the direction in which the ray descends. */
+            double way = 50.0 * (i % WIDTH + 0.5) / WIDTH - 25.0;
+            way = slope > 0.0 ? way : -way;
+            way = way > 0.0 ? way : way + 50.0;
+            t->depth_mm[k * WIDTH * HEIGHT + i] =
+                (float)fmin(FINS_MM, way / fmax(fabs(slope), 1e-6));
+        }
+    }
+    return t;
+}
+
+/* The distance along a ray into a cylinder with such fins, which point to its axis. The ray enters
+ * at u (in tiles); v is the unit vector outwards along it. −1: it meets the ground, or nothing. */
+static double ray_to_fin(double radius, double ground, double u, const float *v) {
+    const double turn = u + 0.5 - floor(u + 0.5); /* from the fin below u */
+    const double angle = 2.0 * G_PI / FINS_TILES * (v[0] > 0.0F ? -turn : 1.0 - turn);
+    const double t = radius * sin(angle) / ((double)v[2] * sin(angle) - (double)v[0] * cos(angle));
+    const double r = hypot(t * (double)v[0], radius - t * (double)v[2]); /* of the fin's point */
+    return t > 0.0 && r > ground && r < radius ? t : -1.0;
+}
+
+/* Deep below a cylinder, a step to the side turns further around its axis than on the mesh. */
+static void test_fins(gconstpointer data) {
+    const double radius = 0.6;
+    const struct scene_options scene = {FINS_TILES, 3, SCENE_Z_UP, FALSE};
+    g_autoptr(Mesh) mesh = ok(scene_make("cylinder", &scene, ERR));
+    g_autoptr(MdfTable) mdf = fins_mdf();
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    s.camera_elevation_deg = 0.0;
+    s.silhouettes = TRUE;
+    g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *at = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, ERR));
+    g_autofree float *v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
+    const double mm = sqrt(2.0 * G_PI * radius / FINS_TILES * 1.6 / 3.0) / 50.0;
+    double sum = 0.0, way = 0.0;
+    int n = 0;
+    for (int k = 0; k < 4 * W * H; k += 4) {
+        if (seen[k + 3] < 0.5F || at[k + 2] < 0.5F || v[k + 2] < 0.4F)
+            continue;
+        const double hit = ray_to_fin(radius, radius - FINS_MM * mm, (double)at[k], v + k);
+        if (hit < 0.0)
+            continue;
+        sum += fabs((double)seen[k + 1] - hit);
+        way += hit;
+        n++;
+    }
+    g_test_message("%d rays meet fins, after %.4f on average; error %.4f", n, way / MAX(n, 1),
+                   sum / MAX(n, 1));
+    g_assert_cmpint(n, >, 5000);
+    g_assert_cmpfloat(sum, <, 0.12 * way);
+}
+
+/* Texels much smaller than pixels are averaged, along both axes of the texture. */
+static void test_level_of_detail(gconstpointer data) {
+    const struct scene_options scene = {40, 40, SCENE_Z_UP, FALSE};
+    g_autoptr(Mesh) mesh = ok(scene_make("plane", &scene, ERR));
+    g_autoptr(MdfTable) mdf = flat_mdf(64, 6.0);
+    g_autoptr(GRand) random = g_rand_new_with_seed(5);
+    for (int i = 0; i < 64 * 64; i++)
+        for (int k = 0, deep = g_rand_boolean(random); k < 24; k++)
+            mdf->depth_mm[k * 64 * 64 + i] = deep ? 6.0F : 0.0F;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    s.silhouettes = TRUE;
+    g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
+    double sum = 0.0, squares = 0.0;
+    int n = 0;
+    for (int k = 0; k < 4 * W * H; k += 4)
+        if (seen[k + 3] > 0.5F) {
+            const double depth_mm = (double)seen[k + 1] * (double)v[k + 2] / (2.0 / 40.0 / 50.0);
+            sum += depth_mm;
+            squares += depth_mm * depth_mm;
+            n++;
+        }
+    const double mean = sum / MAX(n, 1), deviation = sqrt(squares / MAX(n, 1) - mean * mean);
+    g_test_message("%d points, %.2f mm deep, standard deviation %.2f mm", n, mean, deviation);
+    g_assert_cmpint(n, >, 10000);
+    g_assert_cmpfloat(fabs(mean - 3.0), <, 0.2);
+    g_assert_cmpfloat(deviation, <, 0.8);
+}
+
 /* Without structure, silhouettes change nothing. */
 static void test_smooth(gconstpointer data) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
@@ -290,6 +433,22 @@ struct material {
     double relief_mm, reference_mm;
 };
 
+/* The mean difference between the distances from the eye to the structure that the viewer found and
+ * the traced ones, where both see the shape. */
+static double distance_error(const float *seen, const struct displaced_pixel *truth) {
+    double sum = 0.0;
+    int n = 0;
+    for (int k = 0; k < W * H; k++) {
+        const float *p = seen + 4 * (gsize)k;
+        const double error = fabs((double)(p[1] + p[2] - truth[k].distance));
+        if (p[3] < 0.5F || truth[k].part != DISPLACED_SHAPE)
+            continue;
+        sum += fmin(error, 0.2);
+        n++;
+    }
+    return sum / MAX(n, 1);
+}
+
 static void check_tiling(const struct material *m, World *world, const char *mdf, int u, int v) {
     g_autoptr(GError) error = NULL;
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
@@ -308,14 +467,19 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     g_autofree struct displaced_pixel *truth =
         silhouettes_trace(&silhouettes_torus, displaced, &s, W, H);
     struct scores scores[2];
+    double distances[2];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *seen = see(view, &s, W, H);
         scores[way] = silhouettes_score(&silhouettes_torus, seen, truth, &s, W, H, TRUE);
+        distances[way] = distance_error(seen, truth);
     }
-    g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
-                   overlap_share(&scores[1].outline), overlap_share(&scores[0].outline),
-                   overlap_share(&scores[1].shadow), overlap_share(&scores[0].shadow));
+    g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f), distances off by "
+                   "%.4f (%.4f)",
+                   m->kind, u, v, overlap_share(&scores[1].outline),
+                   overlap_share(&scores[0].outline), overlap_share(&scores[1].shadow),
+                   overlap_share(&scores[0].shadow), distances[1], distances[0]);
+    g_assert_cmpfloat(distances[1], <, 0.2 * distances[0]);
     g_assert_cmpfloat(overlap_share(&scores[1].outline), >=, 0.97);
     g_assert_cmpfloat(overlap_share(&scores[1].shadow), >=, 0.97);
     g_assert_cmpfloat(1.0 - overlap_share(&scores[0].outline), >,
@@ -469,6 +633,9 @@ BEFORE_TESTS {
     static const struct material weave = {"weave", 1.2, 1.75}, brick = {"brick", 1.8, 2.4};
     gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
     gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
+    gpu_fixture_add("/silhouettes/lit-structure", test_lit_structure, NULL);
+    gpu_fixture_add("/silhouettes/fins", test_fins, NULL);
+    gpu_fixture_add("/silhouettes/level-of-detail", test_level_of_detail, NULL);
     gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
     gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
     gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);

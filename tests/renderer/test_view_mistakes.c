@@ -2,6 +2,9 @@
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
 #include "codecs/codecs.h"
+#include "codecs/lpca/lpca_levels.h"
+#include "codecs/mdf_codecs/mdf_source.h"
+#include "drawing/methods/methods.h"
 #include "lib/fields_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
@@ -10,8 +13,6 @@
 #include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
-#include "lpca/lpca_levels.h"
-#include "mdf_codecs/mdf_source.h"
 
 #include <dlfcn.h>
 #include <link.h>
@@ -142,6 +143,8 @@ static char *write_products(void) {
     write_lpca(lpca, btf);
     for (int k = 0; codecs[k] != NULL; k++) {
         const struct method *method = method_find(codecs[k]->name);
+        if (method == NULL)
+            continue;
         g_autofree char *path = method_path(method, session);
         if (!g_file_test(path, G_FILE_TEST_EXISTS))
             write_model(path, btf, codecs[k]);
@@ -290,6 +293,29 @@ static void test_default_method(gconstpointer data) {
         g_assert_cmpint(unlink(path), ==, 0);
     }
     refuses(NULL, argv, "eigenmaps.exr; run “mesorig process”");
+    remove_tree(session);
+}
+
+/* A file of a codec that has no drawing method, or that a newer version wrote. */
+static void test_no_method(gconstpointer data) {
+    if (!have_programs())
+        return;
+    static const char *const words[] = {"new.exr is of the kind “wavelets”",
+                                        "there is no drawing method"};
+    g_autofree char *session = view_fixture_write_session();
+    g_autofree char *path = method_path(method_find("eigenmaps"), session);
+    g_autofree char *new = g_build_filename(session, "new.exr", NULL);
+    g_autofree char *picture = g_build_filename(session, "x.png", NULL);
+    struct exr_file *file = ok(exr_read(path, ERR));
+    for (guint k = 0; k < file->parts->len; k++)
+        exr_set_string(file->parts->pdata[k], "mesorig.kind", "wavelets");
+    write_all(new, file);
+    exr_file_free(file);
+    for (gsize k = 0; k < G_N_ELEMENTS(words); k++) {
+        refuses(NULL, (const char *[]){VIEWER, new, "--render", picture, NULL}, words[k]);
+        refuses(NULL, (const char *[]){VIEWER, new, "--method", "ward", "--render", picture, NULL},
+                words[k]);
+    }
     remove_tree(session);
 }
 
@@ -557,6 +583,7 @@ static void test_least_gl(gconstpointer data) {
 BEFORE_TESTS {
     gpu_fixture_add("/view-mistakes/products", test_products, NULL);
     gpu_fixture_add("/view-mistakes/default-method", test_default_method, NULL);
+    gpu_fixture_add("/view-mistakes/no-method", test_no_method, NULL);
     gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
     gpu_fixture_add("/view-mistakes/too-wide", test_too_wide, NULL);
     gpu_fixture_add("/view-mistakes/no-gl", test_no_gl, NULL);

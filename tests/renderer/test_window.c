@@ -6,7 +6,7 @@
 #include "lib/view_fixture.h"
 #include "lib/window_user.h"
 
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "window/ui.h"
 
 #include <unistd.h>

@@ -3,7 +3,7 @@
 
 usage: check_rooms.py SOURCE_DIR [--table | --draw]
 
-A room is a folder with sources, and the sub-folders that its mesorig_room() names. Fails on: a room
+A room is a folder with sources, and the sub-folders that its mesorig_room() names (* for all). Fails on: a room
 that is not in the table or is no longer there, an include that the table does not allow, a pair of
 rooms that include each other, and a circle in the table. --table prints the table as the code has it; --draw prints it for Graphviz.
 """
@@ -110,7 +110,11 @@ def read_cmake(root):
                     else:
                         into.append(word)
                 folder = os.path.normpath(os.path.join(house, call.split()[0]))
-                found[folder] = (set(lists.get("USES", [])), lists.get("FOLDERS", []))
+                folders = lists.get("FOLDERS", [])
+                if folders == ["*"]:
+                    inside = os.scandir(os.path.join(root, folder))
+                    folders = sorted(entry.name for entry in inside if entry.is_dir())
+                found[folder] = (set(lists.get("USES", [])), folders)
     return found
 
 

@@ -1,7 +1,7 @@
 /* Eigen-maps as a codec. */
 #pragma once
 
-#include "codec/codec.h"
+#include "codecs/codec/codec.h"
 #include "eigenmaps.h"
 
 extern const struct codec eigenmaps_codec;

@@ -2,8 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "codecs/lpca/lpca_private.h"
 #include "eigenmaps_private.h"
-#include "lpca/lpca_private.h"
 
 #define CHUNK    EIGENMAPS_CHUNK
 #define SKETCH   16384 /* rows of the sketch */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 
 #define COLOURS 3
 #define BLOCK   16   /* number of texels that a thread fits at a time */

@@ -2,7 +2,7 @@
  * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets: for each
  * measured view, texel and colour, a sum of n = 4, 9 or 16 basis functions of the light,
  *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                          (Gautron et al. 2004 eq. 5, 6)
- * Values hold n·l (pipeline.h): they are not multiplied by it again. f may be negative between the
+ * Values contain n·l (pipeline.h) and are not multiplied by it again. f may be negative between the
  * measured lights.
  *
  * The basis is that of Gautron et al. 2004: associated Legendre polynomials P_l^m without
@@ -21,11 +21,11 @@
  *                        H8  −√(30/π) 2uv            H13  2√(21/π) v (1 − 5w)
  *                                                    H14  −√(210/π) x 2uv
  *                                                    H15  2√(35/π) (3u²v − v³)
- * All directions of the horizon are one point of the basis (u = v = 0); lights below count as in
- * it.
+ * All directions of the horizon are one point of the basis (u = v = 0). A light below the horizon
+ * counts as one in it.
  *
  * On disk, one EXR "hsh.exr" of half floats. The first n parts are pictures of the texels of all
- * views one below the other, line v · height + y:
+ * views below each other, line v · height + y:
  *   parts "term0" … "term<n−1>"  channels B G R, c_i of each colour
  *   parts "views", "lights"      channels "phi_deg", "theta_deg", width n, height 1, float
  * Attributes of the first part: mesorig.kind ("hsh"), mesorig.name (string); mesorig.terms,

@@ -1,6 +1,6 @@
 #include "hsh_codec.h"
 
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 #include "hsh.h"
 
 struct hsh_codec_options {

@@ -1,6 +1,6 @@
 /* Hemispherical harmonics as a codec. */
 #pragma once
 
-#include "codec/codec.h"
+#include "codecs/codec/codec.h"
 
 extern const struct codec hsh_codec; /* its models are struct hsh */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 #include "exr/exr.h"
 
 #define COLOURS 3

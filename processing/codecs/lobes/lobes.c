@@ -7,7 +7,7 @@
 #include "base/data_error.h"
 #include "base/direction.h"
 #include "btf/btf_checkpoint.h"
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 
 #define COLOURS       3
 #define POLYNOMIAL    6  /* coefficients of ptm */

@@ -1,7 +1,7 @@
 #include "lobes_codec.h"
 
 #include "base/data_error.h"
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 #include "lobes_levels.h"
 #include "lobes_private.h"
 

@@ -1,6 +1,6 @@
 #include "lobes_private.h"
 
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "codec/texel_model.h"
+#include "codecs/codec/texel_model.h"
 #include "lobes_private.h"
 
 #define COLOURS 3

@@ -4,8 +4,8 @@
  * the polynomial. */
 #pragma once
 
+#include "codecs/lpca/lpca_levels.h"
 #include "lobes.h"
-#include "lpca/lpca_levels.h"
 
 #define LOBES_MAX_LEVELS LPCA_MAX_LEVELS
 

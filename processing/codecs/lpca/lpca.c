@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/direction.h"
 #include "exr/exr_half.h"
 #include "lpca_private.h"
 
@@ -25,14 +26,9 @@ gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret) {
     return FALSE;
 }
 
-/* Y of linear sRGB (ITU-R BT.709). */
-static float luminance(const float *rgb) {
-    return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2];
-}
-
 void lpca_to_log(float *values, gsize n) {
     for (gsize i = 0; i < n; i++, values += COLOURS) {
-        const float y = luminance(values), size = MAX(y, 0) + LPCA_LOG_OFFSET;
+        const float y = rgb_luminance(values), size = MAX(y, 0) + LPCA_LOG_OFFSET;
         const float rest[2] = {(values[0] - y) / size, (values[2] - y) / size};
         values[0] = logf(size);
         values[1] = rest[0];

@@ -1,7 +1,7 @@
 /* Local PCA as a codec. */
 #pragma once
 
-#include "codec/codec.h"
+#include "codecs/codec/codec.h"
 #include "lpca.h"
 
 extern const struct codec lpca_codec;

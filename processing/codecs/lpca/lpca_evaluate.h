@@ -1,7 +1,7 @@
 /* Reflectance of a local PCA for one pair of directions. Any thread. */
 #pragma once
 
-#include "codec/codec.h"
+#include "codecs/codec/codec.h"
 
 /* The function evaluate of struct codec; model is a struct lpca. In R, G, B the values are linear
  * in the weights. The weights of the texels of one cluster are therefore mixed first, and its

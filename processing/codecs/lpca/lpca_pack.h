@@ -15,14 +15,12 @@
  *   part "light_axes"       the same for lights; "colour_axes" is 3 × 3, float. The rows become
  *                           orthonormal by Gram–Schmidt orthogonalisation in this order
  *   parts "tables", "maps"  channel "BITS", float, height 1: four bytes of an xz stream per pixel,
- *                           not numbers; the first mesorig.bytes (int) of them are valid. The
- *                           stream
- *                           has one byte for each number n: 2n, or −2n − 1 if n < 0, or 255 for a
- *                           larger value; then 4 bytes (low first) for each larger value, less 255.
- *                           Order of tables: pairs of a view's axis v and a light's axis l by
- *                           (v + 3)(l + 3), then v; in a pair colour by colour, in a colour the
- *                           tables of all clusters. Order of maps: component by component, in each
- *                           by x + y, then x */
+ *                           not numbers. The first mesorig.bytes (int) of them are valid. The
+ *                           stream has one byte for each number n: 2n, or −2n − 1 if n < 0, or 255
+ *                           for a larger value. Then come 4 bytes (low first) for each larger
+ * value, less 255. Tables are in the order of pairs of a view's axis v and a light's axis l, by (v
+ * + 3)(l + 3), then v. In a pair, colours follow each other, and in a colour the tables of all
+ * clusters. Maps are in the order of components, and in each by x + y, then x. */
 #pragma once
 
 #include "lpca.h"

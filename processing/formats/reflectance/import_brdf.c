@@ -4,9 +4,9 @@
 
 #include "base/data_error.h"
 #include "btf/btf_directions.h"
+#include "codecs/hsh/hsh.h"
 #include "formats/brdf/utia.h"
 #include "formats/rti/rti.h"
-#include "hsh/hsh.h"
 
 #define LOWEST_RAD 0.15 /* for HSH: no light is lower, as in RTIViewer and OpenLIME */
 

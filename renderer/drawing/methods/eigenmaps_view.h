@@ -10,7 +10,7 @@
  */
 #pragma once
 
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 #include "method.h"
 
 typedef struct EigenmapsView EigenmapsView; /* belongs to the thread of the GL context */

@@ -10,7 +10,7 @@
  */
 #pragma once
 
-#include "hsh/hsh.h"
+#include "codecs/hsh/hsh.h"
 #include "method.h"
 
 typedef struct HshView HshView; /* belongs to the thread of the GL context */

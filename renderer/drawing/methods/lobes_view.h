@@ -18,7 +18,7 @@
  */
 #pragma once
 
-#include "lobes/lobes_levels.h"
+#include "codecs/lobes/lobes_levels.h"
 #include "method.h"
 
 typedef struct LobesView LobesView; /* belongs to the thread of the GL context */

@@ -21,7 +21,7 @@
  */
 #pragma once
 
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 #include "method.h"
 
 typedef struct LpcaGrid LpcaGrid; /* belongs to the thread of the GL context */

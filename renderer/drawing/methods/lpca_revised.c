@@ -1,9 +1,9 @@
 #include "lpca_revised.h"
 
 #include "btf/direction_grid.h"
+#include "codecs/lpca/lpca_volumes.h"
 #include "drawing/gl/cube_map.h"
 #include "drawing/gl/gpu.h"
-#include "lpca/lpca_volumes.h"
 #include "lpca_texels.h"
 
 #include <epoxy/gl.h>

@@ -16,7 +16,7 @@
  */
 #pragma once
 
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 #include "method.h"
 
 typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL context */

@@ -1,7 +1,7 @@
 #include "lpca_texels.h"
 
+#include "codecs/lpca/lpca_pack.h"
 #include "drawing/gl/gpu.h"
-#include "lpca/lpca_pack.h"
 
 #include <epoxy/gl.h>
 #include <math.h>

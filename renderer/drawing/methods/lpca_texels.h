@@ -2,9 +2,9 @@
  * texels as textures. lpca_texel.glsl reads these textures. */
 #pragma once
 
+#include "codecs/lpca/lpca.h"
+#include "codecs/lpca/lpca_levels.h"
 #include "directions/directions.h"
-#include "lpca/lpca.h"
-#include "lpca/lpca_levels.h"
 #include "method.h"
 
 /* A local PCA and its mip levels joined into one: level 0, with the eigen-BRDFs of the clusters of

@@ -18,7 +18,7 @@
  */
 #pragma once
 
-#include "lpca/lpca.h"
+#include "codecs/lpca/lpca.h"
 #include "method.h"
 
 typedef struct LpcaView LpcaView; /* belongs to the thread of the GL context */

@@ -1,7 +1,7 @@
 /*
- * The methods that draw a material, one for each compressed form of a BTF. A method reads its file,
- * uploads it to the graphics card, and supplies the shader function that evaluates it. The rest of
- * a picture is the same for all methods.
+ * The contract of a drawing method, which draws a compressed form of a BTF. A method reads its
+ * file, uploads it to the graphics card, and supplies the shader function that evaluates it. The
+ * rest of a picture is the same for all methods. methods.h lists them.
  */
 #pragma once
 
@@ -9,10 +9,9 @@
 
 typedef struct Directions Directions; /* directions/directions.h */
 
-#define METHOD_UNITS                                                                               \
-    8 /* texture units 0 … 7 belong to a method, higher units to viewer and relief */
 #define METHOD_SHADERS 6
-#define METHOD_DEMO    "fabric-ashikhmin" /* shown if no material is named or open yet */
+/* The texture units 0 … 7 belong to a method, higher units to the viewer and the relief. */
+#define METHOD_UNITS 8
 
 /* How microfacets follow a normal that differs from the surface's (Kang & Cho 2011). */
 enum method_rotation {
@@ -33,14 +32,16 @@ struct method {
     const char *product;    /* its file in products/ of a session; NULL if it needs no file */
     const char *made_by;    /* command that makes the file; NULL if it needs no file */
     gboolean takes_normals; /* a normal map (normal_map.h) may replace its own normals */
-    /* GLSL files, at most METHOD_SHADERS, NULL-terminated. They define
+    /* Files of renderer/shaders, at most METHOD_SHADERS, NULL-terminated. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * x are texel coordinates (in tiles, y along the texture's rows downwards). v and l are unit
      * vectors in the texture's frame (+y upwards). The result is lit × the reflectance under the
      * light l, plus the uniform float ambient × the reflectance under an even sky. lit is 0 in a
-     * shadow and 1 elsewhere. A method whose work for the directions is the same for all texels
-     * also defines BTF_PREPARED and the two halves of btf(): void btf_prepare(vec3 v, vec3 l, float
-     * lit) and vec3 btf_texel(vec2 x). */
+     * shadow and 1 elsewhere. Textures of texels are read by PLACE_TEXTURE(sampler, x) or
+     * texelFetch(), tables by textureLod(). texture(), dFdx() and dFdy() are not allowed: the next
+     * pixel may show another part of the sample (places.glsl). A method whose work for the
+     * directions is the same for all texels also defines BTF_PREPARED and the two halves of btf():
+     * void btf_prepare(vec3 v, vec3 l, float lit) and vec3 btf_texel(vec2 x). */
     const char *const *shaders;
     /* The following functions belong to the thread of the GL context. open() reads a file and
      * uploads it to the card. For a method without a material file, path names a normal map, or is
@@ -65,16 +66,3 @@ Directions *method_directions(const struct direction_list *list, const char *wha
                               gboolean triangulated, GError **error);
 /* For methods: checks that a texture has room for the texels. */
 gboolean method_check_size(const struct btf_layout *layout, GError **error);
-
-extern const struct method *const methods[]; /* NULL-terminated; the first is the default */
-
-const struct method *method_find(const char *name); /* NULL if there is none */
-
-/* Returns the path of a method's file. argument is a file, or the directory of a session, which
- * stands for the method's product in it. It may be NULL if the method needs no file. Free the
- * result with g_free(). */
-char *method_path(const struct method *method, const char *argument);
-
-/* Calls the method's open(). If the file does not exist, the error says so. Errors name the file.
- * For a method that needs no file, path is NULL, the name of the method, or a normal map. */
-gpointer method_open(const struct method *method, const char *path, GError **error);

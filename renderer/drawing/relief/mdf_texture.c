@@ -1,8 +1,8 @@
 #include "mdf_texture.h"
 
+#include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "drawing/gl/direction_table.h"
 #include "drawing/gl/gpu.h"
-#include "mdf_codecs/mdf_tabulated.h"
 
 #include <epoxy/gl.h>
 #include <math.h>

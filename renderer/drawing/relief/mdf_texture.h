@@ -1,7 +1,7 @@
 /* A mesostructure distance function on the graphics card, read by relief.glsl. */
 #pragma once
 
-#include "mdf_codecs/mdf_source.h"
+#include "codecs/mdf_codecs/mdf_source.h"
 
 #include <glib.h>
 

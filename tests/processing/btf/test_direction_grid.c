@@ -1,13 +1,13 @@
 #include "base/data_error.h"
 #include "btf/direction_grid.h"
+#include "codecs/lpca/lpca_resample.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca/lpca_resample.h"
 
+#include "codecs/lpca/lpca_choose.h"
+#include "codecs/lpca/lpca_levels.h"
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
-#include "lpca/lpca_choose.h"
-#include "lpca/lpca_levels.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

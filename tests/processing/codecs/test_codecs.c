@@ -1,10 +1,12 @@
 /* What the contract promises of every codec in the table. */
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
+
+#include <string.h>
 
 #define WIDTH  6
 #define HEIGHT 5
@@ -24,6 +26,18 @@ TEST(table) {
     }
     g_assert_null(codecs_find("wavelets"));
     g_assert_null(codecs_find(NULL));
+}
+
+/* The desktop opens the file of each codec by its name. */
+TEST(mime) {
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(BUILD_DIR "/etc/org.mesorig.xml", &text, NULL, NULL));
+    g_assert_true(g_str_has_prefix(text, "<?xml") && g_str_has_suffix(text, "</mime-info>\n"));
+    for (gsize i = 0; codecs[i]; i++) {
+        g_autofree char *glob = g_strdup_printf("<glob pattern=\"%s.exr\"", codecs[i]->name);
+        if (!strstr(text, glob))
+            g_error("org.mesorig.xml has no %s", glob);
+    }
 }
 
 /* Encodes with every option at its default, and gives the result and the matrix. */
@@ -49,6 +63,36 @@ static void assert_errors(const struct codec *codec, gconstpointer model,
         g_assert_cmpfloat_with_epsilon(luminance, result->luminance_error, 1e-3);
 }
 
+/* At a measured view under a measured light, evaluate() gives what reconstruct() gives, at least 0.
+ */
+static void assert_evaluates(const struct codec *codec, gconstpointer model) {
+    const struct btf_layout *layout = G_STRUCT_MEMBER_P(model, codec->layout);
+    const gsize n_lights = layout->lights.n;
+    g_autofree float *views = direction_list_vectors(&layout->views);
+    g_autofree float *lights = direction_list_vectors(&layout->lights);
+    g_autofree float *values = g_new(float, btf_layout_values(layout));
+    const float one = 1;
+    for (int texel = 0; texel < WIDTH * HEIGHT; texel += 7) {
+        codec->reconstruct(model, texel, values);
+        for (int i = 0; i < (int)(layout->views.n * n_lights); i++) {
+            const int view = i / (int)n_lights, light = i % (int)n_lights;
+            struct codec_query query = {.n_views = 1,
+                                        .n_lights = 1,
+                                        .views = &view,
+                                        .lights = &light,
+                                        .view_weights = &one,
+                                        .light_weights = &one};
+            const struct codec_texels texels = {1, &texel, &one};
+            float rgb[3] = {0};
+            memcpy(query.view, views + 3 * view, sizeof query.view);
+            memcpy(query.light, lights + 3 * light, sizeof query.light);
+            codec->evaluate(model, &query, &texels, rgb);
+            for (int c = 0; c < 3; c++)
+                g_assert_cmpfloat_with_epsilon(MAX(rgb[c], 0), MAX(values[3 * i + c], 0), 1e-4);
+        }
+    }
+}
+
 static void test_round_trip(gconstpointer data) {
     const struct codec *codec = data;
     g_autofree char *folder = g_dir_make_tmp("codecs-XXXXXX", NULL);
@@ -70,6 +114,7 @@ static void test_round_trip(gconstpointer data) {
     g_assert_cmpint(info->bytes, ==, codec->bytes(result.levels->pdata[0]));
     gpointer model = ok(codec->read(path, ERR));
     assert_errors(codec, model, btf, &result);
+    assert_evaluates(codec, model);
     codec->free(model);
     struct exr_file *file = ok(exr_read_headers(path, ERR));
     g_autofree char *of_file = codec->describe_file(file);

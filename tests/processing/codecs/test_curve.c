@@ -1,10 +1,10 @@
 /* Error against size of all models: what is measured, and what is drawn of it. */
+#include "codecs/lpca/lpca_choose.h"
+#include "codecs/lpca/lpca_pack.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
-#include "lpca/lpca_choose.h"
-#include "lpca/lpca_pack.h"
 #include "materials/curve.h"
 
 #include <glib/gstdio.h>

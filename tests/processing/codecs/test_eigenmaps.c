@@ -1,5 +1,5 @@
 #include "base/data_error.h"
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"

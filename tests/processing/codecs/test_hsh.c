@@ -1,8 +1,8 @@
 #include "base/data_error.h"
-#include "codec/compare.h"
+#include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
-#include "hsh/hsh.h"
-#include "hsh/hsh_codec.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/hsh/hsh_codec.h"
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"

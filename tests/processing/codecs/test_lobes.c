@@ -1,7 +1,7 @@
 #include "base/data_error.h"
+#include "codecs/lobes/lobes.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lobes/lobes.h"
 
 #include "btf/btf_checkpoint.h"
 #include "exr/exr.h"

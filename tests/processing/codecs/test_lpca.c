@@ -1,7 +1,7 @@
 #include "base/data_error.h"
+#include "codecs/lpca/lpca.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca/lpca.h"
 
 #include "exr/exr.h"
 #include "lib/lpca_fixture.h"

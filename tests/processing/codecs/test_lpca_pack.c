@@ -1,12 +1,12 @@
 /* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
 #include "base/data_error.h"
+#include "codecs/lpca/lpca_choose.h"
+#include "codecs/lpca/lpca_pack_private.h"
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
-#include "lpca/lpca_choose.h"
-#include "lpca/lpca_pack_private.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

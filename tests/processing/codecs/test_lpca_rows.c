@@ -1,11 +1,11 @@
 /* Where the rows of a local PCA come from: memory, a file, the memories of several processes; and
  * in which colours. */
 #include "base/data_error.h"
+#include "codecs/lpca/lpca.h"
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca/lpca.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

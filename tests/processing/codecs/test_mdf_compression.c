@@ -1,5 +1,8 @@
 /* Distances in fewer bytes: against closed forms, and against how a card reads them. */
 #include "base/data_error.h"
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
+#include "codecs/mdf_codecs/mdf_packed.h"
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
 #include "lib/ok.h"
@@ -7,9 +10,6 @@
 #include "lib/silhouettes.h"
 #include "lib/test.h"
 #include "lib/world_fixture.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
-#include "mdf_codecs/mdf_packed.h"
 #include "pipeline/pipeline.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"

@@ -3,9 +3,9 @@
 #include "exr/checkpoint.h"
 
 #include "btf/btf_checkpoint.h"
+#include "codecs/lpca/lpca_choose.h"
+#include "codecs/lpca/lpca_pack.h"
 #include "lib/lpca_fixture.h"
-#include "lpca/lpca_choose.h"
-#include "lpca/lpca_pack.h"
 
 #include <glib/gstdio.h>
 #include <signal.h>

@@ -1,12 +1,12 @@
 /* What others have measured, made into sessions; and sessions written for others. */
 #include "base/data_error.h"
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
+#include "codecs/lpca/lpca.h"
 #include "formats/bonn/bonn.h"
 #include "formats/export.h"
 #include "formats/import.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca/lpca.h"
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>

@@ -4,10 +4,10 @@
  * processed from those.
  */
 #include "base/text_table.h"
+#include "codecs/lpca/lpca.h"
 #include "formats/import_poses.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca/lpca.h"
 #include "pipeline/catalogue.h"
 #include "rig/devices.h"
 

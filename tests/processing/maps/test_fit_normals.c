@@ -1,9 +1,9 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
-#include "hsh/hsh.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/lobes/lobes.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lobes/lobes.h"
 #include "maps/fit_normals.h"
 #include "maps/integrate_normals.h"
 

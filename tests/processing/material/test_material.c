@@ -1,14 +1,14 @@
 /* What libmesorig-material evaluates, against plain sums over what each codec's own functions give.
  */
 #include "btf/direction_grid.h"
+#include "codecs/hsh/hsh.h"
+#include "codecs/lobes/lobes_levels.h"
+#include "codecs/lpca/lpca.h"
 #include "directions/directions.h"
-#include "hsh/hsh.h"
 #include "lib/material_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
-#include "lobes/lobes_levels.h"
-#include "lpca/lpca.h"
 
 #include <math.h>
 #include <mesorig/material.h>
@@ -35,10 +35,6 @@ struct file {
     const char *codec, *options;
     gboolean with_pole;
 };
-
-static gboolean is_formula(const struct codec *codec) {
-    return strcmp(codec->name, "lpca") != 0 && strcmp(codec->name, "eigenmaps") != 0;
-}
 
 static void plain_open(struct plain *p, const struct codec *codec, const char *path) {
     g_autoptr(GError) error = NULL;
@@ -87,19 +83,45 @@ static void all_weights(const struct plain *p, gboolean lights, const float *d, 
                 ret[pole[i]] += fade * at.weight[k] / n_pole;
 }
 
-/* One texel at a light, of one view if the model has one for each. */
+/* The value of one texel at a light, of one view if the model has one for each. A codec without a
+ * formula here is asked for it: its own test compares its evaluate() with its formula. */
 static void plain_formula(const struct plain *p, int view, int texel, const float *v,
                           const float *l, float ret[3]) {
+    memset(ret, 0, 3 * sizeof(float));
     if (strcmp(p->codec->name, "hsh") == 0) {
         hsh_evaluate(p->model, view, texel, l, ret);
     } else if (p->codec->read == codecs_find("ptm")->read) { /* all lobes have one reader */
         const struct lobes *lobes = p->model;
         lobes_evaluate(lobes, lobes->n_slices > 1 ? view : 0, texel, v, l, ret);
     } else {
-        g_error("plain_formula() has no formula for %s; is_formula(): it has one", p->codec->name);
+        const gsize n_lights = p->layout->lights.n;
+        g_autofree double *h = g_new(double, n_lights);
+        g_autofree float *light_weights = g_new(float, n_lights);
+        g_autofree int *lights = g_new(int, n_lights);
+        const float one = 1;
+        struct codec_query query = {.n_views = 1,
+                                    .views = &view,
+                                    .lights = lights,
+                                    .view_weights = &one,
+                                    .light_weights = light_weights};
+        const struct codec_texels texels = {1, &texel, &one};
+        memcpy(query.view, v, sizeof query.view);
+        memcpy(query.light, l, sizeof query.light);
+        all_weights(p, TRUE, l, h);
+        for (gsize b = 0; b < n_lights; b++)
+            if (h[b] > 0) {
+                lights[query.n_lights] = (int)b;
+                light_weights[query.n_lights++] = (float)h[b];
+            }
+        p->codec->evaluate(p->model, &query, &texels, ret);
     }
     for (int c = 0; c < 3; c++)
         ret[c] = MAX(ret[c], 0);
+}
+
+/* These codecs are tables: they are compared with sums over what they reconstruct. */
+static gboolean is_table(const struct codec *codec) {
+    return strcmp(codec->name, "lpca") == 0 || strcmp(codec->name, "eigenmaps") == 0;
 }
 
 static void plain_texel(const struct plain *p, int texel, const float *v, const float *l,
@@ -113,7 +135,7 @@ static void plain_texel(const struct plain *p, int texel, const float *v, const 
         float rgb[3];
         if (g[a] == 0)
             continue;
-        if (is_formula(p->codec)) {
+        if (!is_table(p->codec)) {
             plain_formula(p, (int)a, texel, v, l, rgb);
             for (int c = 0; c < 3; c++)
                 ret[c] += g[a] * rgb[c];
@@ -194,41 +216,22 @@ static void test_values(gconstpointer data) {
             brightest = fmax(brightest, expected[c]);
         }
     }
-    g_assert_cmpfloat(brightest, >, 0.5);
+    g_assert_cmpfloat(brightest, >, 0.1); /* the fixture's diffuse part is 0.4 n·l */
     mesorig_material_close(material);
     plain_clear(&plain);
     remove_tree(folder);
 }
 
-static const struct file files[] = {
+/* Options that change how a file is evaluated. Every codec is also tested with its defaults. */
+static const struct file with_options[] = {
     {"lpca", "clusters=3 components=4", TRUE},
     {"lpca", "clusters=3 components=4", FALSE},
     {"lpca", "clusters=2 components=3 colours=log", FALSE},
     {"lpca", "clusters=2 components=3 quantise=8bit-weights", TRUE},
     {"lpca", "quantise=packed error=2%", TRUE},
     {"lpca", "clusters=2 components=3 grid=5", TRUE},
-    {"eigenmaps", "", TRUE},
-    {"eigenmaps", "", FALSE},
-    {"fields", "", TRUE},
-    {"fields", "", FALSE},
-    {"ptm", "", FALSE},
     {"hsh", "terms=16", FALSE},
-    {"lafortune", "", TRUE},
-    {"ward", "", TRUE},
-    {"ashikhmin", "", TRUE},
 };
-
-/* Every codec of the table is among them. */
-TEST(all_codecs) {
-    for (gsize i = 0; codecs[i]; i++) {
-        gboolean there = FALSE;
-        for (gsize k = 0; k < G_N_ELEMENTS(files); k++)
-            there |= strcmp(files[k].codec, codecs[i]->name) == 0;
-        if (!there)
-            g_error("files[] has no row for the codec %s", codecs[i]->name);
-        g_assert_nonnull(codecs[i]->evaluate);
-    }
-}
 
 /* A footprint's value is the mean over its square: here of 48 × 48 points. */
 TEST(footprint) {
@@ -296,9 +299,16 @@ TEST(mips) {
     remove_tree(folder);
 }
 
+static void add_file(struct file file) {
+    static int n;
+    g_autofree char *path = g_strdup_printf("/material/values/%d-%s", n++, file.codec);
+    g_test_add_data_func_full(path, g_memdup2(&file, sizeof file), test_values, g_free);
+}
+
 BEFORE_TESTS {
-    for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {
-        g_autofree char *path = g_strdup_printf("/material/values/%zu-%s", k, files[k].codec);
-        g_test_add_data_func(path, &files[k], test_values);
-    }
+    for (gsize k = 0; k < G_N_ELEMENTS(with_options); k++)
+        add_file(with_options[k]);
+    for (gsize k = 0; codecs[k]; k++)
+        for (int with_pole = 0; with_pole < 2; with_pole++)
+            add_file((struct file){codecs[k]->name, "", with_pole});
 }

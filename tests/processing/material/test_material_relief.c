@@ -1,11 +1,11 @@
 /* Rays against a relief whose distances are known exactly: waves, traced by bisection. */
+#include "codecs/mdf_codecs/mdf_blocks.h"
+#include "codecs/mdf_codecs/mdf_factors.h"
 #include "exr/exr.h"
 #include "lib/material_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
 
 #include <math.h>
 #include <mesorig/material.h>

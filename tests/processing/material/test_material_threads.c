@@ -1,11 +1,11 @@
 /* Four threads ask one material at the same time, of every codec. The target material_threads does
  * the same under ThreadSanitizer. */
+#include "codecs/mdf_codecs/mdf_codec.h"
 #include "lib/material_fixture.h"
 #include "lib/material_threads.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
-#include "mdf_codecs/mdf_codec.h"
 
 /* A flat relief: of the views of the fixture, 1 mm deep. */
 static void write_mdf(const char *path, const struct btf_matrix *btf) {

@@ -5,7 +5,7 @@
 #include "lib/pipeline_fixture.h"
 #include "pipeline/catalogue.h"
 
-#include "eigenmaps/eigenmaps.h"
+#include "codecs/eigenmaps/eigenmaps.h"
 
 #include <glib/gstdio.h>
 

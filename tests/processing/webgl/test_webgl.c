@@ -1,5 +1,6 @@
 /* The page of a material in a browser, against the viewer's pictures of the same file; its size;
  * what cannot be exported. */
+#include "codecs/lpca/lpca_levels.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/lpca_revised.h"
 #include "exr/exr_half.h"
@@ -12,7 +13,6 @@
 #include "lib/skip.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
-#include "lpca/lpca_levels.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"

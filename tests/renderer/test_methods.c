@@ -1,0 +1,141 @@
+/* What the contract promises of every drawing method in the table. */
+#include "codecs/codecs.h"
+#include "drawing/gl/shaders.h"
+#include "drawing/methods/methods.h"
+#include "lib/formula_fixture.h"
+#include "lib/material_fixture.h"
+#include "lib/ok.h"
+#include "lib/remove_tree.h"
+#include "lib/test.h"
+
+#include <string.h>
+
+TEST(table) {
+    for (gsize k = 0; methods[k] != NULL; k++) {
+        const struct method *method = methods[k];
+        g_assert_true(method_find(method->name) == method);
+        g_assert_true(method->title && method->shaders && method->open && method->free &&
+                      method->bytes && method->bind);
+        g_assert_true((method->product != NULL) == (method->made_by != NULL));
+        g_assert_true((method->product != NULL) == (method->texels != NULL));
+        g_assert_cmpuint(g_strv_length((char **)method->shaders), <=, METHOD_SHADERS);
+    }
+    g_assert_null(method_find("wavelets"));
+}
+
+static const char *find_source(const char *name) {
+    for (const struct shader *shader = shaders; shader->name != NULL; shader++)
+        if (strcmp(shader->name, name) == 0)
+            return shader->source;
+    g_error("renderer/shaders has no %s", name);
+}
+
+/* Where places of the sample jump from pixel to pixel, derivatives mean nothing. */
+TEST(derivatives) {
+    for (gsize k = 0; methods[k] != NULL; k++)
+        for (const char *const *name = methods[k]->shaders; *name != NULL; name++) {
+            const char *source = find_source(*name);
+            if (g_regex_match_simple("\\btexture\\(", source, 0, 0))
+                g_error("renderer/shaders/%s: texture() takes derivatives: PLACE_TEXTURE() reads "
+                        "textures of texels, textureLod() reads tables",
+                        *name);
+            if (g_regex_match_simple("\\bdFd[xy]\\(", source, 0, 0))
+                g_error("renderer/shaders/%s: PLACE_DX() and PLACE_DY() replace dFdx() and dFdy()",
+                        *name);
+        }
+}
+
+/* A file and the directions from which it is drawn. */
+struct seen {
+    const struct codec *codec;
+    gconstpointer model;
+    const struct btf_layout *layout;
+    float *texel; /* all values of a texel */
+    int view, light;
+};
+
+/* The values of the four texels around a point, each at least 0, filtered. at: in tiles. */
+static void expected(const struct seen *seen, const float *at, double ret[3]) {
+    const int width = (int)seen->layout->width, height = (int)seen->layout->height;
+    const double x = (double)at[0] * width - 0.5, y = (double)at[1] * height - 0.5;
+    const gsize pair = (gsize)seen->view * seen->layout->lights.n + (gsize)seen->light;
+    memset(ret, 0, 3 * sizeof(double));
+    for (int k = 0; k < 4; k++) {
+        const int i = (int)floor(x) + k % 2, j = (int)floor(y) + k / 2;
+        const double share = (1 - fabs(x - i)) * (1 - fabs(y - j));
+        const int texel = (j % height + height) % height * width + (i % width + width) % width;
+        seen->codec->reconstruct(seen->model, texel, seen->texel);
+        for (gsize c = 0; c < 3; c++)
+            ret[c] += share * fmax((double)seen->texel[pair * 3 + c], 0);
+    }
+}
+
+static void compare(const struct seen *seen, Viewer *view, const struct viewer_settings *settings) {
+    g_autofree float *shown = ok(viewer_render_linear(view, settings, SIZE, SIZE, ERR));
+    g_autofree float *at =
+        ok(viewer_render_geometry(view, settings, VIEWER_GEOMETRY_TEXEL, SIZE, SIZE, ERR));
+    double worst = 0, sum = 0, brightest = 0;
+    int n = 0;
+    for (gsize k = 0; k < 4 * SIZE * SIZE; k += 4) {
+        double want[3];
+        if (shown[k + 3] <= 0)
+            continue;
+        expected(seen, at + k, want);
+        for (gsize c = 0; c < 3; c++, n++) {
+            const double off = fabs((double)shown[k + c] - want[c]);
+            worst = fmax(worst, off);
+            sum += off;
+            brightest = fmax(brightest, want[c]);
+        }
+    }
+    g_test_message("%s, view %d, light %d: brightest %.2f, error %.4f on average, at most %.4f",
+                   seen->codec->name, seen->view, seen->light, brightest, sum / MAX(n, 1), worst);
+    g_assert_cmpint(n, >, 500);
+    g_assert_cmpfloat(brightest, >, 0.1);
+    g_assert_cmpfloat(sum / n, <, 0.01);
+    g_assert_cmpfloat(worst, <, 0.06);
+}
+
+/* On a plane that is seen from a measured view under a measured light, each codec's method shows
+ * what the codec reconstructs. The camera is so far away that views differ by at most 0.3°. */
+static void test_measured_directions(gconstpointer data) {
+    const struct codec *codec = data;
+    static const int pairs[][2] = {{0, 0}, {3, 5}, {10, 2}, {17, 12}};
+    g_autofree char *folder = g_dir_make_tmp("methods-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    g_autoptr(Mesh) mesh = scene_plane();
+    g_autoptr(Viewer) view = ok(viewer_new(NULL, ERR));
+    struct viewer_settings settings;
+    material_fixture_write(path, codec, btf, "");
+    gpointer model = ok(codec->read(path, ERR));
+    struct seen seen = {codec, model, G_STRUCT_MEMBER_P(model, codec->layout)};
+    const struct direction_list *views = &seen.layout->views, *lights = &seen.layout->lights;
+    seen.texel = g_new(float, btf_layout_values(seen.layout));
+    formula_start_view(view, &settings, mesh);
+    ok(viewer_open(view, method_find(codec->name), path, ERR));
+    settings.ambient = 0;
+    settings.camera_fov_deg = 1;
+    settings.camera_distance = 300;
+    settings.tiles_u = settings.tiles_v = 1;
+    for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
+        seen.view = pairs[k][0];
+        seen.light = pairs[k][1];
+        settings.camera_elevation_deg = 90 - (double)views->theta_deg[seen.view];
+        settings.camera_azimuth_deg = (double)views->phi_deg[seen.view];
+        settings.light_theta_deg = (double)lights->theta_deg[seen.light];
+        settings.light_phi_deg = (double)lights->phi_deg[seen.light];
+        compare(&seen, view, &settings);
+    }
+    g_free(seen.texel);
+    codec->free(model);
+    remove_tree(folder);
+}
+
+BEFORE_TESTS {
+    for (gsize k = 0; codecs[k] != NULL; k++) {
+        g_autofree char *path = g_strdup_printf("/methods/measured-directions/%s", codecs[k]->name);
+        if (method_find(codecs[k]->name) != NULL)
+            gpu_fixture_add(path, test_measured_directions, codecs[k]);
+    }
+}
