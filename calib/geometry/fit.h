@@ -33,6 +33,9 @@ struct fit {
     /* Priors of the parameters: mean and standard deviation; 0: none. NULL: no priors at all. Not
      * scaled by the residuals of the observations. */
     const double *known, *known_sigma;
+    /* The initial parameters are those of an earlier solution with nearly the same priors: outliers
+     * are rejected from the beginning. */
+    gboolean is_near;
 };
 
 struct fit_result {

@@ -233,6 +233,11 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
                            double arc_rad);
 
+/* The laser as it stands with the arc at an angle: a fixed one with the same sheets. For many
+ * points at the same angle. */
+struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad);
+
 /* The sheet of light without its bend: points p of the rig frame with normal · p = offset_mm. */
 struct rig_plane {
     struct vec3 normal; /* unit */

@@ -98,23 +98,35 @@ static struct rig_arc laser_arc_of(const struct problem *problem, const double *
     return arc;
 }
 
+/* Index in the table of laser_residuals(): where a laser stands at one angle of the arc. swing −1:
+ * one that stands by itself. */
+static int stand_of(const struct problem *problem, int laser, int swing) {
+    return laser * (problem->swing.n + 1) + 1 + swing;
+}
+
 static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
-    struct rig_arc arc = laser_arc_of(problem, x);
-    struct rig_laser lasers[RIG_MAX_LASERS];
+    const int n_lasers = problem->rig->n_lasers, n_swings = problem->swing.n;
+    const struct rig_arc arc = laser_arc_of(problem, x);
+    g_autofree struct rig_laser *stands = g_new(struct rig_laser, n_lasers * (n_swings + 1));
     struct vec3 eyes[RIG_MAX_CAMERAS];
     for (int i = 0; i < problem->rig->n_cameras; i++)
         eyes[i] = rig_camera_centre_mm(&problem->rig->cameras[i]);
-    for (int i = 0; i < problem->rig->n_lasers; i++)
-        if (problem->at[i] >= 0)
-            lasers[i] = laser_of(problem, x, i);
+    for (int i = 0; i < n_lasers; i++) {
+        if (problem->at[i] < 0)
+            continue;
+        const struct rig_laser laser = laser_of(problem, x, i);
+        stands[stand_of(problem, i, -1)] = laser;
+        for (int k = 0; k < n_swings; k++)
+            stands[stand_of(problem, i, k)] = rig_laser_placed(
+                &arc, &laser, problem->swing.angles_rad[k] + x[problem->swing.at + k]);
+    }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
-        const int swing = problem->swing_of[i];
-        const double arc_rad = point->arc_rad + (swing >= 0 ? x[problem->swing.at + swing] : 0);
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
-        const struct rig_laser *laser = &lasers[point->laser];
+        const struct rig_laser *laser =
+            &stands[stand_of(problem, point->laser, problem->swing_of[i])];
         struct vec3 p = point->point_mm;
         /* Moves the point along the line of sight to the unknown plane. */
         if (p.z == problem->plane_mm) {
@@ -124,7 +136,7 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
         const struct rig_plane sheet = rig_laser_sheet(
-            &arc, laser, arc_rad, point->sweep_rad + rig_laser_bent_rad(&arc, laser, arc_rad, p));
+            &arc, laser, 0, point->sweep_rad + rig_laser_bent_rad(&arc, laser, 0, p));
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
