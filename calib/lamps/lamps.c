@@ -511,9 +511,9 @@ static gboolean lamps_check_places(const struct rig *rig, const struct lamps_res
     return TRUE;
 }
 
-static gboolean lamps_solve(const struct rig *rig, const struct lamp_target *target,
-                            const struct lamp_sight *sights, int n, struct lamps_result *ret,
-                            GError **error) {
+gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
+                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                   GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
     struct drive *const drives[] = {&problem.turntable, &problem.arc};
     struct fit_result fitted;
@@ -587,18 +587,18 @@ static char *other_sizes(const struct lamp_target *target, const struct lamps_re
     return g_string_free(g_steal_pointer(&text), FALSE);
 }
 
-/* Solves again with sizes that are hardly known. Names them if the sights fit then, much better
- * than with the sizes of the target. */
-static gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
-                                  const struct lamp_sight *sights, int n,
-                                  const struct lamps_result *as_said, GError **error) {
+gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
+                           const struct lamp_sight *sights, int n,
+                           const struct lamps_result *as_said, GError **error) {
     struct lamp_target loose = *target;
     struct lamps_result found;
     double largest_mm = 0;
+    if (!is_misfit(as_said, n))
+        return TRUE;
     for (int i = 0; i < target->n; i++)
         largest_mm = MAX(largest_mm, target->marks[i].size_mm);
     loose.tolerance_mm = MAX(LOOSE * largest_mm, 3 * target->tolerance_mm);
-    if (!lamps_solve(rig, &loose, sights, n, &found, NULL))
+    if (!lamps_fit(rig, &loose, sights, n, &found, NULL))
         return TRUE;
     g_autofree char *sizes = other_sizes(target, &found);
     const gboolean better = found.sigma < EXPLAINED && !is_misfit(&found, n) &&
@@ -615,22 +615,6 @@ static gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_targe
             found.n_used, n, found.rms, unit, as_said->n_used, as_said->rms, unit);
     lamps_result_clear(&found);
     return !(sizes && better);
-}
-
-gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
-                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
-                   GError **error) {
-    g_autoptr(GError) why = NULL;
-    gboolean ok = lamps_solve(rig, target, sights, n, ret, &why);
-    const gboolean misfit =
-        ok || (why->domain == LAMPS_ERROR && why->code == LAMPS_ERROR_DEGENERATE);
-    if (misfit && is_misfit(ret, n) && !lamps_check_sizes(rig, target, sights, n, ret, error)) {
-        lamps_result_clear(ret);
-        return FALSE;
-    }
-    if (!ok)
-        g_propagate_error(error, g_steal_pointer(&why));
-    return ok;
 }
 
 void lamps_result_clear(struct lamps_result *result) {
