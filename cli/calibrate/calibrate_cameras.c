@@ -355,7 +355,7 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
                         "come back to the same place, a camera that moved"
                       : "a board that is not flat, a loose or wobbling turntable, another lens "
                         "model, a camera that moved"};
-    calibrate_say_residual(to, &residual);
+    calibrate_warn_residual(base, &residual);
 }
 
 static int cli_calibrate_cameras_run(const struct call *call, GError **error) {

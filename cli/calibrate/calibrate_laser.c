@@ -253,17 +253,6 @@ static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **er
     return TRUE;
 }
 
-/* What noise does not explain of a laser's residuals; NULL: nothing. g_free(). */
-static char *residual_of(const struct laser_result *found, int i) {
-    g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
-    const struct residual residual = {
-        of, found->rms_mm[i], found->expected_mm[i], "mm",
-        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
-        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
-        "off; the MDF's error bars contain the rest"};
-    return residual_warning(&residual);
-}
-
 static void tell_laser(Record *to, const struct laser_result *found, int i) {
     static const char *const names[] = {"position", "axis", "zero", "stretch"};
     const struct rig_laser *laser = &found->rig.lasers[i];
@@ -309,17 +298,15 @@ static void tell_laser(Record *to, const struct laser_result *found, int i) {
     record_say(to, "\n");
 }
 
-/* Each sentence once. */
-static void say_residuals(Record *to, const struct laser_result *found) {
-    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
-    for (int i = 0; i < found->rig.n_lasers; i++) {
-        char *warning = found->seen[i] ? residual_of(found, i) : NULL;
-        if (warning)
-            g_ptr_array_add(warnings, warning);
-    }
-    record_strings(to, "warnings", warnings);
-    for (guint i = 0; i < warnings->len; i++)
-        record_say(to, "  warning: %s\n", (char *)warnings->pdata[i]);
+static void warn_residual(const struct calibrate_job *base, const struct laser_result *found,
+                          int i) {
+    g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
+    const struct residual residual = {
+        of, found->rms_mm[i], found->expected_mm[i], "mm",
+        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
+        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
+        "off; the MDF's error bars contain the rest"};
+    calibrate_warn_residual(base, &residual);
 }
 
 static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *base) {
@@ -351,8 +338,10 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
                    "plates as high as they are said to be?",
                    job->uneven, UNEVEN_MM);
     record_say(to, "\n");
-    say_residuals(to, found);
     calibrate_say_doubts(to, base, part, "sweeps");
+    for (int i = 0; i < found->rig.n_lasers; i++)
+        if (found->seen[i])
+            warn_residual(base, found, i);
 }
 
 static int cli_calibrate_laser_run(const struct call *call, GError **error) {

@@ -573,7 +573,7 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
         .unit = part->residual_unit,
         .causes = "a turntable or an arc that wobbles, a target that moved or is not flat, cameras "
                   "that have moved since they were calibrated"};
-    calibrate_say_residual(to, &residual);
+    calibrate_warn_residual(base, &residual);
 }
 
 static int cli_calibrate_lights_run(const struct call *call, GError **error) {
