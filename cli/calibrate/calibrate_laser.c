@@ -185,7 +185,7 @@ static void reject_sweeps(struct job *job) {
                                             (char *)job->names->pdata[i], out[i], all[i]));
 }
 
-static void cli_calibrate_laser_keep(struct job *job) {
+static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct laser_result *found = &job->result;
     reject_sweeps(job);
@@ -230,7 +230,7 @@ static struct laser_arc arc_known(const struct calibration *calibration) {
                               MAX(hypot(arc->centre_mm[0], arc->centre_mm[1]), 0.05)};
 }
 
-static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     if (!gather(job, error))
         return FALSE;
@@ -249,7 +249,7 @@ static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **er
                    (int)job->points->len, &known, (const char *const *)job->names->pdata,
                    &job->result, error))
         return FALSE;
-    cli_calibrate_laser_keep(job);
+    keep(job);
     return TRUE;
 }
 
@@ -309,7 +309,7 @@ static void warn_residual(const struct calibrate_job *base, const struct laser_r
     calibrate_warn_residual(base, &residual);
 }
 
-static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct job *job = (const struct job *)base;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LASER];
     const struct laser_result *found = &job->result;
@@ -344,9 +344,8 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
             warn_residual(base, found, i);
 }
 
-static int cli_calibrate_laser_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_laser_find,
-                                                   cli_calibrate_laser_tell};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell};
     struct job job = {0};
     if (laser_images_folder)
         return laser_images_calibrate(call, error);
@@ -380,4 +379,4 @@ const struct command calibrate_laser = {
     .options = entries,
     .writes = TRUE,
     .max = 64,
-    .run = cli_calibrate_laser_run};
+    .run = run};

@@ -68,7 +68,7 @@ static void clear_view(gpointer data) {
     g_ptr_array_unref(((struct view *)data)->frames);
 }
 
-static double cli_calibrate_lights_radians(double deg) {
+static double rad_of(double deg) {
     return deg * (G_PI / 180);
 }
 
@@ -159,8 +159,7 @@ static ShadowView *load_view(struct job *job, const struct view *view, guint mos
     if (!*map)
         *map = plate_map_new(&job->rig.cameras[view->camera], &job->target);
     g_autoptr(ShadowView) shadows =
-        shadow_view_new(&job->rig, view->camera, cli_calibrate_lights_radians(view->turntable_deg),
-                        &job->target, *map);
+        shadow_view_new(&job->rig, view->camera, rad_of(view->turntable_deg), &job->target, *map);
     guint every = 1 + view->frames->len / most;
     for (guint i = 0; i < view->frames->len; i += every) {
         const struct calibrate_frame *frame = view->frames->pdata[i];
@@ -169,7 +168,7 @@ static ShadowView *load_view(struct job *job, const struct view *view, guint mos
         guint index = 0;
         g_ptr_array_find(job->base.frames, frame, &index);
         if (!picture || !shadow_view_add(shadows, picture, (int)index, frame->lamp,
-                                         cli_calibrate_lights_radians(frame->arc_deg), error))
+                                         rad_of(frame->arc_deg), error))
             return NULL;
     }
     return g_steal_pointer(&shadows);
@@ -244,8 +243,8 @@ static gboolean measure_picture(struct job *job, guint i, const struct picture *
                                            (int)i,
                                            frame->lamp,
                                            frame->camera,
-                                           cli_calibrate_lights_radians(frame->turntable_deg),
-                                           cli_calibrate_lights_radians(frame->arc_deg)};
+                                           rad_of(frame->turntable_deg),
+                                           rad_of(frame->arc_deg)};
     return highlights_measure(&job->rig, &job->target, &from, REACH_MM, sights, rejected, error);
 }
 
@@ -455,7 +454,7 @@ static gboolean find_mistake(struct job *job, const struct lamp_target *target, 
     return TRUE;
 }
 
-static void cli_calibrate_lights_keep(struct job *job) {
+static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct lamps_result *found = &job->result;
     const gboolean poles = job->target.kind == LAMP_POLES;
@@ -488,7 +487,7 @@ static void cli_calibrate_lights_keep(struct job *job) {
         found->sigma > 0 ? found->rms / found->sigma : 0;
 }
 
-static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     const struct lamp_target target = job->target;
     g_autoptr(GError) cause = NULL;
@@ -500,7 +499,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
     if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= MIN_USED * sights
            : !cause || cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
         if (ok)
-            cli_calibrate_lights_keep(job);
+            keep(job);
         else if (cause)
             g_propagate_error(error, g_steal_pointer(&cause));
         return ok;
@@ -513,7 +512,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
     }
-    cli_calibrate_lights_keep(job);
+    keep(job);
     return TRUE;
 }
 
@@ -535,7 +534,7 @@ static void tell_lamp(Record *to, const struct lamps_result *found, int i) {
                error_mm[2], found->sights[i]);
 }
 
-static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LIGHTS];
     const struct lamps_result *found = &((const struct job *)base)->result;
     const struct rig_arc *arc = &found->rig.arc;
@@ -576,9 +575,8 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
     calibrate_warn_residual(base, &residual);
 }
 
-static int cli_calibrate_lights_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_lights_find,
-                                                   cli_calibrate_lights_tell};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell};
     const struct command *command = call->command;
     struct job job = {0};
     if (photos_folder)
@@ -611,4 +609,4 @@ const struct command calibrate_lights = {
     .options = entries,
     .writes = TRUE,
     .max = 1,
-    .run = cli_calibrate_lights_run};
+    .run = run};

@@ -86,7 +86,7 @@ static void warn(const struct calibrate_job *base, const struct tile_result *r) 
     }
 }
 
-static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct calibration *calibration = base->calibration;
     const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
     const struct tile_result *r = &((const struct job *)base)->result;
@@ -144,7 +144,7 @@ static char *parse_reflectance(double ret[3]) {
     return NULL;
 }
 
-static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     g_autoptr(Session) session = calibrate_open(base, 0, error);
     g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
@@ -161,9 +161,8 @@ static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError
     return tile_session(session, base->calibration, &job->options, &job->result, error);
 }
 
-static int cli_calibrate_radiometry_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_radiometry_find,
-                                                   cli_calibrate_radiometry_tell, .adds = TRUE};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell, .adds = TRUE};
     struct job job = {0};
     double size_mm[2];
     g_autofree char *wrong = parse_reflectance(job.options.reflectance);
@@ -191,4 +190,4 @@ const struct command calibrate_radiometry = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_calibrate_radiometry_run};
+    .run = run};
