@@ -136,7 +136,13 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
-        g_ptr_array_add(job->base.rejected, g_strdup_printf("%s: %s", path, why->message));
+        /* Without the board's reflectance there, white print is brighter than the line. */
+        const char *advice = corners && strength && !reflectance
+                                 ? "; the laser has no colour of its own in it: take the same "
+                                   "photographs without the laser, and give --dark-images"
+                                 : "";
+        g_ptr_array_add(job->base.rejected,
+                        g_strdup_printf("%s: %s%s", path, why->message, advice));
         return TRUE;
     }
     const struct seen seen = {g_strdup(path), g_steal_pointer(&corners), g_steal_pointer(&dots)};
