@@ -34,6 +34,7 @@ gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *dr
                 sigma[drives[k]->at + i] = drives[k]->sigma_rad;
         if (!fit_solve(&with, x, ret))
             return FALSE;
+        with.is_near = TRUE;
         if (round == ROUNDS)
             return TRUE;
         /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), where C is the covariance of the errors

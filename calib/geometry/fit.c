@@ -4,6 +4,7 @@
  * Levenberg-Marquardt on the normal equations, with m residuals and n parameters. */
 #include "fit.h"
 
+#include <cblas.h>
 #include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
@@ -265,11 +266,15 @@ gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result 
     for (int i = 0; i < m; i++)
         if (!isfinite(f[i]))
             return FALSE;
-    for (int round = 0; round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
+    /* The matrices are small: threads of OpenBLAS would wait for each other most of the time. */
+    const int threads = openblas_get_num_threads();
+    openblas_set_num_threads(1);
+    for (int round = fit->is_near ? SOFT_ROUNDS : 0; round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
         weigh(&work, round >= SOFT_ROUNDS);
         do_solve(&work, parameters);
     }
     finish(&work, parameters, ret);
+    openblas_set_num_threads(threads);
     return TRUE;
 }
 

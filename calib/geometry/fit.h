@@ -35,6 +35,9 @@ struct fit {
      * standard deviation is 0 has no prior. If known_sigma is NULL, no parameter has one. The
      * standard deviations are not scaled by the residuals of the observations. */
     const double *known, *known_sigma;
+    /* The initial parameters are those of an earlier solution with nearly the same priors: outliers
+     * are rejected from the beginning. */
+    gboolean is_near;
 };
 
 struct fit_result {

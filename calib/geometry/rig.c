@@ -416,6 +416,17 @@ struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *la
     return carried_direction(arc, laser->fixed, arc_rad, laser->axis);
 }
 
+struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad) {
+    struct rig_laser placed = *laser;
+
+    placed.position_mm = rig_laser_position_mm(arc, laser, arc_rad);
+    placed.axis = rig_laser_axis(arc, laser, arc_rad);
+    placed.normal = carried_direction(arc, laser->fixed, arc_rad, laser->normal);
+    placed.fixed = TRUE;
+    return placed;
+}
+
 /* The normal of the sheet at sweep angle s is n cos s' + (axis × n) sin s', with s' = s (1 +
  * stretch). */
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,

@@ -244,6 +244,11 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
                            double arc_rad);
 
+/* Returns the laser as it stands with the arc at an angle: a fixed laser with the same sheets. It
+ * saves time where many points at the same angle are computed. */
+struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad);
+
 /* The sheet of light without its bend: the points p of the rig frame with normal · p =
  * offset_mm. */
 struct rig_plane {

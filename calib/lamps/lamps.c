@@ -92,7 +92,7 @@ gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_m
     return rig_project(camera, p, ret_x, ret_y);
 }
 
-static struct rig_arc lamps_arc_at(const struct problem *problem, const double *x) {
+static struct rig_arc arc_at(const struct problem *problem, const double *x) {
     struct rig_arc arc = problem->rig->arc;
     if (problem->fit_arc) {
         arc.tilt_rad[0] = x[0];
@@ -103,7 +103,7 @@ static struct rig_arc lamps_arc_at(const struct problem *problem, const double *
     return arc;
 }
 
-static struct rig_lamp lamps_lamp_of(const struct problem *problem, const double *x, int lamp) {
+static struct rig_lamp lamp_of(const struct problem *problem, const double *x, int lamp) {
     struct rig_lamp found = problem->rig->lamps[lamp];
     const double *p = x + problem->lamp_at[lamp];
     found.position_mm = vec3(p[0], p[1], p[2]);
@@ -123,9 +123,9 @@ static void target_of(const struct problem *problem, const double *x, struct lam
 
 /* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
  * the sample frame of the commanded angle. tilt_rad: of the turntable's axis. */
-static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
-                              const struct lamp_sight *sight, double turntable_rad,
-                              const double tilt_rad[2], struct vec3 lamp_mm, double ret[2]) {
+static gboolean predict(const struct problem *problem, const struct lamp_target *target,
+                        const struct lamp_sight *sight, double turntable_rad,
+                        const double tilt_rad[2], struct vec3 lamp_mm, double ret[2]) {
     if (target->kind == LAMP_BALLS)
         return lamp_highlight_px(
             &problem->rig->cameras[sight->camera],
@@ -141,15 +141,15 @@ static gboolean lamps_predict(const struct problem *problem, const struct lamp_t
     return TRUE;
 }
 
-static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
+static void residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
     struct lamp_target target;
-    struct rig_arc arc = lamps_arc_at(problem, x);
+    struct rig_arc arc = arc_at(problem, x);
     struct rig_lamp lamps[RIG_MAX_LAMPS];
     target_of(problem, x, &target);
     for (int i = 0; i < problem->rig->n_lamps; i++)
         if (problem->lamp_at[i] >= 0)
-            lamps[i] = lamps_lamp_of(problem, x, i);
+            lamps[i] = lamp_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
         const double off = problem->swing[i] >= 0 ? x[problem->arc.at + problem->swing[i]] : 0;
@@ -158,9 +158,9 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
                                : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad + off);
         const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
-        gboolean seen = lamps_predict(
-            problem, &target, s, s->turntable_rad + x[problem->turntable.at + problem->turn[i]],
-            problem->tilt[i], lamp, at);
+        gboolean seen = predict(problem, &target, s,
+                                s->turntable_rad + x[problem->turntable.at + problem->turn[i]],
+                                problem->tilt[i], lamp, at);
         at[0] += shift[0] * d[0] + shift[1] * d[1];
         at[1] += shift[2] * d[0] + shift[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
@@ -170,8 +170,7 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
 
 /* Derivative of a point on the plate (mm) by the camera's offset (px): the inverse of the
  * camera's projection Jacobian there. */
-static void lamps_find_shift(const struct problem *problem, const struct lamp_sight *s,
-                             double ret[4]) {
+static void find_shift(const struct problem *problem, const struct lamp_sight *s, double ret[4]) {
     const struct rig_camera *camera = &problem->rig->cameras[s->camera];
     double x[3], y[3];
     for (int k = 0; k < 3; k++) {
@@ -212,7 +211,7 @@ static double spread_rad(const struct problem *problem) {
     return 2 * G_PI - gap;
 }
 
-static gboolean lamps_refuse_few(const char *what, const char *name, int n, GError **error) {
+static gboolean refuse_few(const char *what, const char *name, int n, GError **error) {
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                 "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
                 "more pictures of it",
@@ -221,7 +220,7 @@ static gboolean lamps_refuse_few(const char *what, const char *name, int n, GErr
 }
 
 /* Collects the distinct angles of the drives, and what a camera's offset does to each sight. */
-static void lamps_find_angles(struct problem *problem) {
+static void find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
     for (int i = 0; i < problem->n; i++) {
@@ -232,11 +231,11 @@ static void lamps_find_angles(struct problem *problem) {
         if (problem->target->kind == LAMP_BALLS)
             shift[0] = shift[3] = 1;
         else
-            lamps_find_shift(problem, s, shift);
+            find_shift(problem, s, shift);
     }
 }
 
-static int *lamps_new_depends(const struct problem *problem) {
+static int *new_depends(const struct problem *problem) {
     int *depends = g_new(int, (gsize)problem->n *ON);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
@@ -257,7 +256,7 @@ static int *lamps_new_depends(const struct problem *problem) {
 }
 
 /* Assigns the columns of the parameters. */
-static gboolean lamps_lay_out(struct problem *problem, GError **error) {
+static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
     for (int i = 0; i < problem->n; i++) {
@@ -280,7 +279,7 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
         problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
         if (lamps[i] > 0 && lamps[i] < MIN_SIGHTS)
-            return lamps_refuse_few("lamp", problem->rig->lamps[i].name, lamps[i], error);
+            return refuse_few("lamp", problem->rig->lamps[i].name, lamps[i], error);
         problem->n_parameters += lamps[i] ? 3 : 0;
     }
     for (int i = 0; i < LAMP_MAX_MARKS; i++) {
@@ -301,7 +300,7 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
 
 /* Initial parameters x, and the standard deviations of their priors, which drive_fit() completes.
  */
-static void lamps_start(const struct problem *problem, double *x, double *sigma) {
+static void start(const struct problem *problem, double *x, double *sigma) {
     const struct rig_arc *arc = &problem->rig->arc;
     if (problem->fit_arc) {
         x[0] = arc->tilt_rad[0], x[1] = arc->tilt_rad[1];
@@ -387,8 +386,8 @@ static void place_covariance(const struct problem *problem, const double *x,
         struct vec3 place[2];
         for (int side = 0; side < 2; side++) {
             moved[of[i]] = x[of[i]] + (side ? step : -step);
-            const struct rig_arc arc = lamps_arc_at(problem, moved);
-            const struct rig_lamp found = lamps_lamp_of(problem, moved, lamp);
+            const struct rig_arc arc = arc_at(problem, moved);
+            const struct rig_lamp found = lamp_of(problem, moved, lamp);
             place[side] = rig_lamp_position_mm(&arc, &found, 0);
         }
         moved[of[i]] = x[of[i]];
@@ -404,10 +403,10 @@ static void place_covariance(const struct problem *problem, const double *x,
         }
 }
 
-static void lamps_take(const struct problem *problem, const double *x, struct fit_result *fit,
-                       struct lamps_result *ret) {
+static void take(const struct problem *problem, const double *x, struct fit_result *fit,
+                 struct lamps_result *ret) {
     ret->rig = *problem->rig;
-    ret->rig.arc = lamps_arc_at(problem, x);
+    ret->rig.arc = arc_at(problem, x);
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
     for (int i = 0; i < ret->target.n;
@@ -427,7 +426,7 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
         ret->seen[i] = at >= 0;
         if (at < 0)
             continue;
-        ret->rig.lamps[i].position_mm = lamps_lamp_of(problem, x, i).position_mm;
+        ret->rig.lamps[i].position_mm = lamp_of(problem, x, i).position_mm;
         place_covariance(problem, x, fit, i, ret->covariance_mm2[i]);
     }
     set_zero(problem, fit, ret);
@@ -463,7 +462,7 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
             continue;
         const char *name = problem->rig->lamps[i].name;
         if (ret->sights[i] < MIN_SIGHTS)
-            return lamps_refuse_few("lamp", name, ret->sights[i], error);
+            return refuse_few("lamp", name, ret->sights[i], error);
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MAX_LAMP_MM && fit->undetermined < 0)
             continue;
@@ -491,8 +490,8 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
 }
 
 /* Finds exchanged names: each lamp is then nearest to the nominal place of the other. */
-static gboolean lamps_check_places(const struct rig *rig, const struct lamps_result *ret,
-                                   GError **error) {
+static gboolean check_places(const struct rig *rig, const struct lamps_result *ret,
+                             GError **error) {
     for (int i = 0; i < rig->n_lamps; i++) {
         const struct vec3 at = ret->rig.lamps[i].position_mm;
         const double own_mm = vec3_length(vec3_sub(at, rig->lamps[i].position_mm));
@@ -511,9 +510,9 @@ static gboolean lamps_check_places(const struct rig *rig, const struct lamps_res
     return TRUE;
 }
 
-static gboolean lamps_solve(const struct rig *rig, const struct lamp_target *target,
-                            const struct lamp_sight *sights, int n, struct lamps_result *ret,
-                            GError **error) {
+gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
+                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                   GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
     struct drive *const drives[] = {&problem.turntable, &problem.arc};
     struct fit_result fitted;
@@ -526,25 +525,25 @@ static gboolean lamps_solve(const struct rig *rig, const struct lamp_target *tar
     problem.turn = turn;
     problem.swing = swing;
     memset(ret, 0, sizeof *ret);
-    lamps_find_angles(&problem);
-    gboolean ok = lamps_lay_out(&problem, error);
+    find_angles(&problem);
+    gboolean ok = lay_out(&problem, error);
     if (ok) {
-        g_autofree int *depends = lamps_new_depends(&problem);
+        g_autofree int *depends = new_depends(&problem);
         g_autofree double *x = g_new0(double, problem.n_parameters);
         g_autofree double *sigma = g_new0(double, problem.n_parameters);
         const struct fit fit = {.n_parameters = problem.n_parameters,
                                 .n_observations = n,
                                 .dimension = 2,
-                                .residuals = lamps_residuals,
+                                .residuals = residuals,
                                 .data = &problem,
                                 .reject = REJECT,
                                 .depends = depends,
                                 .n_depends = ON};
-        lamps_start(&problem, x, sigma);
+        start(&problem, x, sigma);
         ok = drive_fit(&fit, sigma, drives, G_N_ELEMENTS(drives), x, &fitted);
         if (ok) {
-            lamps_take(&problem, x, &fitted, ret);
-            ok = lamps_check_places(rig, ret, error) && check_result(&problem, &fitted, ret, error);
+            take(&problem, x, &fitted, ret);
+            ok = check_places(rig, ret, error) && check_result(&problem, &fitted, ret, error);
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
@@ -587,18 +586,18 @@ static char *other_sizes(const struct lamp_target *target, const struct lamps_re
     return g_string_free(g_steal_pointer(&text), FALSE);
 }
 
-/* Solves again with sizes that are hardly known. Names them if the sights fit then, much better
- * than with the sizes of the target. */
-static gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
-                                  const struct lamp_sight *sights, int n,
-                                  const struct lamps_result *as_said, GError **error) {
+gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
+                           const struct lamp_sight *sights, int n,
+                           const struct lamps_result *as_said, GError **error) {
     struct lamp_target loose = *target;
     struct lamps_result found;
     double largest_mm = 0;
+    if (!is_misfit(as_said, n))
+        return TRUE;
     for (int i = 0; i < target->n; i++)
         largest_mm = MAX(largest_mm, target->marks[i].size_mm);
     loose.tolerance_mm = MAX(LOOSE * largest_mm, 3 * target->tolerance_mm);
-    if (!lamps_solve(rig, &loose, sights, n, &found, NULL))
+    if (!lamps_fit(rig, &loose, sights, n, &found, NULL))
         return TRUE;
     g_autofree char *sizes = other_sizes(target, &found);
     const gboolean better = found.sigma < EXPLAINED && !is_misfit(&found, n) &&
@@ -615,22 +614,6 @@ static gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_targe
             found.n_used, n, found.rms, unit, as_said->n_used, as_said->rms, unit);
     lamps_result_clear(&found);
     return !(sizes && better);
-}
-
-gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
-                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
-                   GError **error) {
-    g_autoptr(GError) why = NULL;
-    gboolean ok = lamps_solve(rig, target, sights, n, ret, &why);
-    const gboolean misfit =
-        ok || (why->domain == LAMPS_ERROR && why->code == LAMPS_ERROR_DEGENERATE);
-    if (misfit && is_misfit(ret, n) && !lamps_check_sizes(rig, target, sights, n, ret, error)) {
-        lamps_result_clear(ret);
-        return FALSE;
-    }
-    if (!ok)
-        g_propagate_error(error, g_steal_pointer(&why));
-    return ok;
 }
 
 void lamps_result_clear(struct lamps_result *result) {

@@ -101,12 +101,21 @@ struct lamps_result {
 };
 
 /* Estimates lamps and arc. rig: calibrated cameras, nominal lamps and arc. A lamp that is found
- * five times nearer to the nominal place of another one than to its own is LAMPS_ERROR_MISTAKE. So
- * are marks of other sizes than the target's, if the sights do not fit with its sizes, but do, at
- * least three times better, with others. */
+ * five times nearer to the nominal place of another one than to its own is LAMPS_ERROR_MISTAKE.
+ * After LAMPS_ERROR_DEGENERATE ret has rms, sigma and n_used of the attempt, 0 if there was none;
+ * it owns nothing then. */
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error);
+
+/* Tries whether the marks have other sizes than the target's, if more than noise keeps the sights
+ * from fitting: estimates once more with sizes that are hardly known. as_said: the result of
+ * lamps_fit() on the same sights, or what is left of it after LAMPS_ERROR_DEGENERATE. FALSE and
+ * LAMPS_ERROR_MISTAKE: the sights fit at least three times better with other sizes, which the
+ * message names. */
+gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
+                           const struct lamp_sight *sights, int n,
+                           const struct lamps_result *as_said, GError **error);
 void lamps_result_clear(struct lamps_result *result);
 
 /* Predicts the two kinds of sight. FALSE: it is not visible. lamp and centre are in the same

@@ -4,7 +4,8 @@
 
 #include <math.h>
 
-#define MAX_SHOTS 40 /* pictures that are used */
+#define MAX_SHOTS    40 /* pictures that are used, */
+#define COARSE_SHOTS 12 /* and those in the first round, which tries most poses */
 
 /* Pose of the plate relative to the nominal one. */
 struct plate_pose {
@@ -74,11 +75,13 @@ static double score_pose(ShadowView *const *views, int n, const struct lamp_targ
 
 /* Grid search around the best pose so far, with the step halved in each round. */
 static double search(ShadowView *const *views, int n, const struct lamp_target *target,
-                     const double reach[3], int every, struct plate_pose *best) {
+                     const double reach[3], int n_shots, struct plate_pose *best) {
     double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
     step[2] = reach[2] / (0.35 * (target->plate_mm[0] + target->plate_mm[1]) / 2);
     for (int round = 0; round < 4; round++) {
-        struct plate_pose middle = *best;
+        const struct plate_pose middle = *best;
+        const int every = 1 + n_shots / (round == 0 ? COARSE_SHOTS : MAX_SHOTS);
+        most = -1; /* scores of other pictures do not compare */
         for (double t = -span[2]; t <= span[2] + 1e-12; t += step[2])
             for (double y = -span[1]; y <= span[1] + 1e-12; y += step[1])
                 for (double x = -span[0]; x <= span[0] + 1e-12; x += step[0]) {
@@ -108,7 +111,7 @@ static double find_pose(ShadowView *const *views, int n, const struct lamp_targe
     /* Steps of a post's radius: one of them always hits a shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
     *ret = (struct plate_pose){0, 0, 0};
-    return search(views, n, target, reach, 1 + *ret_shots / MAX_SHOTS, ret);
+    return search(views, n, target, reach, *ret_shots, ret);
 }
 
 double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,

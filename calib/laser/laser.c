@@ -89,7 +89,7 @@ static struct rig_laser laser_of(const struct problem *problem, const double *x,
 }
 
 /* Applies the first four parameters: tilt and centre. */
-static struct rig_arc laser_arc_of(const struct problem *problem, const double *x) {
+static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     struct rig_arc arc = problem->rig->arc;
     arc.tilt_rad[0] += x[0];
     arc.tilt_rad[1] += x[1];
@@ -98,23 +98,35 @@ static struct rig_arc laser_arc_of(const struct problem *problem, const double *
     return arc;
 }
 
-static void laser_residuals(const double *x, double *ret, gconstpointer data) {
+/* Index in the table of residuals(): where a laser stands at one angle of the arc. swing −1:
+ * one that stands by itself. */
+static int stand_of(const struct problem *problem, int laser, int swing) {
+    return laser * (problem->swing.n + 1) + 1 + swing;
+}
+
+static void residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
-    struct rig_arc arc = laser_arc_of(problem, x);
-    struct rig_laser lasers[RIG_MAX_LASERS];
+    const int n_lasers = problem->rig->n_lasers, n_swings = problem->swing.n;
+    const struct rig_arc arc = arc_of(problem, x);
+    g_autofree struct rig_laser *stands = g_new(struct rig_laser, n_lasers * (n_swings + 1));
     struct vec3 eyes[RIG_MAX_CAMERAS];
     for (int i = 0; i < problem->rig->n_cameras; i++)
         eyes[i] = rig_camera_centre_mm(&problem->rig->cameras[i]);
-    for (int i = 0; i < problem->rig->n_lasers; i++)
-        if (problem->at[i] >= 0)
-            lasers[i] = laser_of(problem, x, i);
+    for (int i = 0; i < n_lasers; i++) {
+        if (problem->at[i] < 0)
+            continue;
+        const struct rig_laser laser = laser_of(problem, x, i);
+        stands[stand_of(problem, i, -1)] = laser;
+        for (int k = 0; k < n_swings; k++)
+            stands[stand_of(problem, i, k)] = rig_laser_placed(
+                &arc, &laser, problem->swing.angles_rad[k] + x[problem->swing.at + k]);
+    }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
-        const int swing = problem->swing_of[i];
-        const double arc_rad = point->arc_rad + (swing >= 0 ? x[problem->swing.at + swing] : 0);
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
-        const struct rig_laser *laser = &lasers[point->laser];
+        const struct rig_laser *laser =
+            &stands[stand_of(problem, point->laser, problem->swing_of[i])];
         struct vec3 p = point->point_mm;
         /* Moves the point along the line of sight to the unknown plane. */
         if (p.z == problem->plane_mm) {
@@ -124,7 +136,7 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
         const struct rig_plane sheet = rig_laser_sheet(
-            &arc, laser, arc_rad, point->sweep_rad + rig_laser_bent_rad(&arc, laser, arc_rad, p));
+            &arc, laser, 0, point->sweep_rad + rig_laser_bent_rad(&arc, laser, 0, p));
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
@@ -156,8 +168,7 @@ static struct levels levels_of(const struct problem *problem, int laser) {
     return l;
 }
 
-static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_names,
-                              GError **error) {
+static gboolean lay_out(struct problem *problem, const char *const *sweep_names, GError **error) {
     problem->n_parameters = ARC;
     gboolean any = FALSE;
     for (int i = 0; i < problem->rig->n_lasers; i++) {
@@ -201,7 +212,7 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
     return any;
 }
 
-static int *laser_new_depends(const struct problem *problem) {
+static int *new_depends(const struct problem *problem) {
     int *depends = g_new(int, (gsize)problem->n *ON);
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *p = &problem->points[i];
@@ -334,7 +345,7 @@ static void add_sheet_errors(const struct problem *problem, const struct fit_res
                              struct rig_sheet_errors *ret) {
     enum { N = ARC + PER_LASER, S = RIG_SHEET_PARAMETERS };
     g_autofree double *at = g_memdup2(x, sizeof(double) * (gsize)problem->n_parameters);
-    const struct change is = {laser_arc_of(problem, x), laser_of(problem, x, laser), arc_rad};
+    const struct change is = {arc_of(problem, x), laser_of(problem, x, laser), arc_rad};
     double slopes[N][S], swing[S];
     int of[N];
     for (int k = 0; k < N; k++) {
@@ -346,8 +357,7 @@ static void add_sheet_errors(const struct problem *problem, const struct fit_res
             continue;
         }
         at[of[k]] += step;
-        const struct change changed = {laser_arc_of(problem, at), laser_of(problem, at, laser),
-                                       arc_rad};
+        const struct change changed = {arc_of(problem, at), laser_of(problem, at, laser), arc_rad};
         sheet_slopes(&is, &changed, step, slopes[k]);
         at[of[k]] = x[of[k]];
     }
@@ -368,9 +378,9 @@ static void add_sheet_errors(const struct problem *problem, const struct fit_res
 /* Computes the covariance of the sheets of a laser near the sample, as the mean over the angles of
  * the arc. The error of the bend is part of it, even if the bend was not significant. The part of
  * the residuals that noise does not explain counts as an offset of the whole sheet. */
-static void laser_take_sheet(const struct problem *problem, const struct fit_result *fitted,
-                             const double *x, const double *bend_error_rad, int laser,
-                             struct laser_result *ret) {
+static void take_sheet(const struct problem *problem, const struct fit_result *fitted,
+                       const double *x, const double *bend_error_rad, int laser,
+                       struct laser_result *ret) {
     g_autoptr(GArray) arcs = laser_arcs(problem, laser);
     struct rig_sheet_errors *errors = &ret->sheet[laser];
     const struct residual residual = {.value = ret->rms_mm[laser],
@@ -394,8 +404,8 @@ static void laser_take_sheet(const struct problem *problem, const struct fit_res
 
 /* Which errors come from the priors: those that would be less than half as large if arc and cameras
  * were known exactly, while the lines leave the arc's own error at more than half of its prior. */
-static void laser_take_priors(const struct problem *problem, const struct fit_result *fitted,
-                              const struct laser_arc *arc, int laser, struct laser_result *ret) {
+static void take_priors(const struct problem *problem, const struct fit_result *fitted,
+                        const struct laser_arc *arc, int laser, struct laser_result *ret) {
     const int n = problem->n_parameters, at = problem->at[laser];
     static const int values[][2] = {
         {ACROSS, BEAM}, {AXIS_BEAM, AXIS_ACROSS}, {ZERO, ZERO}, {STRETCH, STRETCH}};
@@ -414,14 +424,14 @@ static void laser_take_priors(const struct problem *problem, const struct fit_re
         }
 }
 
-static void laser_take(const struct problem *problem, struct fit_result *fitted, const double *x,
-                       const struct laser_arc *arc, const double *bend_error_rad,
-                       struct laser_result *ret) {
+static void take(const struct problem *problem, struct fit_result *fitted, const double *x,
+                 const struct laser_arc *arc, const double *bend_error_rad,
+                 struct laser_result *ret) {
     const struct fit *const fit = &(struct fit){.n_parameters = problem->n_parameters};
     double sum[RIG_MAX_LASERS] = {0}, all = 0, noise[RIG_MAX_LASERS] = {0};
     gboolean quiet[RIG_MAX_LASERS] = {FALSE}; /* the noise of a point is not known */
     ret->rig = *problem->rig;
-    ret->rig.arc = laser_arc_of(problem, x);
+    ret->rig.arc = arc_of(problem, x);
     for (int k = 0; k < 2; k++) {
         ret->tilt_error_rad[k] = fit_error(fit, fitted, k);
         ret->centre_error_mm[k] = fit_error(fit, fitted, 2 + k);
@@ -457,8 +467,8 @@ static void laser_take(const struct problem *problem, struct fit_result *fitted,
     for (int i = 0; i < problem->rig->n_lasers; i++)
         if (problem->at[i] >= 0) {
             ret->line_rad[i] = laser_line_rad(problem, i);
-            laser_take_sheet(problem, fitted, x, bend_error_rad, i, ret);
-            laser_take_priors(problem, fitted, arc, i, ret);
+            take_sheet(problem, fitted, x, bend_error_rad, i, ret);
+            take_priors(problem, fitted, arc, i, ret);
         }
     ret->rms_all_mm = sqrt(all / MAX(fitted->n_used, 1));
     ret->sigma = fitted->sigma;
@@ -476,8 +486,8 @@ static void laser_take(const struct problem *problem, struct fit_result *fitted,
     ret->rejected = g_steal_pointer(&fitted->rejected);
 }
 
-static gboolean laser_check_determined(const struct problem *problem,
-                                       const struct fit_result *fitted, GError **error) {
+static gboolean check_determined(const struct problem *problem, const struct fit_result *fitted,
+                                 GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
     const char *name = "arc";
@@ -493,8 +503,7 @@ static gboolean laser_check_determined(const struct problem *problem,
 /* A sweep whose direction is reversed, or whose range differs much from the commanded one, is an
  * error in the rig file or the table; calibration must not hide it, nor could the file be read
  * back. */
-static gboolean laser_check_stretch(const struct problem *problem, const double *x,
-                                    GError **error) {
+static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
         if (problem->at[i] < 0)
@@ -522,7 +531,7 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
 }
 
 /* Finds exchanged names: each laser is then nearest to the nominal place of the other. */
-static gboolean laser_check_places(const struct problem *problem, const double *x, GError **error) {
+static gboolean check_places(const struct problem *problem, const double *x, GError **error) {
     const struct rig *rig = problem->rig;
     for (int i = 0; i < rig->n_lasers; i++) {
         if (problem->at[i] < 0)
@@ -548,15 +557,15 @@ static gboolean laser_check_places(const struct problem *problem, const double *
 
 /* Adjusts all parameters. ret_mm: RMS distance of all points but the worst WORST, each at most
  * MAX_OFF_MM. */
-static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc, double *x,
-                            struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
+static gboolean solve(struct problem *problem, const struct laser_arc *arc, double *x,
+                      struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
-    g_autofree int *depends = laser_new_depends(problem);
+    g_autofree int *depends = new_depends(problem);
     g_autofree double *sigma = g_new0(double, problem->n_parameters);
     const struct fit fit = {.n_parameters = problem->n_parameters,
                             .n_observations = problem->n,
                             .dimension = 1,
-                            .residuals = laser_residuals,
+                            .residuals = residuals,
                             .data = problem,
                             .reject = REJECT,
                             .depends = depends,
@@ -584,15 +593,14 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     return TRUE;
 }
 
-/* Adjusts all parameters as laser_solve(), then once more without the bends that are not
+/* Adjusts all parameters as solve(), then once more without the bends that are not
  * significant or not determined. */
-static gboolean laser_solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
-                                  struct fit_result *ret, double *ret_mm,
-                                  double *ret_bend_error_rad) {
+static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
+                            struct fit_result *ret, double *ret_mm, double *ret_bend_error_rad) {
     const struct fit fit = {.n_parameters = problem->n_parameters};
     double unused;
     gboolean again = FALSE;
-    if (!laser_solve(problem, arc, x, ret, ret_mm, &unused))
+    if (!solve(problem, arc, x, ret, ret_mm, &unused))
         return FALSE;
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const int bend = problem->at[i] + BEND;
@@ -607,21 +615,21 @@ static gboolean laser_solve_bends(struct problem *problem, const struct laser_ar
     if (!again)
         return TRUE;
     fit_result_clear(ret);
-    return laser_solve(problem, arc, x, ret, ret_mm, &unused);
+    return solve(problem, arc, x, ret, ret_mm, &unused);
 }
 
 /* Adjusts with the height of the plane at plane_mm unknown. Returns INFINITY if that proves
  * nothing. */
-static double laser_with_height(struct problem *problem, const struct laser_arc *arc,
-                                const char *const *sweep_names, double plane_mm, double *ret_by_mm,
-                                double *ret_error_mm) {
+static double with_height(struct problem *problem, const struct laser_arc *arc,
+                          const char *const *sweep_names, double plane_mm, double *ret_by_mm,
+                          double *ret_error_mm) {
     struct fit_result fitted;
     double rms_mm;
     problem->plane_mm = plane_mm;
-    if (!laser_lay_out(problem, sweep_names, NULL))
+    if (!lay_out(problem, sweep_names, NULL))
         return INFINITY;
     g_autofree double *x = g_new0(double, problem->n_parameters);
-    if (!laser_solve(problem, arc, x, &fitted, &rms_mm, ret_error_mm))
+    if (!solve(problem, arc, x, &fitted, &rms_mm, ret_error_mm))
         return INFINITY;
     *ret_by_mm = x[problem->height_at];
     gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
@@ -637,8 +645,8 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
  * determine the height of each plane. A single camera that sees a sheet from several sides
  * determines only the ratio of the planes' distances from it, so that either height may be wrong.
  * In all other cases the standard error of a height is large, and nothing is reported. */
-static gboolean laser_check_heights(const struct problem *problem, const struct laser_arc *arc,
-                                    const char *const *sweep_names, double is_mm, GError **error) {
+static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
+                              const char *const *sweep_names, double is_mm, GError **error) {
     struct height {
         const struct laser_point *of; /* one of its points */
         double rms_mm, by_mm, error_mm;
@@ -667,7 +675,7 @@ static gboolean laser_check_heights(const struct problem *problem, const struct 
             continue;
         g_array_append_val(tried, plane_mm);
         height.rms_mm =
-            laser_with_height(&other, arc, sweep_names, plane_mm, &height.by_mm, &height.error_mm);
+            with_height(&other, arc, sweep_names, plane_mm, &height.by_mm, &height.error_mm);
         if (height.rms_mm < best.rms_mm) {
             second = best;
             best = height;
@@ -704,21 +712,20 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
     for (int i = 0; i < n; i++)
         swing_of[i] =
             rig->lasers[points[i].laser].fixed ? -1 : drive_angle(drive, points[i].arc_rad);
-    gboolean ok = laser_lay_out(&problem, sweep_names, error) &&
+    gboolean ok = lay_out(&problem, sweep_names, error) &&
                   laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {
         struct fit_result fitted;
         double rms_mm;
         g_autofree double *x = g_new0(double, problem.n_parameters);
         double bend_error_rad[RIG_MAX_LASERS] = {0};
-        ok = laser_solve_bends(&problem, arc, x, &fitted, &rms_mm, bend_error_rad);
+        ok = solve_bends(&problem, arc, x, &fitted, &rms_mm, bend_error_rad);
         if (ok) {
-            ok = laser_check_determined(&problem, &fitted, error) &&
-                 laser_check_stretch(&problem, x, error) &&
-                 laser_check_places(&problem, x, error) &&
-                 laser_check_heights(&problem, arc, sweep_names, rms_mm, error);
+            ok = check_determined(&problem, &fitted, error) && check_stretch(&problem, x, error) &&
+                 check_places(&problem, x, error) &&
+                 check_heights(&problem, arc, sweep_names, rms_mm, error);
             if (ok)
-                laser_take(&problem, &fitted, x, arc, bend_error_rad, ret);
+                take(&problem, &fitted, x, arc, bend_error_rad, ret);
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
@@ -736,9 +743,8 @@ void laser_result_clear(struct laser_result *result) {
 
 /* The point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) / ray_z.
  * FALSE: outside of the part that is used. */
-static gboolean laser_plane_point(const struct rig_camera *camera,
-                                  const struct laser_plate_sweep *sweep, int x, int y,
-                                  struct vec3 *ret) {
+static gboolean plane_point(const struct rig_camera *camera, const struct laser_plate_sweep *sweep,
+                            int x, int y, struct vec3 *ret) {
     struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
     if (!(ray.z < -1e-6))
         return FALSE;
@@ -796,13 +802,13 @@ int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, G
                                         sweep->from_rad + (double)sweep->peak[i] * sweep->step_rad,
                                     .sigma_mm = POINT_MM};
         int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
-        if (!laser_plane_point(camera, sweep, x, y, &point.point_mm))
+        if (!plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
         /* Derivative of the point by the camera's offset: differences to the neighbouring pixels.
          * At the border of the plane there is no neighbour: no offset is assumed. */
         struct vec3 right, down;
-        if (laser_plane_point(camera, sweep, x + 1, y, &right) &&
-            laser_plane_point(camera, sweep, x, y + 1, &down)) {
+        if (plane_point(camera, sweep, x + 1, y, &right) &&
+            plane_point(camera, sweep, x, y + 1, &down)) {
             point.shift[0] = (float)(right.x - point.point_mm.x);
             point.shift[1] = (float)(down.x - point.point_mm.x);
             point.shift[2] = (float)(right.y - point.point_mm.y);

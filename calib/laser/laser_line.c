@@ -5,6 +5,7 @@
  * taken from profiles across it in the picture. */
 #include "laser_line.h"
 
+#include "base/robust.h"
 #include "geometry/fit.h"
 #include "pictures/vision.h"
 
@@ -249,9 +250,9 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return x->value < y->value ? 1 : x->value > y->value ? -1 : 0;
 }
 
+/* 0 if there are none. */
 static double median_of(GArray *values) {
-    g_array_sort(values, fit_compare);
-    return values->len ? g_array_index(values, double, values->len / 2) : 0;
+    return values->len ? robust_median((double *)(gpointer)values->data, (int)values->len) : 0;
 }
 
 /* Number of the part of the board that a point lies in, of black or white print. */

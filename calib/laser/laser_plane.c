@@ -3,7 +3,7 @@
  * photographs. The solution minimises Σ rᵀ V⁻¹ r, which is linear in small parameters. */
 #include "laser_plane.h"
 
-#include "geometry/fit.h"
+#include "base/robust.h"
 
 #include <lapacke.h>
 #include <math.h>
@@ -75,11 +75,6 @@ static double line_of(const struct moments *m, double ret_middle[2], double ret_
     return sqrt(MAX((xx + yy) / 2 + hypot((xx - yy) / 2, xy), 0));
 }
 
-static double median_of(double *values, int n) {
-    qsort(values, (gsize)n, sizeof *values, fit_compare);
-    return values[n / 2];
-}
-
 /* Fits a straight line to the dots on the board. Its errors follow from the scatter of the means of
  * pieces of it, since neighbouring dots err alike. */
 static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret) {
@@ -108,7 +103,7 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
             off[i] = (mm[2 * i + 1] - middle[1]) * along[0] - (mm[2 * i] - middle[0]) * along[1];
             sorted[i] = fabs(off[i]) * sqrt(weight[i]);
         }
-        const double sigma = MAX(1.4826 * median_of(sorted, n), MIN_SIGMA_MM);
+        const double sigma = MAX(1.4826 * robust_median(sorted, n), MIN_SIGMA_MM);
         for (int i = 0; i < n; i++)
             used[i] = fabs(off[i]) * sqrt(weight[i]) < SCATTER * sigma;
     }
@@ -323,7 +318,7 @@ static double all_chi2(const struct view *views, const struct weights *weights, 
         distances(&views[i], plane->normal, plane->offset_mm, r);
         sorted[i] = ret[i] = chi2_of((const double(*)[2])weights->inverse[i], r);
     }
-    return median_of(sorted, n) / (2 * G_LN2);
+    return robust_median(sorted, n) / (2 * G_LN2);
 }
 
 /* The plane of the pair of views that most others agree with. */

@@ -17,7 +17,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static int cli_board_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     g_autoptr(GError) bad = NULL;
     const char *path = call->arguments[0];
     struct board board;
@@ -59,4 +59,4 @@ const struct command cli_board = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_board_run};
+    .run = run};

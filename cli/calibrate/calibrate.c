@@ -90,11 +90,15 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     job->frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
     job->rejected = g_ptr_array_new_with_free_func(g_free);
     job->incomplete = g_ptr_array_new_with_free_func(g_free);
+    job->warnings = g_ptr_array_new_with_free_func(g_free);
     job->to = cli_output(calibrate_output, "calibration", error);
     const gboolean ok = job->to && cli_work_run(calibrate_work, job, &job->seconds, error);
     if (ok) {
         record_string(call->record, "file", calibrate_output);
         method->tell(call->record, job);
+        record_strings(call->record, "warnings", job->warnings);
+        for (guint i = 0; i < job->warnings->len; i++)
+            record_say(call->record, "  warning: %s\n", (char *)job->warnings->pdata[i]);
         record_strings(call->record, "incomplete", job->incomplete);
         for (guint i = 0; i < job->incomplete->len; i++)
             record_say(call->record, "  incomplete: %s\n", (char *)job->incomplete->pdata[i]);
@@ -106,6 +110,7 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     g_clear_pointer(&job->frames, g_ptr_array_unref);
     g_clear_pointer(&job->rejected, g_ptr_array_unref);
     g_clear_pointer(&job->incomplete, g_ptr_array_unref);
+    g_clear_pointer(&job->warnings, g_ptr_array_unref);
     return ok ? CLI_DONE : CLI_FAILED;
 }
 
@@ -155,12 +160,10 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
     return left_out > used;
 }
 
-void calibrate_say_residual(Record *to, const struct residual *residual) {
-    g_autofree char *warning = residual_warning(residual);
-    if (!warning)
-        return;
-    record_string(to, "warning", warning);
-    record_say(to, "  warning: %s\n", warning);
+void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual) {
+    char *warning = residual_warning(residual);
+    if (warning)
+        g_ptr_array_add(job->warnings, warning);
 }
 
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,

@@ -37,7 +37,8 @@ struct calibrate_job;
 struct calibrate_method {
     /* Finds calibration, from the sessions. */
     gboolean (*find)(struct calibrate_job *job, GError **error);
-    /* Adds the result to the record, which has "file" already. */
+    /* Adds the result to the record, which has "file" already. Warnings are added to the job: the
+     * caller records them as "warnings", and says them after the result. */
     void (*tell)(Record *to, const struct calibrate_job *job);
     gboolean adds; /* without -c, to the file that is written, if it is there */
 };
@@ -53,6 +54,7 @@ struct calibrate_job {
     GPtrArray *frames;               /* struct calibrate_frame *, the pictures that are used */
     GPtrArray *rejected;             /* char *, pictures or parts of them that are not, and why */
     GPtrArray *incomplete;           /* char *, sessions that lack shots, and how many */
+    GPtrArray *warnings;             /* char *, of the result: sentences */
     OutputFile *to;                  /* the calibration file, and */
     OutputFile *corners;             /* a further file of the subcommand, or NULL */
     const struct work *work;
@@ -93,10 +95,9 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Prints a residual that its noise does not explain as a warning with its causes, and records it as
- * "warning"; does nothing for others. */
+/* Adds a warning with its causes if noise does not explain a residual. */
 struct residual;
-void calibrate_say_residual(Record *to, const struct residual *residual);
+void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual);
 
 /* Returns the sorted paths of the photographs in a folder, at most `most`; none is an error. Hidden
  * files are skipped and added to skipped, as "path: reason". */

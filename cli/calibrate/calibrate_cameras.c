@@ -5,8 +5,9 @@
 #include "calibrate_video.h"
 #include "cameras/cameras.h"
 
-#define MAX_PICTURES 20000
-#define KEPT_VECTORS 400 /* residuals of a camera, for the report */
+#define MAX_PICTURES   20000
+#define KEPT_VECTORS   400 /* residuals of a camera, for the report */
+#define SHORT_PICTURES 5
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;
@@ -46,13 +47,13 @@ struct job {
     double board_deg; /* --board-azimuth: azimuth of the board's x axis before the rig was turned */
 };
 
-static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
+static void add(struct job *job, struct calibrate_frame *frame, int lay) {
     const struct cameras_picture picture = {frame->camera, lay, frame->turntable_deg};
     g_array_append_val(job->pictures, picture);
     g_ptr_array_add(job->base.frames, frame);
 }
 
-static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, GError **error) {
+static gboolean gather_session(struct job *job, int lay, GError **error) {
     g_autoptr(Session) session = calibrate_open(&job->base, lay, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
     g_autofree char *rig = frames ? session_text(session, "rig.conf", error) : NULL;
@@ -74,7 +75,7 @@ static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, G
         if (!wanted)
             continue;
         frames->pdata[i] = NULL;
-        cli_calibrate_cameras_add(job, frame, lay);
+        add(job, frame, lay);
     }
     return TRUE;
 }
@@ -102,7 +103,7 @@ static gboolean gather_photographs(struct job *job, GError **error) {
     for (guint i = 0; i < paths->len; i++) {
         struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
         frame->path = g_strdup(paths->pdata[i]);
-        cli_calibrate_cameras_add(job, frame, (int)i);
+        add(job, frame, (int)i);
     }
     g_strlcpy(rig.cameras[0].name, name_option ? name_option : "camera", RIG_NAME);
     rig.cameras[0].response = 1;
@@ -111,7 +112,7 @@ static gboolean gather_photographs(struct job *job, GError **error) {
     return TRUE;
 }
 
-static struct picture *cli_calibrate_cameras_read_picture(int i, gpointer data, GError **error) {
+static struct picture *read_picture(int i, gpointer data, GError **error) {
     const struct job *job = data;
     const struct calibrate_frame *frame = job->base.frames->pdata[i];
     if (job->video)
@@ -199,18 +200,18 @@ static gboolean write_corners(const struct job *job, GError **error) {
     return output_file_put(job->base.corners, text->str, text->len, error);
 }
 
-static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     if (images_option && !gather_photographs(job, error))
         return FALSE;
     for (int i = 0; i < base->n_sessions; i++)
-        if (!cli_calibrate_cameras_gather_session(job, i, error))
+        if (!gather_session(job, i, error))
             return FALSE;
     const struct cameras_task task = {
         .board = job->board,
         .pictures = (const struct cameras_picture *)(gpointer)job->pictures->data,
         .n_pictures = (int)job->pictures->len,
-        .read = cli_calibrate_cameras_read_picture,
+        .read = read_picture,
         .progress = on_step,
         .data = job,
         .no_turntable = !job->turns && !images_option,
@@ -290,9 +291,29 @@ static void tell_arm(Record *to, const struct calibration *calibration,
                    predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
 }
 
-static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {
-    const struct cameras_result *result = ((const struct job *)base)->result;
-    const struct calibrate_video *video = ((const struct job *)base)->video;
+/* A ChArUco board's markers are numbered row by row, so the corners of a board with fewer rows than
+ * it is said to have are found where they are. Returns the number of rows that the pictures show:
+ * that of the board, unless SHORT_PICTURES of them or more end with the same row of corners before
+ * its last. */
+static int rows_shown(const struct job *job) {
+    const GArray *all = job->result->residuals;
+    const int across = job->board.columns - 1;
+    g_autofree int *last = g_new0(int, job->pictures->len + 1); /* row of corners, from 1 on */
+    int lowest = 0, n = 0;
+    for (guint i = 0; i < all->len; i++) {
+        const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
+        last[r->picture] = MAX(last[r->picture], r->corner / across + 1);
+        lowest = MAX(lowest, last[r->picture]);
+    }
+    for (guint i = 0; i < job->pictures->len; i++)
+        n += last[i] == lowest;
+    return job->board.print == BOARD_CHARUCO && n >= SHORT_PICTURES ? lowest + 1 : job->board.rows;
+}
+
+static void tell(Record *to, const struct calibrate_job *base) {
+    const struct job *job = (const struct job *)base;
+    const struct cameras_result *result = job->result;
+    const struct calibrate_video *video = job->video;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
     record_int(to, "pictures", part->pictures);
     record_strings(to, "rejected", part->rejected);
@@ -333,16 +354,21 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
                    "corrects for that",
                    result->wobble_rad * 180 / G_PI, result->wobble_error_rad * 180 / G_PI);
     if (azimuth_option) {
-        const double board_deg = ((const struct job *)base)->board_deg;
-        record_double(to, "turned_deg", -board_deg);
+        record_double(to, "turned_deg", -job->board_deg);
         record_say(to,
                    "\n  azimuths count from the board's x axis: those of the rig file were turned "
                    "by %+.3f°",
-                   -board_deg);
+                   -job->board_deg);
     }
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
+    const int rows = rows_shown(job);
+    if (rows != job->board.rows)
+        record_say(to,
+                   "  the board seems to have %d rows of squares, not %d; the calibration does not "
+                   "depend on that\n",
+                   rows, job->board.rows);
     /* The errors of the calibration contain the excess: they follow from the residuals and their
      * scatter between pictures (bundle.h). */
     const struct residual residual = {
@@ -355,12 +381,11 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
                         "come back to the same place, a camera that moved"
                       : "a board that is not flat, a loose or wobbling turntable, another lens "
                         "model, a camera that moved"};
-    calibrate_say_residual(to, &residual);
+    calibrate_warn_residual(base, &residual);
 }
 
-static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_cameras_find,
-                                                   cli_calibrate_cameras_tell};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell};
     g_autoptr(GError) bad = NULL;
     struct job job = {0};
     if (!board_option)
@@ -398,4 +423,4 @@ const struct command calibrate_cameras = {
     .options = entries,
     .writes = TRUE,
     .max = 64,
-    .run = cli_calibrate_cameras_run};
+    .run = run};

@@ -19,7 +19,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static gboolean cli_calibrate_colour_find(struct calibrate_job *job, GError **error) {
+static gboolean find(struct calibrate_job *job, GError **error) {
     g_autoptr(Session) session = calibrate_open(job, 0, error);
     g_autofree char *text =
         session ? input_file_read_text(chart_option, MAX_CHART_BYTES, error) : NULL;
@@ -31,7 +31,7 @@ static gboolean cli_calibrate_colour_find(struct calibrate_job *job, GError **er
            colour_fit(patches, (int)fields->len, &job->calibration->colour, error);
 }
 
-static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *job) {
+static void tell(Record *to, const struct calibrate_job *job) {
     const struct colour_matrix *colour = &job->calibration->colour;
     const double white = colour->matrix[3] + colour->matrix[4] + colour->matrix[5];
     record_int(to, "patches", colour->patches);
@@ -52,9 +52,8 @@ static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *jo
                    1 / white);
 }
 
-static int cli_calibrate_colour_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_colour_find,
-                                                   cli_calibrate_colour_tell, .adds = TRUE};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell, .adds = TRUE};
     struct calibrate_job job = {0};
     if (!chart_option)
         return cli_usage(call->command, "no chart is given: give --chart FILE");
@@ -71,4 +70,4 @@ const struct command calibrate_colour = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_calibrate_colour_run};
+    .run = run};

@@ -185,7 +185,7 @@ static void reject_sweeps(struct job *job) {
                                             (char *)job->names->pdata[i], out[i], all[i]));
 }
 
-static void cli_calibrate_laser_keep(struct job *job) {
+static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct laser_result *found = &job->result;
     reject_sweeps(job);
@@ -230,7 +230,7 @@ static struct laser_arc arc_known(const struct calibration *calibration) {
                               MAX(hypot(arc->centre_mm[0], arc->centre_mm[1]), 0.05)};
 }
 
-static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     if (!gather(job, error))
         return FALSE;
@@ -249,19 +249,8 @@ static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **er
                    (int)job->points->len, &known, (const char *const *)job->names->pdata,
                    &job->result, error))
         return FALSE;
-    cli_calibrate_laser_keep(job);
+    keep(job);
     return TRUE;
-}
-
-/* What noise does not explain of a laser's residuals; NULL: nothing. g_free(). */
-static char *residual_of(const struct laser_result *found, int i) {
-    g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
-    const struct residual residual = {
-        of, found->rms_mm[i], found->expected_mm[i], "mm",
-        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
-        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
-        "off; the MDF's error bars contain the rest"};
-    return residual_warning(&residual);
 }
 
 static void tell_laser(Record *to, const struct laser_result *found, int i) {
@@ -309,20 +298,18 @@ static void tell_laser(Record *to, const struct laser_result *found, int i) {
     record_say(to, "\n");
 }
 
-/* Each sentence once. */
-static void say_residuals(Record *to, const struct laser_result *found) {
-    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
-    for (int i = 0; i < found->rig.n_lasers; i++) {
-        char *warning = found->seen[i] ? residual_of(found, i) : NULL;
-        if (warning)
-            g_ptr_array_add(warnings, warning);
-    }
-    record_strings(to, "warnings", warnings);
-    for (guint i = 0; i < warnings->len; i++)
-        record_say(to, "  warning: %s\n", (char *)warnings->pdata[i]);
+static void warn_residual(const struct calibrate_job *base, const struct laser_result *found,
+                          int i) {
+    g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
+    const struct residual residual = {
+        of, found->rms_mm[i], found->expected_mm[i], "mm",
+        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
+        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
+        "off; the MDF's error bars contain the rest"};
+    calibrate_warn_residual(base, &residual);
 }
 
-static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct job *job = (const struct job *)base;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LASER];
     const struct laser_result *found = &job->result;
@@ -351,13 +338,14 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
                    "plates as high as they are said to be?",
                    job->uneven, UNEVEN_MM);
     record_say(to, "\n");
-    say_residuals(to, found);
     calibrate_say_doubts(to, base, part, "sweeps");
+    for (int i = 0; i < found->rig.n_lasers; i++)
+        if (found->seen[i])
+            warn_residual(base, found, i);
 }
 
-static int cli_calibrate_laser_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_laser_find,
-                                                   cli_calibrate_laser_tell};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell};
     struct job job = {0};
     if (laser_images_folder)
         return laser_images_calibrate(call, error);
@@ -391,4 +379,4 @@ const struct command calibrate_laser = {
     .options = entries,
     .writes = TRUE,
     .max = 64,
-    .run = cli_calibrate_laser_run};
+    .run = run};

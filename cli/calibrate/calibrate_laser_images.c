@@ -29,7 +29,6 @@ struct job {
     OutputFile *table; /* NULL: --plane is not given */
     GArray *seen;      /* struct seen */
     struct laser_plane *plane;
-    char *warning; /* NULL: the lines scatter no more than their errors explain */
 };
 
 static void clear_seen(gpointer data) {
@@ -137,7 +136,13 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
-        g_ptr_array_add(job->base.rejected, g_strdup_printf("%s: %s", path, why->message));
+        /* Without the board's reflectance there, white print is brighter than the line. */
+        const char *advice = corners && strength && !reflectance
+                                 ? "; the laser has no colour of its own in it: take the same "
+                                   "photographs without the laser, and give --dark-images"
+                                 : "";
+        g_ptr_array_add(job->base.rejected,
+                        g_strdup_printf("%s: %s%s", path, why->message, advice));
         return TRUE;
     }
     const struct seen seen = {g_strdup(path), g_steal_pointer(&corners), g_steal_pointer(&dots)};
@@ -339,16 +344,10 @@ static gboolean find(struct calibrate_job *base, GError **error) {
             return FALSE;
     if (!fit(job, error))
         return FALSE;
-    const struct laser_plane *found = job->plane;
-    const struct residual residual = {
-        "the lines' distance from the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
-        "laser or camera moved between photographs, a sheet of light or a board that is bent, a "
-        "lens calibrated too coarsely"};
-    job->warning = residual_warning(&residual);
     keep_laser(job);
     keep_plane(job);
-    calibrate_set_part(base, CALIBRATION_LASER, "its line on a board in photographs", found->rms_mm,
-                       "mm", 2 * found->used - 3);
+    calibrate_set_part(base, CALIBRATION_LASER, "its line on a board in photographs",
+                       job->plane->rms_mm, "mm", 2 * job->plane->used - 3);
     return !job->table || write_table(job, error);
 }
 
@@ -378,9 +377,11 @@ static void tell(Record *to, const struct calibrate_job *base) {
                calibrate_output, base->calibration->rig.lasers[job->laser].name, found->used,
                found->dots, found->rms_mm, n.x, n.y, n.z, found->tilt_error_rad * DEG,
                fabs(found->plane.offset_mm), p.x, p.y, p.z, found->offset_error_mm);
-    record_string(to, "warning", job->warning);
-    if (job->warning)
-        record_say(to, "  warning: %s\n", job->warning);
+    const struct residual residual = {
+        "the lines' distance from the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
+        "laser or camera moved between photographs, a sheet of light or a board that is bent, a "
+        "lens calibrated too coarsely"};
+    calibrate_warn_residual(base, &residual);
     for (guint i = 0; i < part->rejected->len; i++)
         record_say(to, "  left out: %s\n", (const char *)part->rejected->pdata[i]);
     if (job->table)
@@ -408,6 +409,5 @@ int laser_images_calibrate(const struct call *call, GError **error) {
     output_file_free(job.table);
     laser_plane_free(job.plane);
     g_array_unref(job.seen);
-    g_free(job.warning);
     return code;
 }

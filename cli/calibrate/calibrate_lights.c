@@ -61,13 +61,14 @@ struct job {
     GArray *sights;
     struct lamps_result result;
     int done, total;
+    GHashTable *kept; /* frame → Picture, while find_mistake() reads the same ones; else NULL */
 };
 
 static void clear_view(gpointer data) {
     g_ptr_array_unref(((struct view *)data)->frames);
 }
 
-static double cli_calibrate_lights_radians(double deg) {
+static double rad_of(double deg) {
     return deg * (G_PI / 180);
 }
 
@@ -139,21 +140,35 @@ static gboolean gather(struct job *job, GError **error) {
     return TRUE;
 }
 
+/* ret: of the caller, unless pictures are kept. */
+static struct picture *read_frame(struct job *job, const struct calibrate_frame *frame,
+                                  struct picture **ret, GError **error) {
+    struct picture *picture = job->kept ? g_hash_table_lookup(job->kept, frame) : NULL;
+    if (picture)
+        return picture;
+    picture = calibrate_read(frame, error);
+    if (picture && job->kept)
+        g_hash_table_insert(job->kept, (gpointer)frame, picture);
+    else
+        *ret = picture;
+    return picture;
+}
+
 static ShadowView *load_view(struct job *job, const struct view *view, guint most, GError **error) {
     struct plate_map **map = &job->maps[view->camera];
     if (!*map)
         *map = plate_map_new(&job->rig.cameras[view->camera], &job->target);
     g_autoptr(ShadowView) shadows =
-        shadow_view_new(&job->rig, view->camera, cli_calibrate_lights_radians(view->turntable_deg),
-                        &job->target, *map);
+        shadow_view_new(&job->rig, view->camera, rad_of(view->turntable_deg), &job->target, *map);
     guint every = 1 + view->frames->len / most;
     for (guint i = 0; i < view->frames->len; i += every) {
         const struct calibrate_frame *frame = view->frames->pdata[i];
-        g_autoptr(Picture) picture = calibrate_read(frame, error);
+        g_autoptr(Picture) own = NULL;
+        const struct picture *picture = read_frame(job, frame, &own, error);
         guint index = 0;
         g_ptr_array_find(job->base.frames, frame, &index);
         if (!picture || !shadow_view_add(shadows, picture, (int)index, frame->lamp,
-                                         cli_calibrate_lights_radians(frame->arc_deg), error))
+                                         rad_of(frame->arc_deg), error))
             return NULL;
     }
     return g_steal_pointer(&shadows);
@@ -181,11 +196,21 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
+/* The first hypothesis about sights that do not fit is that the marks have other sizes: it needs no
+ * other sights. */
 static gboolean adjust(struct job *job, GError **error) {
+    const struct rig *rig = &job->base.calibration->rig;
+    const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;
+    const int n = (int)job->sights->len;
+    g_autoptr(GError) why = NULL;
     lamps_result_clear(&job->result);
-    return lamps_fit(&job->base.calibration->rig, &job->target,
-                     (const struct lamp_sight *)(gpointer)job->sights->data, (int)job->sights->len,
-                     &job->result, error);
+    const gboolean ok = lamps_fit(rig, &job->target, sights, n, &job->result, &why);
+    if ((ok || g_error_matches(why, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE)) &&
+        !lamps_check_sizes(rig, &job->target, sights, n, &job->result, error))
+        return FALSE;
+    if (why)
+        g_propagate_error(error, g_steal_pointer(&why));
+    return ok;
 }
 
 static gboolean measure_poles(struct job *job, GError **error) {
@@ -211,20 +236,24 @@ static gboolean measure_poles(struct job *job, GError **error) {
     return TRUE;
 }
 
+static gboolean measure_picture(struct job *job, guint i, const struct picture *picture,
+                                GArray *sights, GPtrArray *rejected, GError **error) {
+    const struct calibrate_frame *frame = job->base.frames->pdata[i];
+    const struct highlight_picture from = {picture,
+                                           (int)i,
+                                           frame->lamp,
+                                           frame->camera,
+                                           rad_of(frame->turntable_deg),
+                                           rad_of(frame->arc_deg)};
+    return highlights_measure(&job->rig, &job->target, &from, REACH_MM, sights, rejected, error);
+}
+
 static gboolean measure_balls(struct job *job, GError **error) {
     job->total = (int)job->base.frames->len;
     for (guint i = 0; i < job->base.frames->len; i++) {
-        const struct calibrate_frame *frame = job->base.frames->pdata[i];
-        g_autoptr(Picture) picture = calibrate_read(frame, error);
-        const struct highlight_picture from = {picture,
-                                               (int)i,
-                                               frame->lamp,
-                                               frame->camera,
-                                               cli_calibrate_lights_radians(frame->turntable_deg),
-                                               cli_calibrate_lights_radians(frame->arc_deg)};
+        g_autoptr(Picture) picture = calibrate_read(job->base.frames->pdata[i], error);
         if (!picture || !step(job, error) ||
-            !highlights_measure(&job->rig, &job->target, &from, REACH_MM, job->sights,
-                                job->base.rejected, error))
+            !measure_picture(job, i, picture, job->sights, job->base.rejected, error))
             return FALSE;
     }
     return adjust(job, error);
@@ -244,14 +273,14 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* All mistakes that are tried: wrong signs, radians instead of degrees, two lamps exchanged, and
- * lamps numbered from the other end or from a neighbour. Each mistake is tried on all pictures;
- * therefore, where there are many lamps, only lamps with neighbouring numbers are exchanged. With
- * balls no mistake of lamps is tried: balls show lamps wherever they are, and lamps_fit() tells
- * which are exchanged. */
+/* First none, then all mistakes that are tried: wrong signs, radians instead of degrees, two lamps
+ * exchanged, and lamps numbered from the other end or from a neighbour. Each mistake is tried on
+ * all pictures; therefore, where there are many lamps, only lamps with neighbouring numbers are
+ * exchanged. With balls no mistake of lamps is tried: balls show lamps wherever they are, and
+ * lamps_fit() tells which are exchanged. */
 #define MAX_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
-    static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
+    static const double factors[][2] = {{1, 1},       {-1, 1},      {1, -1},           {-1, -1},
                                         {DEGREES, 1}, {1, DEGREES}, {DEGREES, DEGREES}};
     GArray *all = g_array_new(FALSE, FALSE, sizeof(struct mistake));
     for (gsize i = 0; i < G_N_ELEMENTS(factors); i++) {
@@ -276,38 +305,71 @@ static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     return all;
 }
 
+static void set_frame(struct calibrate_frame *frame, const struct calibrate_frame *noted,
+                      const struct mistake *mistake) {
+    frame->turntable_deg = noted->turntable_deg * mistake->turntable;
+    frame->arc_deg = noted->arc_deg * mistake->arc;
+    frame->lamp = mistake->lamps[noted->lamp];
+}
+
 static void set_mistake(struct job *job, const struct calibrate_frame *noted,
                         const struct mistake *mistake) {
-    for (guint i = 0; i < job->base.frames->len; i++) {
-        struct calibrate_frame *frame = job->base.frames->pdata[i];
-        frame->turntable_deg = noted[i].turntable_deg * mistake->turntable;
-        frame->arc_deg = noted[i].arc_deg * mistake->arc;
-        frame->lamp = mistake->lamps[noted[i].lamp];
-    }
+    for (guint i = 0; i < job->base.frames->len; i++)
+        set_frame(job->base.frames->pdata[i], &noted[i], mistake);
     g_array_set_size(job->views, 0);
     sort_into_views(job);
 }
 
-/* How well the pictures agree with what is noted of them, 0 to 1: the share of the posts' shadows
- * that is dark, or the share of the balls that show the lamp at the place at which all others show
- * it. Negative: cancelled. */
-static double agreement(struct job *job) {
-    if (job->target.kind == LAMP_POLES) {
+/* How well the pictures agree with what is noted of them, if each of the mistakes is undone, 0 to
+ * 1: the share of the posts' shadows that is dark. FALSE: cancelled, or a picture is of no use. */
+static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
+                          const GArray *mistakes, double *ret) {
+    gboolean ok = TRUE;
+    job->kept = g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)picture_free);
+    for (guint k = 0; k < mistakes->len && ok; k++) {
+        set_mistake(job, noted, &g_array_index(mistakes, struct mistake, k));
         g_autoptr(GPtrArray) views = load_some(job, NULL);
-        return !views ? -1
-                      : shadows_score((ShadowView *const *)views->pdata, (int)views->len,
-                                      &job->target, REACH_MM, REACH_RAD);
+        ok = views != NULL;
+        if (ok)
+            ret[k] = shadows_score((ShadowView *const *)views->pdata, (int)views->len, &job->target,
+                                   REACH_MM, REACH_RAD);
     }
-    g_autoptr(GPtrArray) rejected = g_steal_pointer(&job->base.rejected);
-    job->base.rejected = g_ptr_array_new_with_free_func(g_free);
-    g_array_set_size(job->sights, 0);
-    const gboolean fits = measure_balls(job, NULL);
-    const double all = job->sights->len + job->base.rejected->len;
-    g_ptr_array_unref(job->base.rejected);
-    job->base.rejected = g_steal_pointer(&rejected);
-    return !g_cancellable_is_cancelled(job->base.work->cancellable)
-               ? fits ? job->result.n_used / all : 0
-               : -1;
+    g_clear_pointer(&job->kept, g_hash_table_unref);
+    return ok;
+}
+
+/* The same: the share of the balls that show the lamp at the place at which all others show it.
+ * Each picture is read once. */
+static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
+                          const GArray *mistakes, double *ret) {
+    g_autoptr(GPtrArray) sights = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
+    g_autoptr(GPtrArray) rejected =
+        g_ptr_array_new_with_free_func((GDestroyNotify)g_ptr_array_unref);
+    for (guint k = 0; k < mistakes->len; k++) {
+        g_ptr_array_add(sights, g_array_new(FALSE, FALSE, sizeof(struct lamp_sight)));
+        g_ptr_array_add(rejected, g_ptr_array_new_with_free_func(g_free));
+    }
+    for (guint i = 0; i < job->base.frames->len; i++) {
+        struct calibrate_frame *frame = job->base.frames->pdata[i];
+        g_autoptr(Picture) picture = calibrate_read(frame, NULL);
+        gboolean ok = picture && step(job, NULL);
+        for (guint k = 0; k < mistakes->len && ok; k++) {
+            set_frame(frame, &noted[i], &g_array_index(mistakes, struct mistake, k));
+            ok = measure_picture(job, i, picture, sights->pdata[k], rejected->pdata[k], NULL);
+        }
+        if (!ok)
+            return FALSE;
+    }
+    for (guint k = 0; k < mistakes->len; k++) {
+        const GArray *of = sights->pdata[k];
+        struct lamps_result result;
+        if (!lamps_fit(&job->rig, &job->target, (const struct lamp_sight *)(gpointer)of->data,
+                       (int)of->len, &result, NULL))
+            continue;
+        ret[k] = result.n_used / (double)(of->len + ((GPtrArray *)rejected->pdata[k])->len);
+        lamps_result_clear(&result);
+    }
+    return TRUE;
 }
 
 static void tell_mistake(const struct job *job, const struct mistake *mistake, double is,
@@ -368,38 +430,31 @@ static gboolean decisive(double is, double would_be) {
 
 /* Called after a failure, or where little fits. If one mistake explains the pictures decisively
  * better than what is noted of them, sets the error to that mistake. target: as its file has it.
- * FALSE: no mistake does; the job's pictures and results are then as the last attempt left them. */
+ * FALSE: no mistake does. The sights and the result of the job stay. */
 static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
     const guint n = job->base.frames->len;
     g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);
     g_autoptr(GArray) mistakes = all_mistakes(job->target.kind, job->base.calibration->rig.n_lamps);
-    struct mistake none = mistake_of(1, 1), best = none;
+    g_autofree double *agreement = g_new0(double, mistakes->len);
+    guint best = 0;
     for (guint i = 0; i < n; i++)
         noted[i] = *(struct calibrate_frame *)job->base.frames->pdata[i];
     job->rig = job->base.calibration->rig;
     job->target = *target;
-    set_mistake(job, noted, &none);
-    const double is = agreement(job);
-    double most = is;
-    for (guint i = 0; is >= 0 && i < mistakes->len; i++) {
-        const struct mistake *mistake = &g_array_index(mistakes, struct mistake, i);
-        set_mistake(job, noted, mistake);
-        const double would_be = agreement(job);
-        if (would_be < 0)
-            return FALSE;
-        if (would_be > most) {
-            most = would_be;
-            best = *mistake;
-        }
-    }
-    set_mistake(job, noted, &none);
-    if (!decisive(is, most))
+    const gboolean tried =
+        (job->target.kind == LAMP_POLES ? try_poles : try_balls)(job, noted, mistakes, agreement);
+    set_mistake(job, noted, &g_array_index(mistakes, struct mistake, 0));
+    for (guint k = 1; k < mistakes->len; k++)
+        if (agreement[k] > agreement[best])
+            best = k;
+    if (!tried || !decisive(agreement[0], agreement[best]))
         return FALSE;
-    tell_mistake(job, &best, is, most, error);
+    tell_mistake(job, &g_array_index(mistakes, struct mistake, best), agreement[0], agreement[best],
+                 error);
     return TRUE;
 }
 
-static void cli_calibrate_lights_keep(struct job *job) {
+static void keep(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     const struct lamps_result *found = &job->result;
     const gboolean poles = job->target.kind == LAMP_POLES;
@@ -432,7 +487,7 @@ static void cli_calibrate_lights_keep(struct job *job) {
         found->sigma > 0 ? found->rms / found->sigma : 0;
 }
 
-static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     const struct lamp_target target = job->target;
     g_autoptr(GError) cause = NULL;
@@ -444,7 +499,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
     if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= MIN_USED * sights
            : !cause || cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
         if (ok)
-            cli_calibrate_lights_keep(job);
+            keep(job);
         else if (cause)
             g_propagate_error(error, g_steal_pointer(&cause));
         return ok;
@@ -457,14 +512,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;
     }
-    /* Few sights fit, but no mistake explains it: measures again with the angles as noted. */
-    job->rig = base->calibration->rig;
-    job->target = target;
-    g_array_set_size(job->sights, 0);
-    g_ptr_array_set_size(base->rejected, 0);
-    if (!measure_balls(job, error))
-        return FALSE;
-    cli_calibrate_lights_keep(job);
+    keep(job);
     return TRUE;
 }
 
@@ -486,7 +534,7 @@ static void tell_lamp(Record *to, const struct lamps_result *found, int i) {
                error_mm[2], found->sights[i]);
 }
 
-static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LIGHTS];
     const struct lamps_result *found = &((const struct job *)base)->result;
     const struct rig_arc *arc = &found->rig.arc;
@@ -524,12 +572,11 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
         .unit = part->residual_unit,
         .causes = "a turntable or an arc that wobbles, a target that moved or is not flat, cameras "
                   "that have moved since they were calibrated"};
-    calibrate_say_residual(to, &residual);
+    calibrate_warn_residual(base, &residual);
 }
 
-static int cli_calibrate_lights_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_lights_find,
-                                                   cli_calibrate_lights_tell};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell};
     const struct command *command = call->command;
     struct job job = {0};
     if (photos_folder)
@@ -562,4 +609,4 @@ const struct command calibrate_lights = {
     .options = entries,
     .writes = TRUE,
     .max = 1,
-    .run = cli_calibrate_lights_run};
+    .run = run};

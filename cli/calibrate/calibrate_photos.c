@@ -268,8 +268,7 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
 }
 
 /* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
-static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
-                                             GError **error) {
+static gboolean measure(struct job *job, const struct picture *picture, GError **error) {
     struct ball_ray rays[BALL_LIGHT_MAX];
     int balls[BALL_LIGHT_MAX], n = 0;
     struct light light;
@@ -322,7 +321,7 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
     const gint64 begun_us = g_get_monotonic_time();
     for (guint i = 0; i < job->names->len; i++) {
         g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
-        if (!picture || !cli_calibrate_photos_measure(job, picture, error) ||
+        if (!picture || !measure(job, picture, error) ||
             !work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, error))
             return FALSE;
     }
@@ -364,7 +363,7 @@ static void tell_light(Record *to, const struct light *light) {
     record_say(to, "\n");
 }
 
-static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
+static void tell(Record *to, const struct job *job) {
     record_string(to, "file", calibrate_output);
     record_say(to, "%s: %u of %u photographs\n", calibrate_output, job->lights->len,
                job->names->len);
@@ -414,7 +413,7 @@ int photos_calibrate(const struct call *call, GError **error) {
     job.to = cli_output(calibrate_output, NULL, error); /* a list of lights has no comments */
     const gboolean ok = job.to && cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
     if (ok) {
-        cli_calibrate_photos_tell(call->record, &job);
+        tell(call->record, &job);
         cli_tell_output(call->record, job.to);
     }
     output_file_free(job.to);

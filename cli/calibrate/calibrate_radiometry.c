@@ -32,16 +32,15 @@ struct job {
     struct tile_result result;
 };
 
-/* What the residuals say of the rig: sentences, g_free(). */
-static void find_warnings(const struct calibration *calibration, const struct tile_result *r,
-                          GPtrArray *ret) {
+/* What the result says of the rig. */
+static void warn(const struct calibrate_job *base, const struct tile_result *r) {
+    const struct calibration *calibration = base->calibration;
+    GPtrArray *ret = base->warnings;
     const struct residual tile = {"the tile", 100 * r->residual, 100 * r->expected, "%",
                                   "a tile that is not even or not clean, other light in the room, "
                                   "lamps that are not where the calibration says, light that is "
                                   "scattered in the lens, a sensor of uneven gain"};
-    char *warning = residual_warning(&tile);
-    if (warning)
-        g_ptr_array_add(ret, warning);
+    calibrate_warn_residual(base, &tile);
     /* Of exponent and the two tilts of the aim, each by what is known of it. */
     const double off =
         hypot(r->exponent_off / EXPONENT_ERROR, r->aim_off_rad / AIM_ERROR_RAD) / sqrt(3);
@@ -76,9 +75,18 @@ static void find_warnings(const struct calibration *calibration, const struct ti
                                      "whole periods of the mains",
                                      calibration->rig.lamps[l].name, 100 * flicker));
     }
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct transfer *t = &calibration->noise[c].transfer;
+        if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
+            g_ptr_array_add(
+                ret, g_strdup_printf("camera %s is not linear: an exposure's signal is up to "
+                                     "%.1f %% off. Switch off its gamma and whatever else changes "
+                                     "its values",
+                                     calibration->rig.cameras[c].name, 100 * t->linearity));
+    }
 }
 
-static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
+static void tell(Record *to, const struct calibrate_job *base) {
     const struct calibration *calibration = base->calibration;
     const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
     const struct tile_result *r = &((const struct job *)base)->result;
@@ -111,18 +119,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
                    "light that is scattered in the lens is not known of %d of %d cameras, and not "
                    "in the error bars: let them see something matt and black around the tile\n",
                    no_glare, calibration->rig.n_cameras);
-    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
-    find_warnings(calibration, r, warnings);
-    record_strings(to, "warnings", warnings);
-    for (guint i = 0; i < warnings->len && !cli_json; i++)
-        g_printerr("warning: %s\n", (char *)warnings->pdata[i]);
-    for (int c = 0; c < calibration->rig.n_cameras && !cli_json; c++) {
-        const struct transfer *t = &calibration->noise[c].transfer;
-        if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
-            g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
-                       "off its gamma and whatever else changes its values\n",
-                       calibration->rig.cameras[c].name, 100 * t->linearity);
-    }
+    warn(base, r);
 }
 
 /* Returns what is wrong with --reflectance, or NULL; g_free(). */
@@ -147,7 +144,7 @@ static char *parse_reflectance(double ret[3]) {
     return NULL;
 }
 
-static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
+static gboolean find(struct calibrate_job *base, GError **error) {
     struct job *job = (struct job *)base;
     g_autoptr(Session) session = calibrate_open(base, 0, error);
     g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
@@ -164,9 +161,8 @@ static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError
     return tile_session(session, base->calibration, &job->options, &job->result, error);
 }
 
-static int cli_calibrate_radiometry_run(const struct call *call, GError **error) {
-    static const struct calibrate_method method = {cli_calibrate_radiometry_find,
-                                                   cli_calibrate_radiometry_tell, .adds = TRUE};
+static int run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {find, tell, .adds = TRUE};
     struct job job = {0};
     double size_mm[2];
     g_autofree char *wrong = parse_reflectance(job.options.reflectance);
@@ -194,4 +190,4 @@ const struct command calibrate_radiometry = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_calibrate_radiometry_run};
+    .run = run};

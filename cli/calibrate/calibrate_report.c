@@ -387,7 +387,7 @@ static char *page(const struct calibration *calibration, const char *path) {
     return g_string_free(to, FALSE);
 }
 
-static int cli_calibrate_report_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     if (!output_option)
         return cli_usage(call->command, "no page to write is given: give -o FILE.html");
     g_autoptr(OutputFile) to = cli_output(output_option, "calibration report", error);
@@ -410,4 +410,4 @@ const struct command calibrate_report = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_calibrate_report_run};
+    .run = run};

@@ -190,7 +190,7 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
         record_say(to, "  colour: %d patches, %.2f ΔE*ab RMS\n", colour->patches, colour->residual);
 }
 
-static int cli_calibrate_show_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     Record *to = call->record;
     g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
     if (!calibration)
@@ -229,4 +229,4 @@ const struct command calibrate_show = {.name = "calibrate show",
                                        .options = entries,
                                        .min = 1,
                                        .max = 1,
-                                       .run = cli_calibrate_show_run};
+                                       .run = run};

@@ -12,7 +12,7 @@ static void add_name(GString *to, const char *name) {
 }
 
 /* Standard error of a place along a unit direction. */
-static double cli_calibrate_tables_along(const double covariance[3][3], struct vec3 d) {
+static double along(const double covariance[3][3], struct vec3 d) {
     const double v[3] = {d.x, d.y, d.z};
     double sum = 0;
     for (int i = 0; i < 3; i++)
@@ -40,10 +40,9 @@ void calibrate_table_lamps(GString *to, const struct calibration *calibration) {
         rig_angles(at, &theta, &phi);
         phi = phi > G_PI ? phi - 2 * G_PI : phi;
         add_name(to, lamp->name);
-        g_string_append_printf(
-            to, "<td>%.2f ± %.2f</td><td>%.3f, %.3f</td></tr>\n", vec3_length(at),
-            cli_calibrate_tables_along(l->position_covariance_mm2, vec3_unit(at)), DEG(theta),
-            DEG(phi));
+        g_string_append_printf(to, "<td>%.2f ± %.2f</td><td>%.3f, %.3f</td></tr>\n",
+                               vec3_length(at), along(l->position_covariance_mm2, vec3_unit(at)),
+                               DEG(theta), DEG(phi));
     }
     if (calibration->rig.arc_radius_mm == 0) {
         g_string_append(to, "</table></div>\n");

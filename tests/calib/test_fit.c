@@ -10,8 +10,11 @@ struct line {
     double x[N], y[N];
 };
 
+static int n_evaluations;
+
 static void residuals(const double *p, double *ret, gconstpointer data) {
     const struct line *line = data;
+    n_evaluations++;
     for (int i = 0; i < N; i++)
         ret[i] = (line->y[i] - p[0] - p[1] * line->x[i]) / 0.1;
 }
@@ -59,6 +62,30 @@ TEST(line_with_outliers) {
     }
     g_assert_cmpfloat(chi2, >, 0.6);
     g_assert_cmpfloat(chi2, <, 1.5);
+}
+
+/* From a solution, the same is found in fewer steps. */
+TEST(near_a_solution) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(4);
+    struct line line;
+    struct fit_result first, again;
+    double p[2] = {0, 0}, q[2];
+    make(&line, rand);
+    struct fit fit = {2, N, 1, residuals, &line, 4.5};
+    n_evaluations = 0;
+    g_assert_true(fit_solve(&fit, p, &first));
+    q[0] = p[0] + 1e-3, q[1] = p[1] - 1e-3;
+    fit.is_near = TRUE;
+    const int from_far = n_evaluations;
+    g_assert_true(fit_solve(&fit, q, &again));
+    g_test_message("%d evaluations, and %d", from_far, n_evaluations - from_far);
+    g_assert_cmpint(2 * (n_evaluations - from_far), <, from_far);
+    for (int k = 0; k < 2; k++)
+        g_assert_cmpfloat_with_epsilon(q[k], p[k], 1e-7);
+    g_assert_cmpint(again.n_used, ==, first.n_used);
+    g_assert_cmpfloat_with_epsilon(again.sigma, first.sigma, 1e-9);
+    fit_result_clear(&first);
+    fit_result_clear(&again);
 }
 
 static void twice_the_same(const double *p, double *ret, gconstpointer data) {

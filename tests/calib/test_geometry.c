@@ -302,6 +302,11 @@ TEST(bent_sheet) {
         const double sweep = rig_laser_sweep_rad(&crooked, &laser, arc, p);
         const double bent = rig_laser_bent_rad(&crooked, &laser, arc, p);
         const struct rig_plane sheet = rig_laser_sheet(&crooked, &laser, arc, sweep + bent);
+        const struct rig_laser placed = rig_laser_placed(&crooked, &laser, arc);
+        assert_vec(rig_laser_sheet(NULL, &placed, 0, sweep + bent).normal, sheet.normal, 1e-12);
+        assert_near(rig_laser_sheet(NULL, &placed, 0, sweep + bent).offset_mm, sheet.offset_mm,
+                    1e-9);
+        assert_near(rig_laser_bent_rad(NULL, &placed, 0, p), bent, 1e-12);
         assert_near(vec3_dot(sheet.normal, p), sheet.offset_mm, 1e-9);
         /* How far the sheet moves when it is bent more. */
         other = laser;

@@ -1,7 +1,7 @@
 /*
  * Posts and balls of other sizes than their target's description says, and a turntable that
- * wobbles: lamps_fit() names the sizes, is silent about right ones, and does not blame them for
- * what they do not explain. Sights are computed with noise; the cameras and the arc are ideal.
+ * wobbles: lamps_check_sizes() names the sizes, is silent about right ones, and does not blame them
+ * for what they do not explain. Sights are computed with noise; the cameras and the arc are ideal.
  */
 #include "lamps/lamps.h"
 
@@ -125,10 +125,16 @@ static void test_mistake(gconstpointer data) {
     g_autoptr(GArray) sights = see(rig, &truth);
     const struct lamp_sight *all = (const struct lamp_sight *)(gpointer)sights->data;
     const gboolean ok = lamps_fit(known, &posts, all, (int)sights->len, result, &error);
+    g_autoptr(GError) sizes = NULL;
+    if (!lamps_check_sizes(known, &posts, all, (int)sights->len, result, &sizes)) {
+        g_clear_error(&error);
+        error = g_steal_pointer(&sizes);
+        g_assert_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE);
+    }
     g_test_message("%u sights, %.4f mm RMS, %.2f times the noise: %s", sights->len, result->rms,
                    result->sigma, error ? error->message : "");
-    g_assert_true(ok == !mistake->reason);
-    if (!ok) {
+    g_assert_true((ok && !error) == !mistake->reason);
+    if (error) {
         g_assert_nonnull(strstr(error->message, mistake->reason));
         g_assert_null(strstr(error->message, mistake->never));
     }

@@ -160,8 +160,9 @@ static void lamps_then_laser(void) {
                                  "--target", "target.conf", "-o", "one.conf");
     assert_has(lamps, "the cameras are nominal");
     assert_has(lamps, " sights left out, which is usual: up to a half; mesorig calibrate show");
-    g_free(RUN(0, "\"worst_step_mm\"", "calibrate", "laser", "low.session", "high.session", "-c",
-               "one.conf", "-o", "two.conf", "--json"));
+    g_autofree char *laser = RUN(0, "\"worst_step_mm\"", "calibrate", "laser", "low.session",
+                                 "high.session", "-c", "one.conf", "-o", "two.conf", "--json");
+    assert_has(laser, "\"warnings\": [");
     g_autoptr(Calibration) calibration = calibration_read(path, &error);
     g_assert_no_error(error);
     g_assert_true(calibration->parts[CALIBRATION_LIGHTS].done);
@@ -282,8 +283,9 @@ TEST(mistakes_of_balls) {
             "[sample]\nkind=balls\nwidth_mm=80\nheight_mm=80\nbase_mm=2\ntop_mm=40\n"
             "places_mm=" BALLS "\n",
             2, "20:3;40:3;65:3", "");
-    g_free(RUN(0, "l65 ", "calibrate", "lights", "balls.session", "-t", "balls.target", "-o",
-               "balls.calibration"));
+    g_autofree char *right = RUN(0, "\"name\": \"l65\"", "calibrate", "lights", "balls.session",
+                                 "-t", "balls.target", "-o", "balls.calibration", "--json");
+    assert_has(right, "\"warnings\": [");
     note("balls.session", TURN_BACK);
     g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
                "balls.target", "-o", "no.conf"));

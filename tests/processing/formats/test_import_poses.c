@@ -374,26 +374,31 @@ static void test_noticed(gconstpointer data) {
     g_assert_cmpuint(suspects->len, ==, noticed->says ? 1 : 0);
 }
 
-/* Products of an imported session are said to be of the calibration that the import was given. */
-TEST(calibrated) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("calibrated");
-    g_autofree char *file = g_build_filename(dir, "whole.calibration", NULL);
-    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
-    g_autoptr(Calibration) known = calibration_read(calibration, &error);
-    g_assert_no_error(error);
+/* Imports pictures that are evenly grey, as a table of poses has them, with this calibration.
+ * Returns the calibration's file. */
+static char *import_grey(const char *path, const struct calibration *known, const char *table) {
+    g_autofree char *dir = new_folder(), *poses_csv = g_build_filename(dir, "poses.csv", NULL);
+    char *file = g_build_filename(dir, "known.calibration", NULL);
     struct import_poses_result result;
     float values[PIXELS];
     for (int i = 0; i < PIXELS; i++)
         values[i] = 0.5f;
+    g_assert_true(ok(calibration_write(known, file, ERR)));
+    write_grey(dir, "a.exr", values);
+    g_assert_true(g_file_set_contents(poses_csv, table, -1, NULL));
+    const struct import_poses poses = {
+        .table = poses_csv, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
+    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
+    return file;
+}
+
+/* Products of an imported session are said to be of the calibration that the import was given. */
+TEST(calibrated) {
+    g_autofree char *path = session_fixture_path("calibrated");
+    g_autoptr(Calibration) known = ok(calibration_read(calibration, ERR));
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibration_set_part(known, (enum calibration_kind)i, "by hand", 1, "-", NULL);
-    g_assert_true(calibration_write(known, file, &error));
-    write_grey(dir, "a.exr", values);
-    g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam30,lamp30\n", -1, NULL));
-    const struct import_poses poses = {
-        .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
-    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
+    g_autofree char *file = import_grey(path, known, "file,camera,lamp\na.exr,cam30,lamp30\n");
     g_autofree char *made = process_mesorig(0, "process %s", path);
     g_autofree char *said =
         g_strdup_printf("calibration: %s (cameras, lights, laser, radiometry)", file);
@@ -403,28 +408,13 @@ TEST(calibrated) {
 /* Views of a turntable that wobbles are processed with cameras, lamps and arc where the sample sees
  * them at their angle. */
 TEST(wobbling) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("wobbling");
-    g_autofree char *file = g_build_filename(dir, "wobbling.calibration", NULL);
-    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
-    g_autoptr(Calibration) known = calibration_read(calibration, &error);
-    g_assert_no_error(error);
-    struct import_poses_result result;
-    float values[PIXELS];
-    for (int i = 0; i < PIXELS; i++)
-        values[i] = 0.5f;
+    g_autofree char *path = session_fixture_path("wobbling");
+    g_autoptr(Calibration) known = ok(calibration_read(calibration, ERR));
     known->rig.wobble.rad[1][0] = known->rig.wobble.rad[1][3] = 0.002;
-    g_assert_true(calibration_write(known, file, &error));
-    write_grey(dir, "a.exr", values);
-    g_assert_true(g_file_set_contents(table,
-                                      "file,camera,lamp,turntable_deg,arc_deg\na.exr,cam30,lamp30,"
-                                      "0,0\na.exr,cam30,lamp30,40,40\n",
-                                      -1, NULL));
-    const struct import_poses poses = {
-        .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
-    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
-    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
-    g_assert_no_error(error);
+    g_free(import_grey(path, known,
+                       "file,camera,lamp,turntable_deg,arc_deg\na.exr,cam30,lamp30,0,0\na.exr,"
+                       "cam30,lamp30,40,40\n"));
+    g_autoptr(Session) session = ok(session_open(path, SESSION_READ, ERR));
     struct catalogue *catalogue = ok(catalogue_load(session, NULL, ERR));
     g_autofree struct rig *at = g_new(struct rig, 1);
     for (int view = 0; view < 2; view++) {

@@ -55,6 +55,45 @@ static Sweep *feed_values(const guint16 *values, int n, int saturation) {
     return sweep;
 }
 
+/* Light at a distance (mm) from the middle of a line of standard deviation sigma_mm on a material
+ * of which it enters a share, and comes out with the density exp(−r / scale) / (2π scale²): in one
+ * dimension ∫ dy of that, folded with the line. */
+static double bled(double x_mm, double sigma_mm, double share, double scale_mm) {
+    const double h = 0.1 * scale_mm;
+    double sum = 0;
+    for (int i = -60; i <= 60; i++)
+        for (int j = -60; j <= 60; j++) {
+            const double off = (x_mm - i * h) / sigma_mm;
+            sum += exp(-hypot(i, j) * h / scale_mm - 0.5 * off * off) * h * h /
+                   (2 * G_PI * scale_mm * scale_mm);
+        }
+    return (1 - share) * exp(-0.5 * x_mm * x_mm / (sigma_mm * sigma_mm)) + share * sum;
+}
+
+/* A line is measured wider where light enters the material, if it is thin enough: the limit of a
+ * warning is 1.1 (mdf_lines.c). sigma_mm: on the surface, of lines of 0.6, 1.2 and 2.4 mm at 45°.
+ */
+TEST(bleeding) {
+    static const struct {
+        double sigma_mm, least, most;
+    } lines[] = {{0.36, 1.12, 1.15}, {0.72, 1.10, 1.12}, {1.44, 1.04, 1.06}};
+    enum { FRAMES = 161, SIGMA_FRAMES = 4 };
+    for (gsize k = 0; k < G_N_ELEMENTS(lines); k++) {
+        guint16 values[FRAMES];
+        float peak, width, intensity;
+        for (int t = 0; t < FRAMES; t++) {
+            const double mm = (t - FRAMES / 2) * lines[k].sigma_mm / SIGMA_FRAMES;
+            values[t] = (guint16)lround(50 + 2000 * bled(mm, lines[k].sigma_mm, 0.3, 0.6));
+        }
+        g_autoptr(Sweep) sweep = feed_values(values, FRAMES, 4095);
+        sweep_finish(sweep, 40, &peak, &width, &intensity);
+        const double ratio = (double)width / SIGMA_FRAMES;
+        g_test_message("a line of %.2f mm is %.3f times as wide", lines[k].sigma_mm, ratio);
+        g_assert_cmpfloat(ratio, >, lines[k].least);
+        g_assert_cmpfloat(ratio, <, lines[k].most);
+    }
+}
+
 struct result {
     double rms, bias, mean_width;
     int missing;
