@@ -89,9 +89,7 @@ static int run_watch(const struct call *call, GError **error) {
 /* Reports the effect of a command, its rig and its session. session is the one that is being
  * captured, or "". */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
-    record_string(to, "done", done);
-    record_string(to, "rig", rig);
-    record_string(to, "session", session);
+    record_add(to, "%s{done} %s{rig} %s{session}", done, rig, session);
 }
 
 /* Commands that send one request to the daemon. They print done, session and rig. If how is not

@@ -124,9 +124,8 @@ static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, c
         const struct expected_point *point = &g_array_index(points, struct expected_point, i);
         drawn[i] = (struct plot_time){point->shots, point->time_s / 60, point->error_pct};
         record_begin(to, NULL);
-        record_int(to, "shots", point->shots);
-        record_double(to, "time_s", point->time_s);
-        record_double(to, "expected_error_pct", point->error_pct);
+        record_add(to, "%d{shots} %g{time_s} %g{expected_error_pct}", point->shots, point->time_s,
+                   point->error_pct);
         record_end(to);
     }
     record_end(to);
@@ -144,9 +143,8 @@ static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, c
         !output_file_end(
             file, plot_times(path, title, text, all_s / 60, drawn, (int)points->len, error), error))
         return FALSE;
-    record_string(to, "curve_file", curve);
+    record_say(to, "curve           %s{curve_file}\n", curve);
     record_double(to, "all_lamps_s", all_s);
-    record_say(to, "curve           %s\n", curve);
     cli_tell_output(to, file);
     return TRUE;
 }
@@ -185,8 +183,7 @@ static int run_plan(const struct call *call, GError **error) {
         return CLI_FAILED;
     g_autofree char *text = report_text(report);
     record_variants(call->record, report);
-    record_string(call->record, "calibration", line);
-    record_say(call->record, "%scalibration     %s\n", text, line);
+    record_say(call->record, "%scalibration     %s{calibration}\n", text, line);
     return !drawing || draw_curve(call->record, drawing, rig, session, error) ? CLI_DONE
                                                                               : CLI_FAILED;
 }

@@ -113,11 +113,9 @@ static int run_add(const struct call *call, GError **error) {
             return CLI_FAILED;
         }
         record_begin(call->record, NULL);
-        record_int(call->record, "number", number);
-        record_string(call->record, "directory", directory);
+        record_say(call->record, "added as number %u{number}: %s{directory}\n", number, directory);
         record_variant(call->record, "plan", plan);
         record_end(call->record);
-        record_say(call->record, "added as number %u: %s\n", number, directory);
     }
     record_end(call->record);
     const char *state = bus_rig1_get_queue_state(link_rig(link));

@@ -49,25 +49,23 @@ static double fraction(BusRig1 *rig) {
 }
 
 void monitor_status(Record *to, BusRig1 *rig) {
-    record_string(to, "state", bus_rig1_get_state(rig));
-    record_string(to, "reason", bus_rig1_get_reason(rig));
-    record_string(to, "prompt", bus_rig1_get_prompt(rig));
-    record_string(to, "doing", bus_rig1_get_doing(rig));
-    record_string(to, "rig", bus_rig1_get_rig_path(rig));
+    record_add(to, "%s{state} %s{reason} %s{prompt} %s{doing} %s{rig}", bus_rig1_get_state(rig),
+               bus_rig1_get_reason(rig), bus_rig1_get_prompt(rig), bus_rig1_get_doing(rig),
+               bus_rig1_get_rig_path(rig));
     record_boolean(to, "simulated", bus_rig1_get_simulated(rig));
-    record_string(to, "session", bus_rig1_get_session(rig));
-    record_int(to, "shots", bus_rig1_get_shots(rig));
-    record_int(to, "shots_done", bus_rig1_get_shots_done(rig));
-    record_double(to, "percent", 100 * fraction(rig));
-    record_int(to, "frames", bus_rig1_get_frames(rig));
-    record_int(to, "retakes", bus_rig1_get_retakes(rig));
-    record_double(to, "elapsed_s", bus_rig1_get_elapsed(rig));
-    record_double(to, "left_s", bus_rig1_get_left(rig));
-    record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
-    record_int(to, "bytes_stored", (gint64)bus_rig1_get_bytes_stored(rig));
-    record_int(to, "bytes_expected", (gint64)bus_rig1_get_bytes_expected(rig));
+    record_add(to, "%s{session} %d{shots} %d{shots_done} %g{percent}", bus_rig1_get_session(rig),
+               bus_rig1_get_shots(rig), bus_rig1_get_shots_done(rig), 100 * fraction(rig));
+    record_add(
+        to, "%" G_GINT64_FORMAT "{frames} %" G_GINT64_FORMAT "{retakes} %g{elapsed_s} %g{left_s}",
+        bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig), bus_rig1_get_elapsed(rig),
+        bus_rig1_get_left(rig));
+    record_add(to,
+               "%" G_GINT64_FORMAT "{predicted_end} %" G_GINT64_FORMAT
+               "{bytes_stored} %" G_GINT64_FORMAT "{bytes_expected}",
+               (gint64)bus_rig1_get_predicted_end(rig), (gint64)bus_rig1_get_bytes_stored(rig),
+               (gint64)bus_rig1_get_bytes_expected(rig));
     g_autofree char *pose = watching_pose(rig);
-    record_string(to, "pose", pose ? pose : "");
+    record_string(to, "pose", pose);
 }
 
 static char *retakes_text(BusRig1 *rig) {
@@ -124,8 +122,7 @@ static void cli_monitor_show(Monitor *monitor) {
         monitor->json_us = now_us;
         g_autoptr(Record) record = record_new();
         monitor_status(record, rig);
-        record_double(record, "real_s", real_s(monitor));
-        record_double(record, "frames_per_s", frames_per_s(monitor));
+        record_add(record, "%g{real_s} %g{frames_per_s}", real_s(monitor), frames_per_s(monitor));
         record_print(record, TRUE);
     } else if (bus_rig1_get_shots(rig) > 0) {
         g_autofree char *text = progress_text(monitor);
@@ -231,9 +228,7 @@ static void on_event(BusRig1 *rig, const char *level, const char *source, const 
         monitor->faulty = TRUE;
     if (cli_json) {
         g_autoptr(Record) record = record_new();
-        record_string(record, "event", message);
-        record_string(record, "level", level);
-        record_string(record, "source", source);
+        record_add(record, "%s{event} %s{level} %s{source}", message, level, source);
         record_print(record, TRUE);
     } else if (strcmp(level, "info") == 0 && g_strcmp0(source, monitor->left_out) == 0) {
         return;

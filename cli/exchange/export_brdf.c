@@ -3,7 +3,6 @@
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 
@@ -69,33 +68,21 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     g_autoptr(OutputFile) file = job.to = exchange_output(output, &format, error);
     if (!file || !cli_work_run(export_brdf_work, &job, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "holes", result->holes);
-    record_int(to, "filled", result->filled);
-    record_double(to, "lowest_deg", result->lowest_deg);
-    record_double(to, "error", result->error);
-    if (kind == BRDF_MERL)
-        record_double(to, "spread", result->spread);
-    record_double(to, "real_s", seconds);
-    if (result->width == 1 && result->height == 1)
-        record_say(to, "%s: one texel", output);
-    else
-        record_say(to, "%s: the mean of %d × %d texels", output, result->width, result->height);
-    record_say(to,
-               ", %d %s × %d %s, in %s; interpolated with an error of %.2f %%; beyond %.0f° "
-               "nothing was measured\n",
-               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"), time,
-               100 * result->error, result->lowest_deg);
+    record_say(to, "%s{file}: %d{views} %s × %d{lights} %s of ", output,
+               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"));
+    record_say(to, "the mean of %d{width} × %d{height} texels", result->width, result->height);
+    record_add(to, "%" G_GINT64_FORMAT "{holes} %d{filled}", result->holes, result->filled);
+    record_say(
+        to,
+        ", in %g{:time}; beyond %.0f{lowest_deg}° nothing was measured; interpolated with an "
+        "error of %.2f{error:%%}\n",
+        seconds, result->lowest_deg, result->error);
     if (kind == BRDF_MERL)
         record_say(to,
                    "the file is isotropic and reciprocal; the material's values under rotated or "
-                   "exchanged directions differ from it by %.1f %%\n",
-                   100 * result->spread);
+                   "exchanged directions differ from it by %.1f{spread:%%}\n",
+                   result->spread);
+    record_double(to, "real_s", seconds);
     if (result->filled > 0)
         record_say(to,
                    "%d pairs of view and light have no value and get that of the nearest light\n",

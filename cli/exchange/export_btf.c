@@ -4,7 +4,6 @@
 #include "exchange.h"
 #include "formats/export.h"
 #include "lpca/lpca.h"
-#include "plan/report.h"
 
 #define COMPONENTS 24
 
@@ -52,19 +51,13 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(OutputFile) file = job.to = exchange_output(output, &file_format, error);
     if (!file || !cli_work_run(work_btf, &job, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_double(to, "error", result->error);
+    record_say(to,
+               "%s{file}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels as %s in "
+               "%g{:time}",
+               output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               result->width, result->height, bonn_kind_name(job.kind), seconds);
+    record_say_if(to, result->error > 0, ", with an error of %.2f{error:%%}", result->error);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s × %d %s as %s in %s", output, result->width,
-               result->height, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
-               bonn_kind_name(job.kind), time);
-    if (result->error > 0)
-        record_say(to, ", with an error of %.2f %%", 100 * result->error);
     record_say(to, "\n");
     cli_tell_output(to, file);
     return CLI_DONE;

@@ -3,7 +3,6 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "maps/maps.h"
-#include "plan/report.h"
 
 #define MEMORY_MB 4096
 
@@ -92,46 +91,36 @@ static void tell(const struct job *job, double seconds, Record *to) {
     const struct maps_errors *errors = &maps->errors;
     const int worst = export_maps_worst(errors);
     const gboolean mdf = maps->heights_from == MAPS_HEIGHTS_MDF;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "width", maps->width);
-    record_int(to, "height", maps->height);
-    record_int(to, "views", maps->n_views);
-    record_int(to, "lights", maps->n_lights);
-    record_double(to, "delta_e", errors->delta_e);
-    record_double(to, "error", errors->relative_error);
-    record_int(to, "worst_view", worst / errors->n_lights);
-    record_int(to, "worst_light", worst % errors->n_lights);
-    record_double(to, "worst_delta_e", (double)errors->pairs[worst]);
-    record_boolean(to, "core", maps->model == MAPS_MODEL_CORE);
-    record_boolean(to, "anisotropy", maps->anisotropic);
-    record_double(to, "sheen_roughness", (double)maps->fit->layers.sheen_roughness);
-    record_double(to, "coat_roughness", (double)maps->fit->layers.coat_roughness);
-    record_string(to, "heights", mdf ? "mdf" : "normals");
-    record_double(to, "relief_mm", maps->relief_mm);
-    record_double(to, "depth_mm", maps->depth_mm);
-    record_int(to, "height_holes", maps->height_holes);
-    record_int(to, "dark", maps->fit->dark);
-    record_int(to, "holes", maps->holes);
-    record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
-    record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels from %d %s × %d %s in %s%s\n", output, maps->width,
-               maps->height, PLURAL(maps->n_views, "view"), PLURAL(maps->n_lights, "light"), time,
+    record_say(to,
+               "%s{file}: %d{width} × %d{height} texels from %d{views} %s × %d{lights} %s in "
+               "%g{:time}%s\n",
+               output, maps->width, maps->height, PLURAL(maps->n_views, "view"),
+               PLURAL(maps->n_lights, "light"), seconds,
                maps->kept == MAPS_FIT_TAKEN ? ", with the fit of an earlier export" : "");
     if (maps->lost)
         record_say(to, "  the next export will fit again: %s\n", maps->lost);
     record_say(to,
-               "  they differ from the BTF by %.2f CIEDE2000 on average (%.1f %% RMS), by %.1f "
-               "in view %d under light %d\n",
-               errors->delta_e, 100 * errors->relative_error, (double)errors->pairs[worst],
-               worst / errors->n_lights, worst % errors->n_lights);
-    record_say(to, "  heights of %.3g mm from %s", maps->relief_mm,
+               "  they differ from the BTF by %.2f{delta_e} CIEDE2000 on average (%.1f{error:%%} "
+               "RMS), in view %d{worst_view} under light %d{worst_light} by "
+               "%.1f{worst_delta_e}\n",
+               errors->delta_e, errors->relative_error, worst / errors->n_lights,
+               worst % errors->n_lights, (double)errors->pairs[worst]);
+    record_boolean(to, "core", maps->model == MAPS_MODEL_CORE);
+    record_boolean(to, "anisotropy", maps->anisotropic);
+    record_add(to, "%g{sheen_roughness} %g{coat_roughness} %s{heights}",
+               (double)maps->fit->layers.sheen_roughness, (double)maps->fit->layers.coat_roughness,
+               mdf ? "mdf" : "normals");
+    record_say(to, "  heights of %.3g{relief_mm} mm from %s", maps->relief_mm,
                mdf ? "the MDF" : "the normals, because no MDF has most of them");
-    if (maps->height_holes > 0)
-        record_say(to, ", %d texels are filled from their neighbours", maps->height_holes);
+    record_double(to, "depth_mm", maps->depth_mm);
+    record_say_if(to, maps->height_holes > 0,
+                  ", %d{height_holes} texels are filled from their neighbours", maps->height_holes);
     record_say(to, "%s%s%s\n", maps->anisotropic ? "; anisotropic" : "",
                maps->fit->layers.sheen_roughness > 0 ? "; with sheen" : "",
                maps->fit->layers.coat_roughness > 0 ? "; with a clear coat" : "");
+    record_add(to, "%d{dark} %" G_GINT64_FORMAT "{holes}", maps->fit->dark, maps->holes);
+    record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
+    record_double(to, "real_s", seconds);
     if (maps->depth_mm != 0)
         record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
                    maps->depth_mm);

@@ -3,7 +3,6 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/reflectance/export_brdf.h"
-#include "plan/report.h"
 
 #include <string.h>
 
@@ -60,25 +59,18 @@ static int run(const struct call *call, enum export_rti_kind kind, GError **erro
                              : exchange_check_folder(output, error)) ||
         !cli_work_run(export_rti_work, &job, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "view", result->view);
-    record_double(to, "theta_deg", result->theta_deg);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "clipped", result->clipped);
-    record_int(to, "holes", result->holes);
-    record_double(to, "error", result->error);
-    record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d × %d texels of view %d (%.0f° from the normal) under %d %s in %s, with "
-               "an error of %.2f %% of white in sRGB\n",
-               output, result->width, result->height, result->view, result->theta_deg,
-               PLURAL(result->n_lights, "light"), time, 100 * result->error);
-    if (result->clipped > 0)
-        record_say(to, "%" G_GINT64_FORMAT " values are brighter than white, which viewers clip\n",
-                   result->clipped);
+               "%s{file}: view %d{view} (%.0f{theta_deg}° from the normal) under %d{lights} %s, "
+               "%d{width} × %d{height} texels in %g{:time}, with an error of %.2f{:%%} of white in "
+               "sRGB\n",
+               output, result->view, result->theta_deg, PLURAL(result->n_lights, "light"),
+               result->width, result->height, seconds, result->error);
+    record_say_if(to, result->clipped > 0,
+                  "%" G_GINT64_FORMAT
+                  "{clipped} values are brighter than white, which viewers clip\n",
+                  result->clipped);
+    record_add(to, "%" G_GINT64_FORMAT "{holes} %g{error} %g{real_s}", result->holes, result->error,
+               seconds);
     if (file)
         cli_tell_output(to, file);
     return CLI_DONE;

@@ -5,7 +5,6 @@
 #include "formats/export_surface.h"
 #include "maps/fit_normals.h"
 #include "maps/light_normals.h"
-#include "plan/report.h"
 
 static char *output;
 static int min_views;
@@ -79,15 +78,10 @@ static int by_lights(const struct call *call, struct job *job, GError **error) {
     double seconds = 0;
     if (!cli_work_run(work_lights, job, &seconds, error))
         return CLI_FAILED;
-    record_string(to, "file", output);
-    record_string(to, "model", "lights");
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "points", result->texels - result->holes);
-    record_int(to, "holes", result->holes);
-    record_double(to, "sigma_deg", result->sigma_deg[0]);
-    record_double(to, "sigma_95_deg", result->sigma_deg[1]);
-    record_double(to, "lights_used", result->used);
-    record_double(to, "real_s", seconds);
+    record_add(to, "%s{file} %s{model} %d{lights} %d{points} %d{holes}", output, "lights",
+               result->n_lights, result->texels - result->holes, result->holes);
+    record_add(to, "%g{sigma_deg} %g{sigma_95_deg} %g{lights_used} %g{real_s}",
+               result->sigma_deg[0], result->sigma_deg[1], result->used, seconds);
     record_say(to,
                "%s: %d of %d texels from their pictures under %d %s, of which %.0f agree (median); "
                "normals are known to %.2f° (median), %.2f° (95 %%)\n",
@@ -116,22 +110,17 @@ static int by_fit(const struct call *call, struct job *job, GError **error) {
                          job->session);
     if (!cli_work_run(work_fit, job, &seconds, error))
         return CLI_FAILED;
-    record_string(to, "file", output);
-    record_string(to, "model", result->model);
-    record_int(to, "points", result->texels - result->holes);
+    record_add(to, "%s{file} %s{model}", output, result->model);
+    record_say(to, "%s: %d{points} of %d texels from their %s", output,
+               result->texels - result->holes, result->texels, result->model);
     record_int(to, "holes", result->holes);
-    record_int(to, "clipped", result->clipped);
-    record_int(to, "shadowed", result->shadowed);
+    record_say_if(to, maximum, "; %d{clipped} texels are holes, since their maximum is clipped\n",
+                  result->clipped);
+    record_say_if(to, !maximum,
+                  "; %d{shadowed} are in shadow or shine under more than a quarter of the lights "
+                  "they face, and are less certain\n",
+                  result->shadowed);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
-               result->texels, result->model);
-    if (maximum)
-        record_say(to, "; %d texels are holes, since their maximum is clipped\n", result->clipped);
-    else
-        record_say(to,
-                   "; %d are in shadow or shine under more than a quarter of the lights they "
-                   "face, and are less certain\n",
-                   result->shadowed);
     cli_tell_output(to, job->to);
     return CLI_DONE;
 }
@@ -170,24 +159,18 @@ static int shape(const struct call *call, enum export_surface what, GError **err
                          job.session);
     if (!cli_work_run(work_surface, &job, &seconds, error))
         return CLI_FAILED;
-    record_string(record, "file", output);
-    record_int(record, "views", result->n_views);
-    record_int(record, "seen", result->seen);
-    record_int(record, "points", result->points);
-    record_int(record, "holes", result->holes);
-    record_int(record, "stacked", result->stacked);
+    record_add(record, "%s{file} %d{views} %" G_GINT64_FORMAT "{seen} %" G_GINT64_FORMAT "{points}",
+               output, result->n_views, result->seen, result->points);
+    record_say_if(record, what == EXPORT_POINTS,
+                  "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
+                  ", and points that several views saw were merged into one\n",
+                  output, result->points, PLURAL(result->n_views, "view"), result->seen);
+    record_say_if(record, what != EXPORT_POINTS,
+                  "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d{holes} holes, %d{stacked} "
+                  "with structure below structure\n",
+                  output, result->points, result->texels, PLURAL(result->n_views, "view"),
+                  result->holes, result->stacked);
     record_double(record, "real_s", seconds);
-    if (what == EXPORT_POINTS)
-        record_say(record,
-                   "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
-                   ", and points that several views saw were merged into one\n",
-                   output, result->points, PLURAL(result->n_views, "view"), result->seen);
-    else
-        record_say(record,
-                   "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d holes, %d with "
-                   "structure below structure\n",
-                   output, result->points, result->texels, PLURAL(result->n_views, "view"),
-                   result->holes, result->stacked);
     cli_tell_output(record, to);
     return CLI_DONE;
 }

@@ -3,7 +3,6 @@
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
-#include "plan/report.h"
 #include "webgl/webgl_export.h"
 
 static char *output, *mdf, *size;
@@ -52,22 +51,16 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(OutputFile) file = job.to = export_web_output(output, error);
     if (!file || !cli_work_run(work_web, &job, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    g_autofree char *taken = g_format_size((guint64)result->bytes);
-    record_string(to, "file", output);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "clusters", result->clusters);
-    record_int(to, "components", result->components);
-    record_int(to, "levels", result->levels);
-    record_int(to, "grid", result->grid);
+    record_say(to,
+               "%s{file}: %d{width} × %d{height} texels, %d{clusters} %s of %d{components} %s in "
+               "%d{levels} %s on a grid of %d{grid}, ",
+               output, result->width, result->height, PLURAL(result->clusters, "cluster"),
+               PLURAL(result->components, "component"), PLURAL(result->levels, "level"),
+               result->grid);
     record_int(to, "mdf_terms", result->mdf_terms);
     record_boolean(to, "compressed", result->compressed);
-    record_int(to, "bytes", result->bytes);
-    record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s of %d %s on a grid of %d, %s, in %s\n", output,
-               result->width, result->height, PLURAL(result->clusters, "cluster"),
-               PLURAL(result->components, "component"), result->grid, taken, time);
+    record_say(to, "%" G_GINT64_FORMAT "{bytes:size}, in %g{real_s:time}\n", result->bytes,
+               seconds);
     if (result->mdf_terms == 0)
         record_say(to, "There is no mdf.exr: the page shows no silhouettes of the structure.\n");
     cli_tell_output(to, file);

@@ -3,7 +3,6 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/reflectance/import_brdf.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 
@@ -51,29 +50,16 @@ static gboolean command_work(const struct work *work, gpointer data, GError **er
 
 void exchange_tell_import(Record *to, const char *session, const struct import_result *result,
                           double seconds) {
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "session", session);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "holes", result->holes);
-    record_double(to, "eigenmaps_error", result->eigenmaps_error);
-    record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s × %d %s in %s; eigen-maps with an error of %.2f %%\n",
-               session, result->width, result->height, PLURAL(result->n_views, "view"),
-               PLURAL(result->n_lights, "light"), time, 100 * result->eigenmaps_error);
-    if (result->holes > 0)
-        record_say(to,
-                   "%" G_GINT64_FORMAT
-                   " texels of its pictures are missing or not numbers; they are set to 0\n",
-                   result->holes);
-}
-
-void exchange_tell_notes(Record *to, const GPtrArray *notes) {
-    record_strings(to, "notes", notes);
-    for (guint i = 0; i < notes->len; i++)
-        record_say(to, "%s\n", (const char *)notes->pdata[i]);
+    record_say(to,
+               "%s{session}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels in "
+               "%g{:time}; eigen-maps with an error of %.2f{:%%}\n",
+               session, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               result->width, result->height, seconds, result->eigenmaps_error);
+    record_say_if(to, result->holes > 0,
+                  "%" G_GINT64_FORMAT
+                  "{holes} texels of its pictures are missing or not numbers; they are set to 0\n",
+                  result->holes);
+    record_add(to, "%g{eigenmaps_error} %g{real_s}", result->eigenmaps_error, seconds);
 }
 
 gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret) {
@@ -107,7 +93,7 @@ static int run(const struct call *call, Import import, GError **error) {
     if (!cli_work_run(command_work, &job, &seconds, error))
         return CLI_FAILED;
     exchange_tell_import(call->record, output, &job.result, seconds);
-    exchange_tell_notes(call->record, notes);
+    record_say_strings(call->record, "notes", "", notes);
     return CLI_DONE;
 }
 

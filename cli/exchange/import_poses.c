@@ -4,7 +4,6 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/nominal.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -52,27 +51,19 @@ static gboolean work_poses(const struct work *work, gpointer data, GError **erro
 }
 
 static void tell_poses(Record *to, const struct import_poses_result *result, double seconds) {
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "session", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "lasers", result->n_lasers);
-    record_int(to, "frames", result->n_frames);
-    record_int(to, "missing", result->n_missing);
-    record_int(to, "not_numbers", result->not_numbers);
-    record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d %s, %d %s, %d laser %s, %d %s in %s; “mesorig process” "
-               "makes BTF and MDF\n",
+               "%s{session}: %d{views} %s, %d{lights} %s, %d{lasers} laser %s, %d{frames} %s in "
+               "%g{:time}; “mesorig process” makes BTF and MDF\n",
                output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
-               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), time);
-    if (result->n_missing > 0)
-        record_say(
-            to,
-            "%d pictures of sweeps are missing; the surface that only they show is not measured\n",
-            result->n_missing);
-    if (result->not_numbers > 0)
-        record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
+               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), seconds);
+    record_say_if(to, result->n_missing > 0,
+                  "%d{missing} pictures of sweeps are missing; the surface that only they show is "
+                  "not measured\n",
+                  result->n_missing);
+    record_say_if(to, result->not_numbers > 0,
+                  "%" G_GINT64_FORMAT "{not_numbers} pixels are not numbers\n",
+                  result->not_numbers);
+    record_double(to, "real_s", seconds);
 }
 
 static gboolean parse_grid(struct session_grid *ret) {
@@ -95,9 +86,8 @@ static int write_template(const struct call *call, GError **error) {
     g_autofree char *text = to ? nominal_template(call->arguments[0], error) : NULL;
     if (!text || !output_file_put(to, text, strlen(text), error))
         return CLI_FAILED;
-    record_string(call->record, "file", output);
     record_say(call->record,
-               "%s: replace each ? by its value, and give the file to import poses with -c\n",
+               "%s{file}: replace each ? by its value, and give the file to import poses with -c\n",
                output);
     return CLI_DONE;
 }
@@ -142,7 +132,7 @@ static int run(const struct call *call, GError **error) {
     if (!cli_work_run(work_poses, &job, &seconds, error))
         return CLI_FAILED;
     tell_poses(call->record, &job.result, seconds);
-    exchange_tell_notes(call->record, notes);
+    record_say_strings(call->record, "notes", "", notes);
     return CLI_DONE;
 }
 

@@ -130,8 +130,7 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
         return CLI_FAILED;
     record_string(call->record, laser ? "laser" : "lamp", name);
     record_boolean(call->record, "on", FALSE);
-    record_string(call->record, "rig", rig);
-    record_say(call->record, "%s is off (rig %s)\n", name, rig);
+    record_say(call->record, "%s is off (rig %s{rig})\n", name, rig);
     return CLI_DONE;
 }
 
@@ -145,10 +144,7 @@ static int run_laser(const struct call *call, GError **error) {
 
 static void tell_axis(Record *to, Link *link, const char *axis, double deg) {
     const char *rig = bus_rig1_get_rig_path(link_rig(link));
-    record_string(to, "axis", axis);
-    record_double(to, "position_deg", deg);
-    record_string(to, "rig", rig);
-    record_say(to, "%s stands at %g° (rig %s)\n", axis, deg, rig);
+    record_say(to, "%s{axis} stands at %g{position_deg}° (rig %s{rig})\n", axis, deg, rig);
 }
 
 static int run_move(const struct call *call, GError **error) {

@@ -36,12 +36,10 @@ struct trial {
 static void trial_tell(struct trial *trial, const char *class_name, const char *name, gboolean good,
                        char *what) {
     record_begin(trial->to, NULL);
-    record_string(trial->to, "class", class_name);
-    record_string(trial->to, "name", name);
+    record_say(trial->to, "%-4s %-10s{class} %-16s{name} ", good ? "ok" : "FAIL", class_name, name);
     record_boolean(trial->to, "good", good);
-    record_string(trial->to, "said", what);
+    record_say(trial->to, "%s{said}\n", what);
     record_end(trial->to);
-    record_say(trial->to, "%-4s %-10s %-16s %s\n", good ? "ok" : "FAIL", class_name, name, what);
     trial->n++;
     trial->n_good += good;
     g_free(what);
@@ -192,8 +190,7 @@ static int run_test(const struct call *call, GError **error) {
     try_all(&trial);
     record_end(trial.to);
     record_int(trial.to, "tested", trial.n);
-    record_int(trial.to, "good", trial.n_good);
-    record_say(trial.to, "%d of %d are as they should be\n", trial.n_good, trial.n);
+    record_say(trial.to, "%d{good} of %d are as they should be\n", trial.n_good, trial.n);
     return trial.n_good == trial.n ? CLI_DONE : CLI_FAILED;
 }
 

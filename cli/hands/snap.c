@@ -92,8 +92,7 @@ static int run_snap(const struct call *call, GError **error) {
         record_say(call->record, "no lamp was on: --lamp NAME switches one on meanwhile\n");
     if (output) {
         const gboolean halved = frame->cfa != CFA_MONO && g_str_has_suffix(output, ".png");
-        record_string(call->record, "file", output);
-        record_say(call->record, "%s%s\n", output,
+        record_say(call->record, "%s{file}%s\n", output,
                    halved ? ": a pixel for each 2 × 2 of the colour filter" : "");
         cli_tell_output(call->record, to);
     }

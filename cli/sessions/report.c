@@ -136,21 +136,16 @@ static int cli_report_run(const struct call *call, GError **error) {
         return CLI_FAILED;
     Record *to = call->record;
     const char *verdict = archive_verdict_name(archive_verdict(archive));
-    record_string(to, "session", archive->path);
-    record_string(to, "file", output_option);
+    record_add(to, "%s{session} %s{file}", archive->path, output_option);
     record_boolean(to, "crate", crate_option);
     record_string(to, "verdict", verdict);
     record_begin_list(to, "checks");
     for (guint i = 0; i < archive->checks->len; i++) {
         const struct archive_check *check = archive->checks->pdata[i];
         record_begin(to, NULL);
-        record_string(to, "verdict", archive_verdict_name(check->verdict));
-        record_string(to, "name", check->name);
-        record_string(to, "said", check->said);
+        record_say_if(to, check->verdict != ARCHIVE_PASS, "%-8s{verdict} %s{name}: %s{said}\n",
+                      archive_verdict_name(check->verdict), check->name, check->said);
         record_end(to);
-        if (check->verdict != ARCHIVE_PASS)
-            record_say(to, "%-8s %s: %s\n", archive_verdict_name(check->verdict), check->name,
-                       check->said);
     }
     record_end(to);
     record_say(to, "%s: %u checks, all together: %s\n", archive->name, archive->checks->len,

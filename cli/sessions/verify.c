@@ -91,9 +91,7 @@ static void add_damages(Record *to, const GPtrArray *damages, gboolean missing) 
         if (damage->missing != missing)
             continue;
         record_begin(to, NULL);
-        record_string(to, "path", damage->path);
-        record_string(to, "what", damage->what);
-        record_string(to, "repair", damage->remedy);
+        record_add(to, "%s{path} %s{what} %s{repair}", damage->path, damage->what, damage->remedy);
         record_end(to);
     }
 }
@@ -111,8 +109,7 @@ static void tell_damages(Record *to, const GPtrArray *damages, GPtrArray *remedi
 
 static void cli_verify_tell(Record *to, const struct verify *verify) {
     g_autoptr(GPtrArray) remedies = g_ptr_array_new();
-    record_int(to, "frames", verify->n_frames);
-    record_int(to, "products", verify->n_products);
+    record_add(to, "%d{frames} %d{products}", verify->n_frames, verify->n_products);
     for (int missing = 0; missing < 2; missing++) {
         record_begin_list(to, missing ? "missing" : "damaged");
         add_damages(to, verify->frames, missing);
