@@ -59,7 +59,7 @@ static int run_status(const struct call *call, GError **error) {
 static gboolean no_pictures;
 static const GOptionEntry watch_entries[] = {
     {"no-pictures", 0, 0, G_OPTION_ARG_NONE, &no_pictures,
-     "Do not show the cameras' last pictures in the terminal", NULL},
+     "Do not show pictures of the cameras in the terminal", NULL},
     {NULL},
 };
 

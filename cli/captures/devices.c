@@ -12,10 +12,13 @@ static int baud_option;
 
 static const GOptionEntry entries[] = {
     {"modbus", 0, 0, G_OPTION_ARG_STRING, &modbus_option,
-     "Also ask which units are on a Modbus line: /dev/ttyUSB0, or tcp:HOST:PORT", "LINE"},
-    {"units", 0, 0, G_OPTION_ARG_STRING, &units_option, "Which units to ask (1-16)", "FIRST-LAST"},
-    {"baud", 0, 0, G_OPTION_ARG_INT, &baud_option, "The line's speed (115200)", "BAUD"},
-    {"parity", 0, 0, G_OPTION_ARG_STRING, &parity_option, "none, even or odd (even)", "PARITY"},
+     "Also look for units on this Modbus line: /dev/ttyUSB0, or tcp:HOST:PORT", "LINE"},
+    {"units", 0, 0, G_OPTION_ARG_STRING, &units_option,
+     "With --modbus: addresses of the units to ask (1-16)", "FIRST-LAST"},
+    {"baud", 0, 0, G_OPTION_ARG_INT, &baud_option, "With --modbus: speed of the line (115200)",
+     "BAUD"},
+    {"parity", 0, 0, G_OPTION_ARG_STRING, &parity_option,
+     "With --modbus: parity of the line (even)", "none|even|odd"},
     {NULL},
 };
 

@@ -9,14 +9,14 @@ static gboolean process, yes, ended;
 
 static const GOptionEntry add_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory to make, for a single session", "DIR"},
+     "Session directory to make, if only one session is added", "DIR"},
     {"into", 0, 0, G_OPTION_ARG_FILENAME, &folder,
-     "Make FILE.session for FILE.conf in this folder (default: the current one)", "DIR"},
+     "Folder for the session directories, NAME.session for NAME.conf (the current folder)", "DIR"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "Use this calibration instead of the one that the rig file names", "FILE"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Process the frames while they are captured",
      NULL},
-    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture regardless of the test shots", NULL},
+    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture even if test shots give warnings", NULL},
     {NULL},
 };
 

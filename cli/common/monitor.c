@@ -111,7 +111,7 @@ static char *progress_text(const Monitor *monitor) {
     return g_string_free(text, FALSE);
 }
 
-static void cli_monitor_show(Monitor *monitor) {
+static void show(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *state = bus_rig1_get_state(rig);
     const gboolean news = g_strcmp0(state, monitor->shown_state) != 0;
@@ -140,7 +140,7 @@ static void finish(Monitor *monitor, enum monitor_end end) {
     g_main_loop_quit(monitor->loop);
 }
 
-static gboolean cli_monitor_answer(Monitor *monitor) {
+static gboolean confirm(Monitor *monitor) {
     g_autoptr(GError) error = NULL;
     if (bus_rig1_call_continue_sync(link_rig(monitor->link), NULL, &error))
         return TRUE;
@@ -153,7 +153,7 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     Monitor *monitor = data;
     char typed[256];
     const gssize n = read(fd, typed, sizeof(typed));
-    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !cli_monitor_answer(monitor)))
+    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !confirm(monitor)))
         return G_SOURCE_CONTINUE;
     monitor->enter_id = 0;
     return G_SOURCE_REMOVE;
@@ -173,7 +173,7 @@ static void check_prompt(Monitor *monitor) {
     /* A background job would be stopped if it used its terminal. */
     const gboolean has_enter = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
     if (monitor->answer == ANSWER_AT_ONCE) {
-        cli_monitor_answer(monitor);
+        confirm(monitor);
     } else if (monitor->answer == ANSWER_ENTER && has_enter) {
         tcflush(STDIN_FILENO, TCIFLUSH); /* discards earlier key presses */
         monitor->enter_id =
@@ -197,7 +197,7 @@ static void check(Monitor *monitor) {
      * "running" therefore ends the fault only if another state was shown in between. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
-    cli_monitor_show(monitor);
+    show(monitor);
     check_prompt(monitor);
     if (strcmp(state, "done") == 0) {
         finish(monitor, MONITOR_DONE);

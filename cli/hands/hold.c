@@ -16,7 +16,7 @@ static double seconds;
 
 static const GOptionEntry light_entries[] = {
     {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
-     "Seconds after which the daemon switches it off; without it, Ctrl-C does", "S"},
+     "Switch it off after this time in seconds (with Ctrl-C)", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };
@@ -203,8 +203,8 @@ const struct command hands_move = {
     .arguments = "AXIS DEGREES",
     .examples = "  mesorig move turntable 90\n"
                 "  mesorig move -- arc -15\n",
-    .help = "Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative "
-            "angle write --.",
+    .help = "Move an axis to an angle. Home it first. Ctrl-C stops it. Write -- before a negative "
+            "angle.",
     .options = axis_entries,
     .daemon = TRUE,
     .min = 2,
@@ -213,7 +213,8 @@ const struct command hands_move = {
 const struct command hands_home = {.name = "home",
                                    .arguments = "AXIS",
                                    .examples = "  mesorig home turntable\n",
-                                   .help = "Send an axis to its reference. Ctrl-C stops it.",
+                                   .help =
+                                       "Move an axis to its reference position. Ctrl-C stops it.",
                                    .options = axis_entries,
                                    .daemon = TRUE,
                                    .min = 1,

@@ -196,13 +196,15 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
 
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
-     "Draw errors of views and lights into this .svg or .png", "FILE"},
+     "Draw the errors of views and lights (.svg or .png)", "FILE"},
     {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve_option,
-     "Compress a session with every model and several sizes, and draw error against size", "FILE"},
+     "Compress a session by every method in several sizes, and draw error against size (.svg or "
+     ".png)",
+     "FILE"},
     {NULL},
 };
 
-static int cli_compare_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     const char *a = call->arguments[0], *b = call->arguments[1];
     if (curve_option ? b || plot_option : !b)
         return cli_usage(call->command,
@@ -234,9 +236,9 @@ const struct command cli_compare = {
     .arguments = "A B | DIR --curve FILE",
     .examples = "  mesorig compare weave.session weave.session/products/lpca.exr\n"
                 "  mesorig compare weave.session --curve curve.svg\n",
-    .help = "Compare two materials, or all models of one.",
+    .help = "Compare two materials, two pictures, or all compression methods on one session.",
     .options = entries,
     .writes = TRUE,
     .min = 1,
     .max = 2,
-    .run = cli_compare_run};
+    .run = run};

@@ -166,7 +166,7 @@ const struct command cli_compress = {.name = "compress",
                                      .arguments = "DIR",
                                      .examples = "  mesorig compress weave.session --error 2%\n"
                                                  "  mesorig compress weave.session -m ptm\n",
-                                     .help = "Compress the BTF of a session, or its MDF.",
+                                     .help = "Compress the BTF or the MDF of a session.",
                                      .list_options = compress_entries,
                                      .writes = TRUE,
                                      .streams = TRUE,

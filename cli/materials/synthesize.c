@@ -13,18 +13,18 @@
 
 static char *output, *size, *method;
 static gboolean tileable;
-static int seed, block;
+static int seed;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Write this file instead of products/index.exr of the session", "FILE.exr"},
-    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Texels (512x512)", "WxH"},
-    {"method", 'm', 0, G_OPTION_ARG_STRING, &method, "How it is made (auto)",
+     "File to write (products/index.exr of the session)", "FILE.exr"},
+    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size of the map in texels (512x512)", "WxH"},
+    {"method", 'm', 0, G_OPTION_ARG_STRING, &method,
+     "Method of synthesis; auto makes both and takes the better one (auto)",
      "auto|textons|quilting"},
     {"tileable", 0, 0, G_OPTION_ARG_NONE, &tileable,
-     "A part of the sample itself that can be repeated", NULL},
-    {"seed", 0, 0, G_OPTION_ARG_INT, &seed, "Another seed gives another picture (0)", "N"},
-    {"block", 0, 0, G_OPTION_ARG_INT, &block, "Side of quilting's blocks in texels", "N"},
+     "Find a part of the sample that can be repeated without seams", NULL},
+    {"seed", 0, 0, G_OPTION_ARG_INT, &seed, "Another seed gives another arrangement (0)", "N"},
     {NULL},
 };
 
@@ -39,7 +39,7 @@ struct synthesis {
 
 /* Returns the file to write. If it is one of the session's products, the session's lock is
  * taken. */
-static char *synthesize_output(const char *session, GError **error) {
+static char *output_path(const char *session, GError **error) {
     if (output)
         return g_strdup(output);
     g_autofree char *directory = btf_matrix_session(session);
@@ -47,8 +47,7 @@ static char *synthesize_output(const char *session, GError **error) {
     return opened ? g_build_filename(directory, "products", "index.exr", NULL) : NULL;
 }
 
-static gboolean synthesize_write(struct synthesis *synthesis, const struct work *work,
-                                 GError **error) {
+static gboolean write_map(struct synthesis *synthesis, const struct work *work, GError **error) {
     const struct synthesis_options *o = &synthesis->options;
     g_autofree char *made_by =
         g_strdup_printf("synthesize --size %dx%d --method %s --seed %u", o->width, o->height,
@@ -63,14 +62,14 @@ static gboolean synthesize_write(struct synthesis *synthesis, const struct work 
                o->method == SYNTHESIS_TILEABLE ? "synthesize --tileable" : made_by, error);
 }
 
-static gboolean synthesize_work(const struct work *work, gpointer data, GError **error) {
+static gboolean work_synthesis(const struct work *work, gpointer data, GError **error) {
     struct synthesis *synthesis = data;
-    synthesis->written = synthesize_output(synthesis->session, error);
+    synthesis->written = output_path(synthesis->session, error);
     if (!synthesis->written)
         return FALSE;
     synthesis->to =
         (output ? cli_output_locked : cli_output_product)(synthesis->written, "index", error);
-    return synthesis->to && synthesize_write(synthesis, work, error);
+    return synthesis->to && write_map(synthesis, work, error);
 }
 
 static void tell(Record *to, const struct synthesis *synthesis, double seconds) {
@@ -106,19 +105,18 @@ static void tell(Record *to, const struct synthesis *synthesis, double seconds) 
 /* Returns FALSE with *ret_code set if the command must end. */
 static gboolean ask(const struct call *call, struct synthesis_options *o, int *ret_code) {
     char rest;
-    *o = (struct synthesis_options){.width = 512, .height = 512, .block = block};
+    *o = (struct synthesis_options){.width = 512, .height = 512};
     *ret_code = CLI_USAGE;
-    if (tileable && (size || method || block || seed)) {
-        cli_usage(call->command,
-                  "--tileable cannot be used with --size, --method, --block or --seed");
+    if (tileable && (size || method || seed)) {
+        cli_usage(call->command, "--tileable cannot be used with --size, --method or --seed");
         return FALSE;
     }
     if (size && sscanf(size, "%5dx%5d%c", &o->width, &o->height, &rest) != 2) {
         cli_usage(call->command, "--size=%s: WIDTHxHEIGHT in texels is expected", size);
         return FALSE;
     }
-    if (seed < 0 || block < 0) {
-        cli_usage(call->command, "--seed and --block are not negative");
+    if (seed < 0) {
+        cli_usage(call->command, "--seed=%d is out of range: 0 or more", seed);
         return FALSE;
     }
     o->seed = (guint32)seed;
@@ -142,7 +140,7 @@ static int run(const struct call *call, GError **error) {
     int code;
     if (!ask(call, &synthesis.options, &code))
         return code;
-    code = cli_work_run(synthesize_work, &synthesis, &seconds, error) ? CLI_DONE : CLI_FAILED;
+    code = cli_work_run(work_synthesis, &synthesis, &seconds, error) ? CLI_DONE : CLI_FAILED;
     if (code == CLI_DONE)
         tell(call->record, &synthesis, seconds);
     index_map_free(synthesis.map);

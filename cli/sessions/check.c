@@ -47,7 +47,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     session_suspicions(session, check->suspicions);
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
-        check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
+        check->energy = check->btf ? energy_compute(check->btf, -1, error) : NULL;
         if (!check->energy || (check->plot && !draw(check, error)) ||
             !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
@@ -160,7 +160,7 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
                    sigma.worst_light_phi_deg);
 }
 
-static void cli_check_tell(Record *to, const struct check *check) {
+static void tell(Record *to, const struct check *check) {
     const struct btf_matrix *btf = check->btf;
     if (check->energy) {
         const gint64 all =
@@ -197,27 +197,23 @@ static void cli_check_tell(Record *to, const struct check *check) {
     }
 }
 
-static int texel_option = -1;
 static gboolean strict;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
-     "Draw the energy of each view and light into this .svg or .png", "FILE"},
-    {"texel", 0, 0, G_OPTION_ARG_INT, &texel_option,
-     "The texel that is drawn, counted row by row (the middle)", "N"},
-    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with 1 if anything is suspect", NULL},
+     "Draw the reflected energy by view and by light (.svg or .png)", "FILE"},
+    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with code 1 if something is suspect", NULL},
     {NULL},
 };
 
-static int cli_check_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct check check = {.path = call->arguments[0],
-                          .texel = texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
     g_autoptr(OutputFile) plot = plot_option ? cli_output(plot_option, "plot", error) : NULL;
     check.plot = plot;
     const gboolean ok = (!plot_option || plot) && cli_work_run(check_session, &check, NULL, error);
     const gboolean suspect = check.suspicions->len > 0;
     if (ok)
-        cli_check_tell(call->record, &check);
+        tell(call->record, &check);
     check_clear(&check);
     return ok && !(strict && suspect) ? CLI_DONE : CLI_FAILED;
 }
@@ -233,4 +229,4 @@ const struct command cli_check = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_check_run};
+    .run = run};

@@ -381,7 +381,7 @@ static gboolean exr(const char *path, Record *to, GError **error) {
 static char *history_option;
 static const GOptionEntry entries[] = {
     {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
-     "Also draw the course of the capture of DIR over time", "FILE.svg|FILE.png"},
+     "Draw the course of the capture over time", "FILE.svg|FILE.png"},
     {NULL},
 };
 
@@ -391,7 +391,7 @@ static gboolean draw_history(const char *path, OutputFile *to, GError **error) {
     return written && output_file_end(to, history_draw(session, written, error), error);
 }
 
-static int cli_info_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
@@ -412,9 +412,9 @@ const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
                                  .examples = "  mesorig info weave.session\n"
                                              "  mesorig info weave.session --history course.svg\n",
-                                 .help = "Show the contents of a session or an EXR.",
+                                 .help = "Show the contents of a session or of an EXR file.",
                                  .options = entries,
                                  .writes = TRUE,
                                  .min = 1,
                                  .max = 1,
-                                 .run = cli_info_run};
+                                 .run = run};

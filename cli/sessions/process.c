@@ -164,20 +164,20 @@ static char *read_calibration(const char *directory, const char *path, GError **
 static gboolean follow_option;
 static char *calibration_option, *lines_option;
 static const GOptionEntry entries[] = {
-    {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
-     NULL},
+    {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option,
+     "Process the frames of a capture until it ends", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Process with this calibration instead of the session's own; “nominal” means without a "
-     "calibration",
+     "Use this calibration instead of that of the session; “nominal” uses the positions in the rig "
+     "file",
      "FILE"},
     {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
-     "Find the laser's line by the pixels' peak times (the default), or in each picture for "
-     "comparison. The latter needs a session with keep_laser_frames",
+     "Find laser lines by the peak of each pixel, or in each picture for comparison, which needs "
+     "keep_laser_frames in the session (peaks)",
      "peaks|pictures"},
     {NULL},
 };
 
-static int cli_process_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     const char *directory = call->arguments[0];
     const gboolean pictures = g_strcmp0(lines_option, "pictures") == 0;
     if (lines_option && !pictures && !g_str_equal(lines_option, "peaks"))
@@ -199,9 +199,9 @@ const struct command cli_process = {.name = "process",
                                     .examples =
                                         "  mesorig process weave.session\n"
                                         "  mesorig process weave.session -c better.calibration\n",
-                                    .help = "Make BTF, MDF and eigen-maps of a session.",
+                                    .help = "Compute the BTF, the MDF and eigen-maps of a session.",
                                     .options = entries,
                                     .streams = TRUE,
                                     .min = 1,
                                     .max = 1,
-                                    .run = cli_process_run};
+                                    .run = run};

@@ -14,19 +14,18 @@
 
 static char *output, *directions;
 static gboolean along_surface;
-static int threads;
 
 static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "own: the planned directions (default); 81: the directions of the papers; or a file with a "
-     "table of directions",
+     "Directions of the new session: those that were planned (own), the 81 directions of the "
+     "papers, "
+     "or a table in a file (own)",
      "own|81|FILE"},
     {"along-surface", 0, 0, G_OPTION_ARG_NONE, &along_surface,
-     "Move the views along the surface of the MDF before mixing them. For materials with relief "
-     "whose views are far apart",
+     "Move the views along the surface of the MDF before they are mixed; for materials with relief "
+     "and views that are far apart",
      NULL},
-    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Number of threads (one per processor)", "N"},
     {NULL},
 };
 
@@ -39,12 +38,10 @@ struct resampling {
 
 static gboolean work_resample(const struct work *work, gpointer data, GError **error) {
     struct resampling *resampling = data;
-    struct work threaded = *work;
-    threaded.n_threads = threads;
     if (along_surface)
-        return along_surface_predict(resampling->session, output, resampling->to, MEMORY, &threaded,
+        return along_surface_predict(resampling->session, output, resampling->to, MEMORY, work,
                                      &resampling->along, error);
-    return near_field_correct(resampling->session, output, resampling->to, &threaded,
+    return near_field_correct(resampling->session, output, resampling->to, work,
                               &resampling->result, error);
 }
 
@@ -151,13 +148,11 @@ static void tell_along(Record *to, const struct along_surface_result *result, do
     record_add(to, "%g{eigenmaps_error} %g{real_s}", result->made.eigenmaps_error, seconds);
 }
 
-static int cli_resample_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct resampling resampling = {.session = call->arguments[0]};
     double seconds = 0;
     if (!output)
         return cli_usage(call->command, "no session to make is given: give -o DIR.session");
-    if (threads < 0 || threads > 1024)
-        return cli_usage(call->command, "--threads=%d is out of range: 1 to 1024", threads);
     if (directions && strcmp(directions, "own") != 0) {
         resampling.to = strcmp(directions, "81") == 0 ? btf_directions_81()
                                                       : btf_directions_read(directions, error);
@@ -184,8 +179,8 @@ const struct command cli_resample = {.name = "resample",
                                          "  mesorig resample weave.session -o dense.session -d 81 "
                                          "--along-surface\n",
                                      .help = "Make a session whose BTF has the same directions for "
-                                             "all texels, and report its accuracy.",
+                                             "all texels, and estimate its accuracy.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,
-                                     .run = cli_resample_run};
+                                     .run = run};

@@ -429,7 +429,6 @@ static void test_check(const char *folder) {
         {0, "check S --plot energy.svg", "is confirmed by others"},
         {0, "check --json S", "\"largest_albedo\""},
         {0, "check --json S", "\"mdf_confirmed\""},
-        {1, "check S --texel 1000000", "there is no texel"},
         {1, "check S --plot plot.jpg"},
         {1, "check .", "mesorig process"},
         {2, "check"},
