@@ -69,9 +69,11 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     g_autoptr(OutputFile) file = export.to = exchange_output(output, &format, error);
     if (!file || !cli_work_run(work_brdf, &export, &seconds, error))
         return CLI_FAILED;
-    record_say(to, "%s{file}: %d{views} %s × %d{lights} %s of ", output,
-               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"));
-    record_say(to, "the mean of %d{width} × %d{height} texels", result->width, result->height);
+    const gboolean one = result->width == 1 && result->height == 1;
+    record_say(to, "%s{file}: %d{views} %s × %d{lights} %s of %s", output,
+               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               one ? "one texel" : "the mean of ");
+    record_say_if(to, !one, "%d{width} × %d{height} texels", result->width, result->height);
     record_add(to, "%" G_GINT64_FORMAT "{holes} %d{filled}", result->holes, result->filled);
     record_say(
         to,
