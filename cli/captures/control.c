@@ -250,8 +250,8 @@ const struct command cli_close = {
     .help = "Make the daemon close its rig, so that another may be opened.",
     .daemon = TRUE,
     .run = run_close};
-const struct command cli_safe = CONTROL(
-    "safe", run_safe, "Stop immediately: lamps and lasers off, axes stopped, until “release”.");
+const struct command cli_safe =
+    CONTROL("safe", run_safe, "Switch lamps and lasers off and stop all axes, until “release”.");
 const struct command cli_release = {
     .name = "release",
     .arguments = "",

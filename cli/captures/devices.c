@@ -137,6 +137,6 @@ const struct command cli_devices = {
     .arguments = "",
     .examples = "  mesorig devices\n"
                 "  mesorig devices --json | jq .\n",
-    .help = "List the devices on the buses, and the rig file sections that would use them.",
+    .help = "List the devices on the buses, with sections for a rig file.",
     .options = entries,
     .run = run_devices};

@@ -210,7 +210,7 @@ const struct command cli_plan = {
                 "  mesorig plan rig.conf session.conf --json | jq .bytes\n"
                 "  mesorig plan rig.conf session.conf --curve curve.svg "
                 "--like weave.session\n",
-    .help = "Check a session file, and predict the order and time of its capture.",
+    .help = "Check a session file, and predict order and time of its capture.",
     .options = entries,
     .daemon = TRUE,
     .writes = TRUE,

@@ -283,6 +283,6 @@ const struct command unattended_queue = {
     .arguments = "WHAT …",
     .examples = "  mesorig queue add weave.conf felt.conf --into /var/lib/mesorig\n"
                 "  mesorig queue list\n",
-    .help = "Capture sessions one after the other, without an operator at the rig.",
+    .help = "Capture sessions one after the other, without an operator.",
     .run_arguments = run_queue,
     .children = commands};

@@ -197,9 +197,8 @@ const struct command hands_test = {
     .arguments = "",
     .examples = "  mesorig test\n"
                 "  mesorig test --rig etc/demo/rig.conf\n",
-    .help =
-        "Test every device: read interlocks, move each axis, take a picture with each camera, and "
-        "look for the light of each lamp and laser. Fails unless all pass.",
+    .help = "Test every device. Reads the interlocks, moves each axis, takes a picture with each "
+            "camera, and looks for the light of each lamp and laser. Fails unless all pass.",
     .options = entries,
     .daemon = TRUE,
     .run = run_test};

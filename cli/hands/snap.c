@@ -149,8 +149,8 @@ const struct command hands_snap = {
     .arguments = "CAMERA",
     .examples = "  mesorig snap cam45 --lamp lamp30\n"
                 "  mesorig snap cam45 -e 2000 -o cam45.png\n",
-    .help = "Take a picture, show it with its histogram, and measure saturation and focus. Not "
-            "possible during a capture.",
+    .help = "Take a picture, and measure it. Shows the picture with its histogram, saturation and "
+            "focus. Not possible during a capture.",
     .options = snap_entries,
     .daemon = TRUE,
     .writes = TRUE,

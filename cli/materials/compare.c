@@ -236,7 +236,7 @@ const struct command cli_compare = {
     .arguments = "A B | DIR --curve FILE",
     .examples = "  mesorig compare weave.session weave.session/products/lpca.exr\n"
                 "  mesorig compare weave.session --curve curve.svg\n",
-    .help = "Compare two materials, two pictures, or all compression methods on one session.",
+    .help = "Compare two materials or pictures, or all methods of compression.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

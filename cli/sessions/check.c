@@ -223,8 +223,8 @@ const struct command cli_check = {
     .arguments = "DIR",
     .examples = "  mesorig check weave.session --plot energy.svg\n"
                 "  mesorig check weave.session --strict && mesorig compress weave.session\n",
-    .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
-            "of views.",
+    .help = "Check whether the BTF and MDF of a session are plausible. Looks at energy, "
+            "reciprocity, and the agreement of views.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

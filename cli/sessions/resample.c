@@ -179,7 +179,7 @@ const struct command cli_resample = {.name = "resample",
                                          "  mesorig resample weave.session -o dense.session -d 81 "
                                          "--along-surface\n",
                                      .help = "Make a session whose BTF has the same directions for "
-                                             "all texels, and estimate its accuracy.",
+                                             "all texels. Estimates the accuracy of the result.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

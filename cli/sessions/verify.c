@@ -155,12 +155,11 @@ static int run(const struct call *call, GError **error) {
     return whole ? CLI_DONE : CLI_FAILED;
 }
 
-const struct command cli_verify = {
-    .name = "verify",
-    .arguments = "DIR",
-    .examples = "  mesorig verify weave.session\n",
-    .help =
-        "Compare every file of a session with its checksum, and show the command that repairs it.",
-    .min = 1,
-    .max = 1,
-    .run = run};
+const struct command cli_verify = {.name = "verify",
+                                   .arguments = "DIR",
+                                   .examples = "  mesorig verify weave.session\n",
+                                   .help = "Compare every file of a session with its checksum. "
+                                           "Shows the command that repairs a damaged file.",
+                                   .min = 1,
+                                   .max = 1,
+                                   .run = run};

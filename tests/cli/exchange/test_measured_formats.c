@@ -104,7 +104,7 @@ static void check_wrong(void) {
         int code;
         const char *arguments, *words;
     } wrong[] = {
-        {2, "import", "Make a session of a BRDF of RGL"},
+        {2, "import", "Import a BRDF of the RGL"},
         {2, "import bsd satin.bsdf", "did you mean “bsdf”?"},
         {2, "import bsdf satin.bsdf", "give -o DIR.session"},
         {2, "import bsdf satin.bsdf -o x.session --texels 0", "--texels=0 is out of range"},
