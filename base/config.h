@@ -3,6 +3,11 @@
  *
  * A section "[class name]" (as in "[axis turntable]") has a class and a name; "[session]" has only
  * a class. A Config is read once and never changed; it may be read from any thread.
+ *
+ * Every file that people write is read by this module: rig files, sessions, worlds, hooks, targets
+ * and nominal values. Most of them describe their keys in option tables (options.h). Files that a
+ * program writes for itself are read with GKeyFile: calibrations, the queue, and the rates of
+ * processing. Tables of numbers are read with text_table.h.
  */
 #pragma once
 

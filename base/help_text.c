@@ -8,15 +8,17 @@
 
 /* Appends words so that no line is longer than WIDTH. Further lines are indented. column is the
  * column where the text begins. A word that is longer than a line is not broken. */
-static void append_wrapped(GString *to, const char *text, int column, int indentation) {
+static void append_wrapped(GString *to, const char *text, int column, int indentation,
+                           const char *at_break) {
     g_auto(GStrv) words = g_strsplit(text, " ", -1);
+    const int width = WIDTH - (int)strlen(at_break);
     gboolean first = TRUE;
     for (char **word = words; *word; word++) {
         if (!**word)
             continue;
         const int length = (int)g_utf8_strlen(*word, -1);
-        if (!first && column + 1 + length > WIDTH) {
-            g_string_append_printf(to, "\n%*s", indentation, "");
+        if (!first && column + 1 + length > (word[1] ? width : WIDTH)) {
+            g_string_append_printf(to, "%s\n%*s", at_break, indentation, "");
             column = indentation;
         } else if (!first) {
             g_string_append_c(to, ' ');
@@ -29,29 +31,54 @@ static void append_wrapped(GString *to, const char *text, int column, int indent
     g_string_append_c(to, '\n');
 }
 
+/* Appends the name of an option with its values. Returns the number of characters of its last
+ * line. */
+static int append_name(GString *to, const char *name) {
+    g_auto(GStrv) parts = g_strsplit(name, "|", -1);
+    int column = 2;
+    g_string_append(to, "  ");
+    for (char **part = parts; *part; part++) {
+        const int length = (int)g_utf8_strlen(*part, -1) + (part[1] != NULL);
+        if (column + length > WIDTH) {
+            g_string_append(to, "\n      ");
+            column = 6;
+        }
+        g_string_append_printf(to, "%s%s", *part, part[1] ? "|" : "");
+        column += length;
+    }
+    return column;
+}
+
 char *help_text_row(const char *name, const char *description) {
     GString *row = g_string_new(NULL);
-    const int length = (int)g_utf8_strlen(name, -1);
-    g_string_append_printf(row, "  %s", name);
-    if (length + 4 > COLUMN)
+    const int length = append_name(row, name);
+    g_auto(GStrv) paragraphs = g_strsplit(description, "\v", -1);
+    if (length + 2 > COLUMN)
         g_string_append_printf(row, "\n%*s", COLUMN, "");
     else
-        g_string_append_printf(row, "%*s", COLUMN - 2 - length, "");
-    append_wrapped(row, description, COLUMN, COLUMN);
+        g_string_append_printf(row, "%*s", COLUMN - length, "");
+    for (char **paragraph = paragraphs; *paragraph; paragraph++) {
+        g_string_append_printf(row, "%*s", paragraph == paragraphs ? 0 : COLUMN, "");
+        append_wrapped(row, *paragraph, COLUMN, COLUMN, "");
+    }
     return g_string_free(row, FALSE);
 }
 
 char *help_text_lay_out(const char *help) {
     GString *text = g_string_new(NULL);
     g_auto(GStrv) lines = g_strsplit(help, "\n", -1);
-    gboolean verbatim = FALSE; /* in examples, which are commands and are not wrapped */
+    gboolean examples = FALSE;
     for (char **line = lines; *line; line++) {
         const char *gap = **line == ' ' ? strstr(*line + strspn(*line, " "), "  ") : NULL;
-        verbatim |= g_str_has_prefix(*line, "Examples:");
+        examples |= g_str_has_prefix(*line, "Examples:");
         if (!line[1] && !**line) {
             break; /* after the last newline */
-        } else if (verbatim) {
+        } else if (examples && g_utf8_strlen(*line, -1) <= WIDTH) {
             g_string_append_printf(text, "%s\n", *line);
+        } else if (examples) {
+            const int indentation = (int)strspn(*line, " ");
+            g_string_append_printf(text, "%*s", indentation, "");
+            append_wrapped(text, *line, indentation, 6, " \\");
         } else if (g_str_has_prefix(*line, "  ") && gap) {
             g_autofree char *name = g_strndup(*line + 2, (gsize)(gap - *line - 2));
             g_autofree char *row = help_text_row(g_strstrip(name), gap + strspn(gap, " "));
@@ -59,7 +86,7 @@ char *help_text_lay_out(const char *help) {
         } else {
             const int indentation = (int)strspn(*line, " ");
             g_string_append_printf(text, "%*s", indentation, "");
-            append_wrapped(text, *line, indentation, indentation);
+            append_wrapped(text, *line, indentation, indentation, "");
         }
     }
     return g_string_free(text, FALSE);

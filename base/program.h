@@ -1,5 +1,5 @@
-/* Finds the programs of Mesorig, for programs that start each other. Any thread may call these
- * functions. */
+/* What the programs of Mesorig share: their command line, and how they find each other. The
+ * functions that find programs may be called from any thread, the others from the main thread. */
 #pragma once
 
 #include <glib.h>
@@ -18,5 +18,23 @@ char *program_find_module(const char *name, GError **error);
  * files, in JSON and on the command line. Call it at the beginning of main(), instead of
  * setlocale(). */
 void program_set_locale(void);
+
+/* The command line of a program. Commands of “mesorig” are described in cli/common/cli.h. */
+struct command_line {
+    const char *name;      /* "mesorig-web" */
+    const char *arguments; /* "SCENE.gltf"; NULL if the program takes only options */
+    const char *summary;   /* above and below the options in --help; may be NULL */
+    const char *description;
+    const GOptionEntry *options; /* --version is added */
+    gpointer data;               /* for callbacks in options */
+    int min, max;                /* number of arguments */
+};
+
+/* Sets the locale and reads the options. The arguments are left in argv, from argv[1] on. Answers
+ * --help and --version, and reports bad usage; in these cases the program ends. */
+void program_parse(const struct command_line *line, int *argc, char ***argv);
+
+/* Reports how a call is wrong. Returns 2, the exit code. */
+int program_usage(const struct command_line *line, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 G_END_DECLS

@@ -70,13 +70,16 @@ const struct command *const *cli_commands(void) {
     return commands;
 }
 
+/* Lists all commands, each with the first sentence of its help. */
 static void print_help(void) {
     g_print("Usage: mesorig COMMAND …\n");
     for (gsize i = 0; commands[i]; i++) {
         for (gsize k = 0; k < G_N_ELEMENTS(groups); k++)
             if (groups[k].first == commands[i])
                 g_print("\n%s:\n", groups[k].head);
-        g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
+        const char *end = strstr(commands[i]->help, ". ");
+        const int length = end ? (int)(end + 1 - commands[i]->help) : -1;
+        g_print("  %-10s %.*s\n", commands[i]->name, length, commands[i]->help);
     }
     g_print("\n“mesorig COMMAND --help” describes a command. Every command takes --json.\nExit "
             "codes: 0 done, 1 failed, 2 bad usage.\n");

@@ -34,7 +34,6 @@
 #define LAMPS_ERROR lamps_error_quark()
 GQuark lamps_error_quark(void);
 enum lamps_error {
-    LAMPS_ERROR_TARGET,     /* the target's description is invalid */
     LAMPS_ERROR_PICTURES,   /* posts, balls or lamps that should be visible are not */
     LAMPS_ERROR_DEGENERATE, /* the pictures do not determine all parameters */
     LAMPS_ERROR_MISTAKE, /* the given facts about the pictures are wrong; the message says which */
@@ -67,7 +66,8 @@ struct lamp_target {
     double tolerance_mm; /* standard deviation of the marks' sizes */
 };
 
-/* A key file; see etc/demo/poles.conf. */
+/* Reads the description of a target (base/config.h), as etc/demo/poles.conf. The error lists all
+ * mistakes of the file. */
 gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error);
 
 /* A measurement of one post or ball in one picture. */

@@ -18,15 +18,13 @@ static gboolean process, yes;
 #define YES_ENTRY                                                                                  \
     {                                                                                              \
         "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
-            "Continue regardless of the test shots; on a simulated rig, answer every question "    \
-            "about "                                                                               \
-            "manual steps with yes",                                                               \
+            "Capture even if test shots give warnings; on a simulated rig, confirm manual steps",  \
             NULL                                                                                   \
     }
 
 static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Process the frames while they are captured",
      NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "Use this calibration instead of the one that the rig file names", "FILE"},
@@ -36,8 +34,8 @@ static const GOptionEntry capture_entries[] = {
 
 static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
-     "Rig file, if it has been moved since the session was begun", "RIG"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     "Rig file, if it was moved since the session began", "RIG"},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Process the frames while they are captured",
      NULL},
     YES_ENTRY,
     {NULL},
@@ -97,8 +95,8 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
 }
 
 /* session is NULL to resume. */
-static int cli_capture_run(const struct call *call, const char *rig, const char *session,
-                           const char *directory, GError **error) {
+static int capture(const struct call *call, const char *rig, const char *session,
+                   const char *directory, GError **error) {
     gboolean simulated = FALSE;
     g_autoptr(Link) link = rig_link_find(rig, &simulated, error);
     if (!link)
@@ -143,9 +141,8 @@ static int run_capture(const struct call *call, GError **error) {
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = g_canonicalize_filename(output, NULL);
-    return plan_check_order(rig, session, error)
-               ? cli_capture_run(call, rig, session, directory, error)
-               : CLI_FAILED;
+    return plan_check_order(rig, session, error) ? capture(call, rig, session, directory, error)
+                                                 : CLI_FAILED;
 }
 
 static char *rig_of_session(const char *directory, GError **error) {
@@ -170,7 +167,7 @@ static char *rig_of_session(const char *directory, GError **error) {
 static int run_resume(const struct call *call, GError **error) {
     g_autofree char *directory = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *rig = rig_of_session(directory, error);
-    return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
+    return rig ? capture(call, rig, NULL, directory, error) : CLI_FAILED;
 }
 
 const struct command cli_capture = {
@@ -190,7 +187,7 @@ const struct command cli_resume = {.name = "resume",
                                    .arguments = "DIR",
                                    .examples = "  mesorig resume weave.session\n",
                                    .help =
-                                       "Continue a session: exactly the missing frames are taken.",
+                                       "Continue a session: capture the frames that are missing.",
                                    .options = resume_entries,
                                    .daemon = TRUE,
                                    .streams = TRUE,

@@ -59,7 +59,7 @@ static int run_status(const struct call *call, GError **error) {
 static gboolean no_pictures;
 static const GOptionEntry watch_entries[] = {
     {"no-pictures", 0, 0, G_OPTION_ARG_NONE, &no_pictures,
-     "Do not show the cameras' last pictures in the terminal", NULL},
+     "Do not show pictures of the cameras in the terminal", NULL},
     {NULL},
 };
 
@@ -89,9 +89,7 @@ static int run_watch(const struct call *call, GError **error) {
 /* Reports the effect of a command, its rig and its session. session is the one that is being
  * captured, or "". */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
-    record_string(to, "done", done);
-    record_string(to, "rig", rig);
-    record_string(to, "session", session);
+    record_add(to, "%s{done} %s{rig} %s{session}", done, rig, session);
 }
 
 /* Commands that send one request to the daemon. They print done, session and rig. If how is not
@@ -252,8 +250,8 @@ const struct command cli_close = {
     .help = "Make the daemon close its rig, so that another may be opened.",
     .daemon = TRUE,
     .run = run_close};
-const struct command cli_safe = CONTROL(
-    "safe", run_safe, "Stop immediately: lamps and lasers off, axes stopped, until “release”.");
+const struct command cli_safe =
+    CONTROL("safe", run_safe, "Switch lamps and lasers off and stop all axes, until “release”.");
 const struct command cli_release = {
     .name = "release",
     .arguments = "",

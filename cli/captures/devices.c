@@ -12,10 +12,13 @@ static int baud_option;
 
 static const GOptionEntry entries[] = {
     {"modbus", 0, 0, G_OPTION_ARG_STRING, &modbus_option,
-     "Also ask which units are on a Modbus line: /dev/ttyUSB0, or tcp:HOST:PORT", "LINE"},
-    {"units", 0, 0, G_OPTION_ARG_STRING, &units_option, "Which units to ask (1-16)", "FIRST-LAST"},
-    {"baud", 0, 0, G_OPTION_ARG_INT, &baud_option, "The line's speed (115200)", "BAUD"},
-    {"parity", 0, 0, G_OPTION_ARG_STRING, &parity_option, "none, even or odd (even)", "PARITY"},
+     "Also look for units on this Modbus line: /dev/ttyUSB0, or tcp:HOST:PORT", "LINE"},
+    {"units", 0, 0, G_OPTION_ARG_STRING, &units_option,
+     "With --modbus: addresses of the units to ask (1-16)", "FIRST-LAST"},
+    {"baud", 0, 0, G_OPTION_ARG_INT, &baud_option, "With --modbus: speed of the line (115200)",
+     "BAUD"},
+    {"parity", 0, 0, G_OPTION_ARG_STRING, &parity_option,
+     "With --modbus: parity of the line (even)", "none|even|odd"},
     {NULL},
 };
 
@@ -134,6 +137,6 @@ const struct command cli_devices = {
     .arguments = "",
     .examples = "  mesorig devices\n"
                 "  mesorig devices --json | jq .\n",
-    .help = "List the devices on the buses, and the rig file sections that would use them.",
+    .help = "List the devices on the buses, with sections for a rig file.",
     .options = entries,
     .run = run_devices};

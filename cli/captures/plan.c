@@ -14,19 +14,17 @@ static char *output, *calibration, *curve, *like;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
-     "Use only the options in the rig file; no device has to be connected", NULL},
+     "Use only the rig file; no device has to be connected", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Show this calibration instead of the one that the rig file names", "FILE"},
+     "Use this calibration instead of the one that the rig file names", "FILE"},
     {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve,
-     "Draw the expected error of the BTF against the time of the lamps' shots with [lights] "
-     "sampling = adaptive (.svg or .png). Speeds are those in the rig file",
+     "Draw the expected error of the BTF against the time for lamps, if [lights] sampling is "
+     "adaptive (.svg or .png)",
      "FILE"},
     {"like", 0, 0, G_OPTION_ARG_FILENAME, &like,
-     "With --curve: assume a material like that of this earlier session. Without it, no particular "
-     "material is assumed",
-     "DIR"},
+     "With --curve: expect a material like that of this session (no particular material)", "DIR"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory of the capture, which is checked as well", "DIR"},
+     "Also check whether a capture into this session directory is possible", "DIR"},
     {NULL},
 };
 
@@ -124,9 +122,8 @@ static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, c
         const struct expected_point *point = &g_array_index(points, struct expected_point, i);
         drawn[i] = (struct plot_time){point->shots, point->time_s / 60, point->error_pct};
         record_begin(to, NULL);
-        record_int(to, "shots", point->shots);
-        record_double(to, "time_s", point->time_s);
-        record_double(to, "expected_error_pct", point->error_pct);
+        record_add(to, "%d{shots} %g{time_s} %g{expected_error_pct}", point->shots, point->time_s,
+                   point->error_pct);
         record_end(to);
     }
     record_end(to);
@@ -144,9 +141,8 @@ static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, c
         !output_file_end(
             file, plot_times(path, title, text, all_s / 60, drawn, (int)points->len, error), error))
         return FALSE;
-    record_string(to, "curve_file", curve);
+    record_say(to, "curve           %s{curve_file}\n", curve);
     record_double(to, "all_lamps_s", all_s);
-    record_say(to, "curve           %s\n", curve);
     cli_tell_output(to, file);
     return TRUE;
 }
@@ -185,8 +181,7 @@ static int run_plan(const struct call *call, GError **error) {
         return CLI_FAILED;
     g_autofree char *text = report_text(report);
     record_variants(call->record, report);
-    record_string(call->record, "calibration", line);
-    record_say(call->record, "%scalibration     %s\n", text, line);
+    record_say(call->record, "%scalibration     %s{calibration}\n", text, line);
     return !drawing || draw_curve(call->record, drawing, rig, session, error) ? CLI_DONE
                                                                               : CLI_FAILED;
 }
@@ -208,20 +203,20 @@ static int run_drivers(const struct call *call, GError **error) {
     return CLI_FAILED;
 }
 
-const struct command cli_plan = {.name = "plan",
-                                 .arguments = "RIG SESSION",
-                                 .examples =
-                                     "  mesorig plan rig.conf session.conf\n"
-                                     "  mesorig plan rig.conf session.conf --json | jq .bytes\n"
-                                     "  mesorig plan rig.conf session.conf --curve curve.svg "
-                                     "--like weave.session\n",
-                                 .help = "Check a session, and predict its order and time.",
-                                 .options = entries,
-                                 .daemon = TRUE,
-                                 .writes = TRUE,
-                                 .min = 2,
-                                 .max = 2,
-                                 .run = run_plan};
+const struct command cli_plan = {
+    .name = "plan",
+    .arguments = "RIG SESSION",
+    .examples = "  mesorig plan rig.conf session.conf\n"
+                "  mesorig plan rig.conf session.conf --json | jq .bytes\n"
+                "  mesorig plan rig.conf session.conf --curve curve.svg "
+                "--like weave.session\n",
+    .help = "Check a session file, and predict order and time of its capture.",
+    .options = entries,
+    .daemon = TRUE,
+    .writes = TRUE,
+    .min = 2,
+    .max = 2,
+    .run = run_plan};
 const struct command cli_drivers = {.name = "drivers",
                                     .arguments = "[NAME]",
                                     .examples = "  mesorig drivers\n"

@@ -9,14 +9,14 @@ static gboolean process, yes, ended;
 
 static const GOptionEntry add_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory to make, for a single session", "DIR"},
+     "Session directory to make, if only one session is added", "DIR"},
     {"into", 0, 0, G_OPTION_ARG_FILENAME, &folder,
-     "Make FILE.session for FILE.conf in this folder (default: the current one)", "DIR"},
+     "Folder for the session directories, NAME.session for NAME.conf (the current folder)", "DIR"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "Use this calibration instead of the one that the rig file names", "FILE"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Process the frames while they are captured",
      NULL},
-    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture regardless of the test shots", NULL},
+    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture even if test shots give warnings", NULL},
     {NULL},
 };
 
@@ -113,11 +113,9 @@ static int run_add(const struct call *call, GError **error) {
             return CLI_FAILED;
         }
         record_begin(call->record, NULL);
-        record_int(call->record, "number", number);
-        record_string(call->record, "directory", directory);
+        record_say(call->record, "added as number %u{number}: %s{directory}\n", number, directory);
         record_variant(call->record, "plan", plan);
         record_end(call->record);
-        record_say(call->record, "added as number %u: %s\n", number, directory);
     }
     record_end(call->record);
     const char *state = bus_rig1_get_queue_state(link_rig(link));
@@ -285,6 +283,6 @@ const struct command unattended_queue = {
     .arguments = "WHAT …",
     .examples = "  mesorig queue add weave.conf felt.conf --into /var/lib/mesorig\n"
                 "  mesorig queue list\n",
-    .help = "Capture sessions one after the other, without an operator at the rig.",
+    .help = "Capture sessions one after the other, without an operator.",
     .run_arguments = run_queue,
     .children = commands};

@@ -67,16 +67,13 @@ static void tell_item(Record *to, const struct shown *shown, gint64 start_s, gin
     g_autofree char *start = clock_text(start_s), *end = clock_text(end_s);
     g_autofree char *takes = report_duration(shown->predicted_s);
     record_begin(to, NULL);
-    record_int(to, "number", shown->number);
-    record_string(to, "state", shown->state);
-    record_string(to, "name", shown->name);
-    record_string(to, "directory", shown->directory);
-    record_string(to, "prompt", shown->prompt);
-    record_string(to, "message", shown->message);
-    record_double(to, "predicted_s", shown->predicted_s);
-    record_int(to, "bytes", (gint64)shown->bytes);
-    record_int(to, "start", start_s);
-    record_int(to, "end", end_s);
+    record_add(to, "%u{number} %s{state} %s{name} %s{directory} %s{prompt} %s{message}",
+               shown->number, shown->state, shown->name, shown->directory, shown->prompt,
+               shown->message);
+    record_add(to,
+               "%g{predicted_s} %" G_GINT64_FORMAT "{bytes} %" G_GINT64_FORMAT
+               "{start} %" G_GINT64_FORMAT "{end}",
+               shown->predicted_s, (gint64)shown->bytes, start_s, end_s);
     record_end(to);
     if (!list)
         return;
@@ -116,8 +113,7 @@ void unattended_tell(Record *to, BusRig1 *rig, gboolean list) {
         return;
     const gboolean stands = strcmp(state, "paused") == 0;
     double at_s = stands ? 0 : (double)g_get_real_time() / G_USEC_PER_SEC;
-    record_string(to, "queue_state", state);
-    record_string(to, "queue_reason", bus_rig1_get_queue_reason(rig));
+    record_add(to, "%s{queue_state} %s{queue_reason}", state, bus_rig1_get_queue_reason(rig));
     record_begin_list(to, "queue");
     if (list && g_variant_n_children(items) > 0)
         record_say(to, "NUMBER  %-8s %-10s %-10s %-12s %s\n", "STATE", "BEGINS", "ENDS", "TAKES",

@@ -22,15 +22,14 @@ static const GOptionEntry json_entries[] = {
 
 static const GOptionEntry force_entries[] = {
     {"force", 0, 0, G_OPTION_ARG_NONE, &cli_force,
-     "Replace an existing output of any kind; other files of a folder are kept", NULL},
+     "Replace an existing output; other files in a folder are kept", NULL},
     {NULL},
 };
 
 static const GOptionEntry link_entries[] = {
     {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address,
-     "Talk to the daemon at this address (MESORIG_ADDRESS in the environment)", "unix:path=…"},
-    {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Talk to the daemon on this bus",
-     "system|session"},
+     "Use the daemon at this address (MESORIG_ADDRESS)", "unix:path=…"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Use the daemon on this bus", "system|session"},
     {NULL},
 };
 

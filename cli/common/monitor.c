@@ -49,25 +49,23 @@ static double fraction(BusRig1 *rig) {
 }
 
 void monitor_status(Record *to, BusRig1 *rig) {
-    record_string(to, "state", bus_rig1_get_state(rig));
-    record_string(to, "reason", bus_rig1_get_reason(rig));
-    record_string(to, "prompt", bus_rig1_get_prompt(rig));
-    record_string(to, "doing", bus_rig1_get_doing(rig));
-    record_string(to, "rig", bus_rig1_get_rig_path(rig));
+    record_add(to, "%s{state} %s{reason} %s{prompt} %s{doing} %s{rig}", bus_rig1_get_state(rig),
+               bus_rig1_get_reason(rig), bus_rig1_get_prompt(rig), bus_rig1_get_doing(rig),
+               bus_rig1_get_rig_path(rig));
     record_boolean(to, "simulated", bus_rig1_get_simulated(rig));
-    record_string(to, "session", bus_rig1_get_session(rig));
-    record_int(to, "shots", bus_rig1_get_shots(rig));
-    record_int(to, "shots_done", bus_rig1_get_shots_done(rig));
-    record_double(to, "percent", 100 * fraction(rig));
-    record_int(to, "frames", bus_rig1_get_frames(rig));
-    record_int(to, "retakes", bus_rig1_get_retakes(rig));
-    record_double(to, "elapsed_s", bus_rig1_get_elapsed(rig));
-    record_double(to, "left_s", bus_rig1_get_left(rig));
-    record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
-    record_int(to, "bytes_stored", (gint64)bus_rig1_get_bytes_stored(rig));
-    record_int(to, "bytes_expected", (gint64)bus_rig1_get_bytes_expected(rig));
+    record_add(to, "%s{session} %d{shots} %d{shots_done} %g{percent}", bus_rig1_get_session(rig),
+               bus_rig1_get_shots(rig), bus_rig1_get_shots_done(rig), 100 * fraction(rig));
+    record_add(
+        to, "%" G_GINT64_FORMAT "{frames} %" G_GINT64_FORMAT "{retakes} %g{elapsed_s} %g{left_s}",
+        bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig), bus_rig1_get_elapsed(rig),
+        bus_rig1_get_left(rig));
+    record_add(to,
+               "%" G_GINT64_FORMAT "{predicted_end} %" G_GINT64_FORMAT
+               "{bytes_stored} %" G_GINT64_FORMAT "{bytes_expected}",
+               (gint64)bus_rig1_get_predicted_end(rig), (gint64)bus_rig1_get_bytes_stored(rig),
+               (gint64)bus_rig1_get_bytes_expected(rig));
     g_autofree char *pose = watching_pose(rig);
-    record_string(to, "pose", pose ? pose : "");
+    record_string(to, "pose", pose);
 }
 
 static char *retakes_text(BusRig1 *rig) {
@@ -113,7 +111,7 @@ static char *progress_text(const Monitor *monitor) {
     return g_string_free(text, FALSE);
 }
 
-static void cli_monitor_show(Monitor *monitor) {
+static void show(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *state = bus_rig1_get_state(rig);
     const gboolean news = g_strcmp0(state, monitor->shown_state) != 0;
@@ -124,8 +122,7 @@ static void cli_monitor_show(Monitor *monitor) {
         monitor->json_us = now_us;
         g_autoptr(Record) record = record_new();
         monitor_status(record, rig);
-        record_double(record, "real_s", real_s(monitor));
-        record_double(record, "frames_per_s", frames_per_s(monitor));
+        record_add(record, "%g{real_s} %g{frames_per_s}", real_s(monitor), frames_per_s(monitor));
         record_print(record, TRUE);
     } else if (bus_rig1_get_shots(rig) > 0) {
         g_autofree char *text = progress_text(monitor);
@@ -143,7 +140,7 @@ static void finish(Monitor *monitor, enum monitor_end end) {
     g_main_loop_quit(monitor->loop);
 }
 
-static gboolean cli_monitor_answer(Monitor *monitor) {
+static gboolean confirm(Monitor *monitor) {
     g_autoptr(GError) error = NULL;
     if (bus_rig1_call_continue_sync(link_rig(monitor->link), NULL, &error))
         return TRUE;
@@ -156,7 +153,7 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     Monitor *monitor = data;
     char typed[256];
     const gssize n = read(fd, typed, sizeof(typed));
-    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !cli_monitor_answer(monitor)))
+    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !confirm(monitor)))
         return G_SOURCE_CONTINUE;
     monitor->enter_id = 0;
     return G_SOURCE_REMOVE;
@@ -176,7 +173,7 @@ static void check_prompt(Monitor *monitor) {
     /* A background job would be stopped if it used its terminal. */
     const gboolean has_enter = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
     if (monitor->answer == ANSWER_AT_ONCE) {
-        cli_monitor_answer(monitor);
+        confirm(monitor);
     } else if (monitor->answer == ANSWER_ENTER && has_enter) {
         tcflush(STDIN_FILENO, TCIFLUSH); /* discards earlier key presses */
         monitor->enter_id =
@@ -200,7 +197,7 @@ static void check(Monitor *monitor) {
      * "running" therefore ends the fault only if another state was shown in between. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
-    cli_monitor_show(monitor);
+    show(monitor);
     check_prompt(monitor);
     if (strcmp(state, "done") == 0) {
         finish(monitor, MONITOR_DONE);
@@ -231,9 +228,7 @@ static void on_event(BusRig1 *rig, const char *level, const char *source, const 
         monitor->faulty = TRUE;
     if (cli_json) {
         g_autoptr(Record) record = record_new();
-        record_string(record, "event", message);
-        record_string(record, "level", level);
-        record_string(record, "source", source);
+        record_add(record, "%s{event} %s{level} %s{source}", message, level, source);
         record_print(record, TRUE);
     } else if (strcmp(level, "info") == 0 && g_strcmp0(source, monitor->left_out) == 0) {
         return;

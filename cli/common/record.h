@@ -1,5 +1,5 @@
-/* The result of a command: a record of named values, which is printed as JSON, and sentences for
- * people, which are printed otherwise. A command fills the record, and cli.c prints it. */
+/* The result of a command: named values for --json, and text for people. A command describes its
+ * result once, and cli.c prints one of the two. */
 #pragma once
 
 #include <gio/gio.h>
@@ -10,26 +10,49 @@ Record *record_new(void);
 void record_free(Record *record); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
 
-/* Add values. JSON shows them in the order in which they were added. Strings that are not UTF-8 are
- * repaired. NULL is written as "". */
+/* Appends text for people. A conversion that a key in braces follows is also a value of the JSON:
+ *
+ *     record_say(to, "%d{views} views, error %.2f{error:%%}, in %g{real_s:time}\n", 81,
+ * 0.0123, 65.0)
+ *
+ * adds {"views": 81, "error": 0.0123, "real_s": 65} and says "81 views, error 1.23 %, in 1 min 5
+ * s". The word after the colon says how the text shows the value:
+ *
+ *     %%     a share, as per cent
+ *     time   seconds, as report_duration() writes them
+ *     size   bytes, as g_format_size() writes them
+ *
+ * The key may be empty: "{:time}" only changes the text. Conversions are those of printf() for
+ * integers, doubles and strings. Widths count characters, not bytes. A NULL string is "". */
+void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* The same, but without the text if said is FALSE. The values are added in either case. */
+void record_say_if(Record *to, gboolean said, const char *format, ...) G_GNUC_PRINTF(3, 4);
+
+/* The same, but only adds the values: record_add(to, "%d{views} %d{lights}", 81, 81). */
+void record_add(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* Add one value. JSON shows values in the order in which they were added. Strings that are not
+ * UTF-8 are repaired. */
 void record_string(Record *to, const char *key, const char *value);
-void record_strings(Record *to, const char *key, const GPtrArray *values); /* of char * */
-void record_int(Record *to, const char *key, gint64 value);
 void record_double(Record *to, const char *key, double value);
 void record_doubles(Record *to, const char *key, const double *values, int n);
+void record_int(Record *to, const char *key, gint64 value);
 void record_boolean(Record *to, const char *key, gboolean value);
 void record_variant(Record *to, const char *key, GVariant *value); /* takes a floating reference */
 /* adds each value of an "a{sv}" */
 void record_variants(Record *to, GVariant *values);
+
+/* Add an array of char *. record_say_strings() also appends a line for each to the text, which
+ * begins with before. */
+void record_strings(Record *to, const char *key, const GPtrArray *values);
+void record_say_strings(Record *to, const char *key, const char *before, const GPtrArray *values);
 
 /* Begin a list of records, or a record within this one. A record in a list has NULL as its key. The
  * values that follow belong to it, until record_end(). */
 void record_begin_list(Record *to, const char *key);
 void record_begin(Record *to, const char *key);
 void record_end(Record *to);
-
-/* Appends to the text for people, which is not in the JSON. */
-void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 /* Prints the values as a line of JSON, or the text for people. An empty record prints nothing. To
  * be called once; nothing may be added afterwards. */

@@ -1,7 +1,5 @@
 #include "status.h"
 
-#include "plan/report.h"
-
 #include <string.h>
 
 gboolean status_is_capturing(BusRig1 *rig) {
@@ -13,17 +11,14 @@ gboolean status_is_capturing(BusRig1 *rig) {
 void status_say_progress(Record *to, BusRig1 *rig) {
     const int shots = bus_rig1_get_shots(rig), done = bus_rig1_get_shots_done(rig);
     const guint64 end = bus_rig1_get_predicted_end(rig);
-    g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
-    g_autofree char *left = report_duration(bus_rig1_get_left(rig));
-    g_autofree char *stored = g_format_size(bus_rig1_get_bytes_stored(rig));
-    g_autofree char *expected = g_format_size(bus_rig1_get_bytes_expected(rig));
     record_say(to, "session    %s\n", bus_rig1_get_session(rig));
-    record_say(to, "shots      %d of %d, %.1f %%\n", done, shots, 100.0 * done / shots);
+    record_say(to, "shots      %d of %d, %.1f{:%%}\n", done, shots, (double)done / shots);
     record_say(to, "frames     %" G_GINT64_FORMAT ", %" G_GINT64_FORMAT " retakes\n",
                bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig));
-    record_say(to, "disk       %s of about %s\n", stored, expected);
-    record_say(to, "time       %s, %s left%s", elapsed, left,
-               bus_rig1_get_simulated(rig) ? " (simulated)" : "");
+    record_say(to, "disk       %" G_GINT64_FORMAT "{:size} of about %" G_GINT64_FORMAT "{:size}\n",
+               (gint64)bus_rig1_get_bytes_stored(rig), (gint64)bus_rig1_get_bytes_expected(rig));
+    record_say(to, "time       %g{:time}, %g{:time} left%s", bus_rig1_get_elapsed(rig),
+               bus_rig1_get_left(rig), bus_rig1_get_simulated(rig) ? " (simulated)" : "");
     if (end) {
         g_autoptr(GDateTime) time = g_date_time_new_from_unix_local((gint64)end);
         g_autofree char *text = time ? g_date_time_format(time, "%F %H:%M") : g_strdup("?");

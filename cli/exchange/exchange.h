@@ -42,9 +42,10 @@ gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
     "Tone curve of the pictures (as their files say; else sRGB of 8 bits, linear of others)"
 #define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
 
-/* Adds the assumptions and observations of an import or export to the record. notes is an array of
- * char *. */
-void exchange_tell_notes(Record *to, const GPtrArray *notes);
+/* Reads a number of bytes, such as "20MB". text is the value of the option --NAME; *ret stays as it
+ * is if it is NULL. Returns FALSE on bad usage, which has then been reported. */
+gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,
+                              gint64 *ret);
 
 /* Adds the result of an import to the record. */
 void exchange_tell_import(Record *to, const char *session, const struct import_result *result,

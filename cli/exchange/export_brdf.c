@@ -3,48 +3,48 @@
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 
 static char *output, *region, *texel;
 static gboolean isotropic;
 
+#define OUTPUT_ENTRY(name)                                                                         \
+    { "output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", name }
+#define SHARED_ENTRIES                                                                             \
+    {"region",          0, 0, G_OPTION_ARG_STRING, &region, "Use only the mean of these texels",   \
+     "X,Y,WIDTH,HEIGHT"},                                                                          \
+    {                                                                                              \
+        "texel", 0, 0, G_OPTION_ARG_STRING, &texel, "Use only this texel", "X,Y"                   \
+    }
+
 static const GOptionEntry bsdf_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.bsdf"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Use only the mean of these texels",
-     "X,Y,WIDTH,HEIGHT"},
-    {"texel", 0, 0, G_OPTION_ARG_STRING, &texel, "This texel only", "X,Y"},
+    OUTPUT_ENTRY("FILE.bsdf"),
+    SHARED_ENTRIES,
     {"isotropic", 0, 0, G_OPTION_ARG_NONE, &isotropic,
-     "Write the mean over rotations about the normal, in a thirtieth of the size", NULL},
+     "Write the mean over rotations about the normal, which takes a thirtieth of the size", NULL},
     {NULL},
 };
 
-static const GOptionEntry merl_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.binary"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Use only the mean of these texels",
-     "X,Y,WIDTH,HEIGHT"},
-    {"texel", 0, 0, G_OPTION_ARG_STRING, &texel, "This texel only", "X,Y"},
-    {NULL},
-};
+static const GOptionEntry merl_entries[] = {OUTPUT_ENTRY("FILE.binary"), SHARED_ENTRIES, {NULL}};
 
-struct job {
+struct brdf_export {
     const char *material;
     OutputFile *to;
     struct export_brdf_options options;
     struct export_brdf_result result;
 };
 
-static gboolean export_brdf_work(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = output_file_path(job->to, error);
-    return path &&
-           output_file_end(
-               job->to, export_brdf(job->material, path, &job->options, work, &job->result, error),
-               error);
+static gboolean work_brdf(const struct work *work, gpointer data, GError **error) {
+    struct brdf_export *export = data;
+    const char *path = output_file_path(export->to, error);
+    return path && output_file_end(export->to,
+                                   export_brdf(export->material, path, &export->options, work,
+                                               &export->result, error),
+                                   error);
 }
 
-static gboolean export_brdf_texel(struct import_region *ret) {
+static gboolean parse_texel(struct import_region *ret) {
     char more;
     ret->width = ret->height = 1;
     return sscanf(texel, "%d,%d%c", &ret->x, &ret->y, &more) == 2 && ret->x >= 0 && ret->y >= 0;
@@ -52,50 +52,40 @@ static gboolean export_brdf_texel(struct import_region *ret) {
 
 static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     const struct command *command = call->command;
-    struct job job = {.material = call->arguments[0],
-                      .options = {.kind = kind, .isotropic = isotropic}};
-    const struct export_brdf_result *result = &job.result;
+    struct brdf_export export = {.material = call->arguments[0],
+                                 .options = {.kind = kind, .isotropic = isotropic}};
+    const struct export_brdf_result *result = &export.result;
     Record *to = call->record;
     double seconds = 0;
     if (region && texel)
         return cli_usage(command, "--region and --texel exclude each other");
-    if (region && !exchange_parse_region(region, &job.options.region))
+    if (region && !exchange_parse_region(region, &export.options.region))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
-    if (texel && !export_brdf_texel(&job.options.region))
+    if (texel && !parse_texel(&export.options.region))
         return cli_usage(command, "--texel=%s: give X,Y, counted from 0", texel);
     const struct exchange_format format = {"BRDFs",
                                            kind == BRDF_MERL ? "MERL's format" : "RGL's format",
                                            kind == BRDF_MERL ? ".binary" : ".bsdf", NULL};
-    g_autoptr(OutputFile) file = job.to = exchange_output(output, &format, error);
-    if (!file || !cli_work_run(export_brdf_work, &job, &seconds, error))
+    g_autoptr(OutputFile) file = export.to = exchange_output(output, &format, error);
+    if (!file || !cli_work_run(work_brdf, &export, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "holes", result->holes);
-    record_int(to, "filled", result->filled);
-    record_double(to, "lowest_deg", result->lowest_deg);
-    record_double(to, "error", result->error);
-    if (kind == BRDF_MERL)
-        record_double(to, "spread", result->spread);
-    record_double(to, "real_s", seconds);
-    if (result->width == 1 && result->height == 1)
-        record_say(to, "%s: one texel", output);
-    else
-        record_say(to, "%s: the mean of %d × %d texels", output, result->width, result->height);
-    record_say(to,
-               ", %d %s × %d %s, in %s; interpolated with an error of %.2f %%; beyond %.0f° "
-               "nothing was measured\n",
-               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"), time,
-               100 * result->error, result->lowest_deg);
+    const gboolean one = result->width == 1 && result->height == 1;
+    record_say(to, "%s{file}: %d{views} %s × %d{lights} %s of %s", output,
+               PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               one ? "one texel" : "the mean of ");
+    record_say_if(to, !one, "%d{width} × %d{height} texels", result->width, result->height);
+    record_add(to, "%" G_GINT64_FORMAT "{holes} %d{filled}", result->holes, result->filled);
+    record_say(
+        to,
+        ", in %g{:time}; beyond %.0f{lowest_deg}° nothing was measured; interpolated with an "
+        "error of %.2f{error:%%}\n",
+        seconds, result->lowest_deg, result->error);
     if (kind == BRDF_MERL)
         record_say(to,
                    "the file is isotropic and reciprocal; the material's values under rotated or "
-                   "exchanged directions differ from it by %.1f %%\n",
-                   100 * result->spread);
+                   "exchanged directions differ from it by %.1f{spread:%%}\n",
+                   result->spread);
+    record_double(to, "real_s", seconds);
     if (result->filled > 0)
         record_say(to,
                    "%d pairs of view and light have no value and get that of the nearest light\n",
@@ -115,7 +105,7 @@ const struct command exchange_bsdf = {
     .name = "export bsdf",
     .arguments = "DIR|FILE -o FILE.bsdf",
     .examples = "  mesorig export bsdf weave.session -o weave.bsdf\n",
-    .help = "Write the mean BRDF of all texels of a material in the format of RGL.",
+    .help = "Export the mean BRDF of a material in the format of RGL.",
     .options = bsdf_entries,
     .min = 1,
     .max = 1,
@@ -125,7 +115,7 @@ const struct command exchange_merl = {
     .name = "export merl",
     .arguments = "DIR|FILE -o FILE.binary",
     .examples = "  mesorig export merl weave.session -o weave.binary\n",
-    .help = "Write the mean BRDF of all texels of a material, isotropic, in the format of MERL.",
+    .help = "Export the mean isotropic BRDF of a material in the format of MERL.",
     .options = merl_entries,
     .min = 1,
     .max = 1,

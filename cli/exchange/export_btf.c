@@ -4,7 +4,6 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/export.h"
-#include "plan/report.h"
 
 #define COMPONENTS 24
 
@@ -12,15 +11,15 @@ static char *output, *format;
 static int components;
 
 static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.btf"},
-    {"format", 0, 0, G_OPTION_ARG_STRING, &format, "How the values are stored (bdi)",
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", "FILE.btf"},
+    {"format", 0, 0, G_OPTION_ARG_STRING, &format, "Form in which the values are stored (bdi)",
      "bdi|fmf|dfmf"},
-    {"components", 0, 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: number of components (24)",
+    {"components", 0, 0, G_OPTION_ARG_INT, &components, "Number of components of fmf and dfmf (24)",
      "N"},
     {NULL},
 };
 
-struct job {
+struct btf_export {
     const char *session;
     OutputFile *to;
     enum bonn_kind kind;
@@ -28,43 +27,37 @@ struct job {
 };
 
 static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = output_file_path(job->to, error);
-    return path && output_file_end(job->to,
-                                   export_bonn(job->session, path, job->kind,
+    struct btf_export *export = data;
+    const char *path = output_file_path(export->to, error);
+    return path && output_file_end(export->to,
+                                   export_bonn(export->session, path, export->kind,
                                                components ? components : COMPONENTS, work,
-                                               &job->result, error),
+                                               &export->result, error),
                                    error);
 }
 
 static int run(const struct call *call, GError **error) {
-    struct job job = {.session = call->arguments[0], .kind = BONN_BDI};
-    const struct export_bonn_result *result = &job.result;
+    struct btf_export export = {.session = call->arguments[0], .kind = BONN_BDI};
+    const struct export_bonn_result *result = &export.result;
     Record *to = call->record;
     double seconds = 0;
-    if (format && (!bonn_kind_parse(format, &job.kind) || job.kind == BONN_BDI_SPARSE))
+    if (format && (!bonn_kind_parse(format, &export.kind) || export.kind == BONN_BDI_SPARSE))
         return cli_usage(call->command, "there is no --format=%s; choose from: bdi, fmf, dfmf",
                          format);
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
         return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
                          LPCA_MAX_COMPONENTS);
     static const struct exchange_format file_format = {"BTFs", "Bonn's format", ".btf", NULL};
-    g_autoptr(OutputFile) file = job.to = exchange_output(output, &file_format, error);
-    if (!file || !cli_work_run(work_btf, &job, &seconds, error))
+    g_autoptr(OutputFile) file = export.to = exchange_output(output, &file_format, error);
+    if (!file || !cli_work_run(work_btf, &export, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_double(to, "error", result->error);
+    record_say(to,
+               "%s{file}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels as %s in "
+               "%g{:time}",
+               output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               result->width, result->height, bonn_kind_name(export.kind), seconds);
+    record_say_if(to, result->error > 0, ", with an error of %.2f{error:%%}", result->error);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s × %d %s as %s in %s", output, result->width,
-               result->height, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
-               bonn_kind_name(job.kind), time);
-    if (result->error > 0)
-        record_say(to, ", with an error of %.2f %%", 100 * result->error);
     record_say(to, "\n");
     cli_tell_output(to, file);
     return CLI_DONE;
@@ -74,7 +67,7 @@ const struct command exchange_btf = {.name = "export btf",
                                      .arguments = "DIR -o FILE.btf",
                                      .examples =
                                          "  mesorig export btf weave.session -o weave.btf\n",
-                                     .help = "Write the BTF of a session in Bonn's format.",
+                                     .help = "Export the BTF of a session in the format of Bonn.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

@@ -3,51 +3,60 @@
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/reflectance/export_brdf.h"
-#include "plan/report.h"
 
 #include <string.h>
 
 static char *output, *format;
 static int view = -1;
 
+#define SHARED_ENTRIES                                                                             \
+    {"format",                                                                                     \
+     0,                                                                                            \
+     0,                                                                                            \
+     G_OPTION_ARG_STRING,                                                                          \
+     &format,                                                                                      \
+     "lrgb: one polynomial for the brightness and a constant colour; rgb: a polynomial for "       \
+     "each colour (lrgb)",                                                                         \
+     "lrgb|rgb"},                                                                                  \
+    {                                                                                              \
+        "view", 0, 0, G_OPTION_ARG_INT, &view,                                                     \
+            "Number of the view (the view nearest to the normal)", "N"                             \
+    }
+
 static const GOptionEntry ptm_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ptm"},
-    {"format", 0, 0, G_OPTION_ARG_STRING, &format,
-     "A brightness and a colour, or a sum for each colour (lrgb)", "lrgb|rgb"},
-    {"view", 0, 0, G_OPTION_ARG_INT, &view, "The view (the one nearest to the normal)", "N"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", "FILE.ptm"},
+    SHARED_ENTRIES,
     {NULL},
 };
 
 static const GOptionEntry relight_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "DIR"},
-    {"format", 0, 0, G_OPTION_ARG_STRING, &format,
-     "A brightness and a colour, or a sum for each colour (lrgb)", "lrgb|rgb"},
-    {"view", 0, 0, G_OPTION_ARG_INT, &view, "The view (the one nearest to the normal)", "N"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Folder to make", "DIR"},
+    SHARED_ENTRIES,
     {NULL},
 };
 
-struct job {
+struct rti_export {
     const char *session;
     OutputFile *to; /* NULL for a folder */
     struct export_rti_options options;
     struct export_rti_result result;
 };
 
-static gboolean export_rti_work(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = job->to ? output_file_path(job->to, error) : output;
+static gboolean work_rti(const struct work *work, gpointer data, GError **error) {
+    struct rti_export *export = data;
+    const char *path = export->to ? output_file_path(export->to, error) : output;
     const gboolean ok =
-        path && export_rti(job->session, path, &job->options, work, &job->result, error);
-    return path && (job->to ? output_file_end(job->to, ok, error) : ok);
+        path && export_rti(export->session, path, &export->options, work, &export->result, error);
+    return path && (export->to ? output_file_end(export->to, ok, error) : ok);
 }
 
 static int run(const struct call *call, enum export_rti_kind kind, GError **error) {
-    struct job job = {.session = call->arguments[0],
-                      .options = {.kind = kind,
-                                  .rgb = format && strcmp(format, "rgb") == 0,
-                                  .view = view,
-                                  .replace = cli_force}};
-    const struct export_rti_result *result = &job.result;
+    struct rti_export export = {.session = call->arguments[0],
+                                .options = {.kind = kind,
+                                            .rgb = format && strcmp(format, "rgb") == 0,
+                                            .view = view,
+                                            .replace = cli_force}};
+    const struct export_rti_result *result = &export.result;
     Record *to = call->record;
     double seconds = 0;
     if (format && strcmp(format, "rgb") != 0 && strcmp(format, "lrgb") != 0)
@@ -56,29 +65,22 @@ static int run(const struct call *call, enum export_rti_kind kind, GError **erro
         return cli_usage(call->command, "--view=%d is out of range: 0 or more", view);
     static const struct exchange_format ptm = {"PTMs", "their own format", ".ptm", NULL};
     g_autoptr(OutputFile) file = NULL;
-    if (!(kind == EXPORT_PTM ? (file = job.to = exchange_output(output, &ptm, error)) != NULL
+    if (!(kind == EXPORT_PTM ? (file = export.to = exchange_output(output, &ptm, error)) != NULL
                              : exchange_check_folder(output, error)) ||
-        !cli_work_run(export_rti_work, &job, &seconds, error))
+        !cli_work_run(work_rti, &export, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "file", output);
-    record_int(to, "view", result->view);
-    record_double(to, "theta_deg", result->theta_deg);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "clipped", result->clipped);
-    record_int(to, "holes", result->holes);
-    record_double(to, "error", result->error);
-    record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d × %d texels of view %d (%.0f° from the normal) under %d %s in %s, with "
-               "an error of %.2f %% of white in sRGB\n",
-               output, result->width, result->height, result->view, result->theta_deg,
-               PLURAL(result->n_lights, "light"), time, 100 * result->error);
-    if (result->clipped > 0)
-        record_say(to, "%" G_GINT64_FORMAT " values are brighter than white, which viewers clip\n",
-                   result->clipped);
+               "%s{file}: view %d{view} (%.0f{theta_deg}° from the normal) under %d{lights} %s, "
+               "%d{width} × %d{height} texels in %g{:time}, with an error of %.2f{:%%} of white in "
+               "sRGB\n",
+               output, result->view, result->theta_deg, PLURAL(result->n_lights, "light"),
+               result->width, result->height, seconds, result->error);
+    record_say_if(to, result->clipped > 0,
+                  "%" G_GINT64_FORMAT
+                  "{clipped} values are brighter than white, which viewers clip\n",
+                  result->clipped);
+    record_add(to, "%" G_GINT64_FORMAT "{holes} %g{error} %g{real_s}", result->holes, result->error,
+               seconds);
     if (file)
         cli_tell_output(to, file);
     return CLI_DONE;
@@ -95,7 +97,7 @@ const struct command exchange_ptm = {
     .name = "export ptm",
     .arguments = "DIR -o FILE.ptm",
     .examples = "  mesorig export ptm coin.session -o coin.ptm\n",
-    .help = "Write a view of a session as a polynomial texture map, for RTI viewers.",
+    .help = "Export a view of a session as a polynomial texture map, for RTI viewers.",
     .options = ptm_entries,
     .min = 1,
     .max = 1,
@@ -105,7 +107,7 @@ const struct command exchange_relight = {
     .name = "export relight",
     .arguments = "DIR -o DIR",
     .examples = "  mesorig export relight coin.session -o coin\n",
-    .help = "Write a view of a session as a folder for OpenLIME, as Relight does.",
+    .help = "Export a view of a session as a folder for OpenLIME, as Relight writes it.",
     .options = relight_entries,
     .min = 1,
     .max = 1,

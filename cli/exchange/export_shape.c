@@ -5,28 +5,27 @@
 #include "formats/export_surface.h"
 #include "maps/fit_normals.h"
 #include "maps/light_normals.h"
-#include "plan/report.h"
 
 static char *output;
 static int min_views;
 static gboolean layered, maximum;
 
 static const GOptionEntry point_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
-    {"views", 0, 0, G_OPTION_ARG_INT, &min_views, "Minimum number of views that saw each point (2)",
-     "N"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", "FILE.ply"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &min_views, "Leave out points that fewer views saw (2)", "N"},
     {NULL},
 };
 
 static const GOptionEntry map_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.exr"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", "FILE.exr"},
     {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
-     "Write the upper layer if the surface is not a height field", NULL},
-    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum, "For a PTM: use the light of its maximum", NULL},
+     "Write the upper layer if parts of the surface lie below others", NULL},
+    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum,
+     "With a PTM: the normal points to the light at which the PTM is brightest", NULL},
     {NULL},
 };
 
-struct job {
+struct surface_export {
     const char *session;
     OutputFile *to;
     struct export_surface_options options;
@@ -36,37 +35,37 @@ struct job {
 };
 
 static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = output_file_path(job->to, error);
-    return path && output_file_end(job->to,
-                                   export_surface(job->session, path, &job->options, work,
-                                                  &job->surface, error),
+    struct surface_export *export = data;
+    const char *path = output_file_path(export->to, error);
+    return path && output_file_end(export->to,
+                                   export_surface(export->session, path, &export->options, work,
+                                                  &export->surface, error),
                                    error);
 }
 
 static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = output_file_path(job->to, error);
+    struct surface_export *export = data;
+    const char *path = output_file_path(export->to, error);
     return path &&
-           output_file_end(job->to,
-                           fit_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
+           output_file_end(export->to,
+                           fit_normals(export->session, path, export->options.what == EXPORT_HEIGHT,
                                        maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work,
-                                       &job->fit, error),
+                                       &export->fit, error),
                            error);
 }
 
 static gboolean work_lights(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    const char *path = output_file_path(job->to, error);
-    return path &&
-           output_file_end(job->to,
-                           light_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
-                                         work, &job->lights, error),
-                           error);
+    struct surface_export *export = data;
+    const char *path = output_file_path(export->to, error);
+    return path && output_file_end(export->to,
+                                   light_normals(export->session, path,
+                                                 export->options.what == EXPORT_HEIGHT, work,
+                                                 &export->lights, error),
+                                   error);
 }
 
 /* Exports normals or heights from the pictures under the measured lights. */
-static int by_lights(const struct call *call, struct job *job, GError **error) {
+static int by_lights(const struct call *call, struct surface_export *export, GError **error) {
     static const char *const names[PHOTOMETRIC_CAUSES] = {
         [PHOTOMETRIC_DARK] = "dark",
         [PHOTOMETRIC_FEW] = "few_lights",
@@ -74,20 +73,15 @@ static int by_lights(const struct call *call, struct job *job, GError **error) {
         [PHOTOMETRIC_FLAT] = "flat",
         [PHOTOMETRIC_AWAY] = "away",
     };
-    const struct light_normals_result *result = &job->lights;
+    const struct light_normals_result *result = &export->lights;
     Record *to = call->record;
     double seconds = 0;
-    if (!cli_work_run(work_lights, job, &seconds, error))
+    if (!cli_work_run(work_lights, export, &seconds, error))
         return CLI_FAILED;
-    record_string(to, "file", output);
-    record_string(to, "model", "lights");
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "points", result->texels - result->holes);
-    record_int(to, "holes", result->holes);
-    record_double(to, "sigma_deg", result->sigma_deg[0]);
-    record_double(to, "sigma_95_deg", result->sigma_deg[1]);
-    record_double(to, "lights_used", result->used);
-    record_double(to, "real_s", seconds);
+    record_add(to, "%s{file} %s{model} %d{lights} %d{points} %d{holes}", output, "lights",
+               result->n_lights, result->texels - result->holes, result->holes);
+    record_add(to, "%g{sigma_deg} %g{sigma_95_deg} %g{lights_used} %g{real_s}",
+               result->sigma_deg[0], result->sigma_deg[1], result->used, seconds);
     record_say(to,
                "%s: %d of %d texels from their pictures under %d %s, of which %.0f agree (median); "
                "normals are known to %.2f° (median), %.2f° (95 %%)\n",
@@ -100,39 +94,34 @@ static int by_lights(const struct call *call, struct job *job, GError **error) {
             record_say(to, "  holes: %d texels %s\n", result->causes[cause],
                        photometric_cause_text((enum photometric_cause)cause));
     }
-    cli_tell_output(to, job->to);
+    cli_tell_output(to, export->to);
     return CLI_DONE;
 }
 
 /* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
-static int by_fit(const struct call *call, struct job *job, GError **error) {
-    const struct fit_normals_result *result = &job->fit;
+static int by_fit(const struct call *call, struct surface_export *export, GError **error) {
+    const struct fit_normals_result *result = &export->fit;
     Record *to = call->record;
     double seconds = 0;
     if (min_views || layered)
         return cli_usage(call->command,
                          "--views and --layered are for materials with an MDF; %s "
                          "has none",
-                         job->session);
-    if (!cli_work_run(work_fit, job, &seconds, error))
+                         export->session);
+    if (!cli_work_run(work_fit, export, &seconds, error))
         return CLI_FAILED;
-    record_string(to, "file", output);
-    record_string(to, "model", result->model);
-    record_int(to, "points", result->texels - result->holes);
+    record_add(to, "%s{file} %s{model}", output, result->model);
+    record_say(to, "%s: %d{points} of %d texels from their %s", output,
+               result->texels - result->holes, result->texels, result->model);
     record_int(to, "holes", result->holes);
-    record_int(to, "clipped", result->clipped);
-    record_int(to, "shadowed", result->shadowed);
+    record_say_if(to, maximum, "; %d{clipped} texels are holes, since their maximum is clipped\n",
+                  result->clipped);
+    record_say_if(to, !maximum,
+                  "; %d{shadowed} are in shadow or shine under more than a quarter of the lights "
+                  "they face, and are less certain\n",
+                  result->shadowed);
     record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
-               result->texels, result->model);
-    if (maximum)
-        record_say(to, "; %d texels are holes, since their maximum is clipped\n", result->clipped);
-    else
-        record_say(to,
-                   "; %d are in shadow or shine under more than a quarter of the lights they "
-                   "face, and are less certain\n",
-                   result->shadowed);
-    cli_tell_output(to, job->to);
+    cli_tell_output(to, export->to);
     return CLI_DONE;
 }
 
@@ -142,8 +131,8 @@ static const struct exchange_format formats[] = {{"points", "PLY", ".ply", "poin
                                                  {"maps", "OpenEXR", ".exr", "normals"}};
 
 static int shape(const struct call *call, enum export_surface what, GError **error) {
-    struct job job = {.session = call->arguments[0]};
-    const struct export_surface_result *result = &job.surface;
+    struct surface_export export = {.session = call->arguments[0]};
+    const struct export_surface_result *result = &export.surface;
     Record *record = call->record;
     double seconds = 0;
     if (min_views < 0 || min_views > 255)
@@ -151,43 +140,37 @@ static int shape(const struct call *call, enum export_surface what, GError **err
     g_autoptr(OutputFile) to = exchange_output(output, &formats[what], error);
     if (!to)
         return CLI_FAILED;
-    job.to = to;
-    job.options =
+    export.to = to;
+    export.options =
         (struct export_surface_options){.what = what, .min_views = min_views, .layered = layered};
-    if (what != EXPORT_POINTS && !maximum && light_normals_applies(job.session)) {
+    if (what != EXPORT_POINTS && !maximum && light_normals_applies(export.session)) {
         if (min_views || layered)
             return cli_usage(call->command,
                              "--views and --layered are for materials with an MDF; %s has none",
-                             job.session);
-        return by_lights(call, &job, error);
+                             export.session);
+        return by_lights(call, &export, error);
     }
-    if (what != EXPORT_POINTS && fit_normals_applies(job.session))
-        return by_fit(call, &job, error);
+    if (what != EXPORT_POINTS && fit_normals_applies(export.session))
+        return by_fit(call, &export, error);
     if (maximum)
         return cli_usage(call->command,
                          "--maximum is for height and normals of a PTM; %s is to be "
                          "exported from its MDF",
-                         job.session);
-    if (!cli_work_run(work_surface, &job, &seconds, error))
+                         export.session);
+    if (!cli_work_run(work_surface, &export, &seconds, error))
         return CLI_FAILED;
-    record_string(record, "file", output);
-    record_int(record, "views", result->n_views);
-    record_int(record, "seen", result->seen);
-    record_int(record, "points", result->points);
-    record_int(record, "holes", result->holes);
-    record_int(record, "stacked", result->stacked);
+    record_add(record, "%s{file} %d{views} %" G_GINT64_FORMAT "{seen} %" G_GINT64_FORMAT "{points}",
+               output, result->n_views, result->seen, result->points);
+    record_say_if(record, what == EXPORT_POINTS,
+                  "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
+                  ", and points that several views saw were merged into one\n",
+                  output, result->points, PLURAL(result->n_views, "view"), result->seen);
+    record_say_if(record, what != EXPORT_POINTS,
+                  "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d{holes} holes, %d{stacked} "
+                  "with structure below structure\n",
+                  output, result->points, result->texels, PLURAL(result->n_views, "view"),
+                  result->holes, result->stacked);
     record_double(record, "real_s", seconds);
-    if (what == EXPORT_POINTS)
-        record_say(record,
-                   "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
-                   ", and points that several views saw were merged into one\n",
-                   output, result->points, PLURAL(result->n_views, "view"), result->seen);
-    else
-        record_say(record,
-                   "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d holes, %d with "
-                   "structure below structure\n",
-                   output, result->points, result->texels, PLURAL(result->n_views, "view"),
-                   result->holes, result->stacked);
     cli_tell_output(record, to);
     return CLI_DONE;
 }
@@ -208,7 +191,7 @@ const struct command exchange_points = {
     .name = "export points",
     .arguments = "DIR -o FILE.ply",
     .examples = "  mesorig export points weave.session -o weave.ply\n",
-    .help = "Write the measured surface as points with normals (PLY).",
+    .help = "Export the measured surface as points with normals (PLY).",
     .options = point_entries,
     .min = 1,
     .max = 1,
@@ -218,8 +201,9 @@ const struct command exchange_height = {
     .name = "export height",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export height weave.session -o height.exr\n",
-    .help = "Write heights as a map (EXR), from an MDF, or from the pictures of a session without "
-            "MDF, a PTM or an HSH.",
+    .help =
+        "Export heights as a map (EXR): from the MDF of a session, from its pictures if it has no "
+        "MDF, or from a PTM or HSH file.",
     .options = map_entries,
     .min = 1,
     .max = 1,
@@ -229,8 +213,9 @@ const struct command exchange_normals = {
     .name = "export normals",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export normals weave.session -o normals.exr\n",
-    .help = "Write normals as a map (EXR), from an MDF, from a PTM or HSH, or from pictures (with "
-            "error bars and albedo).",
+    .help =
+        "Export normals as a map (EXR): from the MDF of a session, from its pictures if it has no "
+        "MDF (with error bars and albedo), or from a PTM or HSH file.",
     .options = map_entries,
     .min = 1,
     .max = 1,

@@ -1,39 +1,34 @@
 /* export web: a material as a page for browsers, or as the file that three.js loads. */
-#include "base/options.h"
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
-#include "plan/report.h"
 #include "webgl/webgl_export.h"
 
 static char *output, *mdf, *size;
 
 static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write: a page, or the material",
-     "FILE.html"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
+     "File to write: a page, or with .mesoweb a material for three.js", "FILE.html"},
     {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &mdf,
-     "Distances for silhouettes (default: mdf.exr in the material's folder)", "FILE.exr"},
-    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Maximum size of the file (20MB)", "BYTES"},
+     "Distances for silhouettes (mdf.exr in the folder of the material)", "FILE.exr"},
+    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Maximum size of the file (20MB)", "20MB"},
     {NULL},
 };
 
-static const struct option bytes = {
-    .name = "size", .type = OPTION_BYTES, .offset = offsetof(struct webgl_export, size)};
-
-struct job {
+struct web {
     struct webgl_export asked;
     OutputFile *to;
     struct webgl_export_result result;
 };
 
 static gboolean work_web(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    job->asked.output = output_file_path(job->to, error);
-    return job->asked.output &&
-           output_file_end(job->to, webgl_export(&job->asked, work, &job->result, error), error);
+    struct web *web = data;
+    web->asked.output = output_file_path(web->to, error);
+    return web->asked.output &&
+           output_file_end(web->to, webgl_export(&web->asked, work, &web->result, error), error);
 }
 
-static OutputFile *export_web_output(const char *name, GError **error) {
+static OutputFile *open_output(const char *name, GError **error) {
     g_autofree char *lower = name ? g_ascii_strdown(name, -1) : NULL;
     const gboolean page = !lower || !g_str_has_suffix(lower, ".mesoweb");
     const struct exchange_format format = {"pages", "HTML and materials for three.js as .mesoweb",
@@ -42,32 +37,25 @@ static OutputFile *export_web_output(const char *name, GError **error) {
 }
 
 static int run(const struct call *call, GError **error) {
-    struct job job = {.asked = {.path = call->arguments[0], .mdf = mdf, .size = WEBGL_EXPORT_SIZE}};
-    const struct webgl_export_result *result = &job.result;
+    struct web web = {.asked = {.path = call->arguments[0], .mdf = mdf, .size = WEBGL_EXPORT_SIZE}};
+    const struct webgl_export_result *result = &web.result;
     Record *to = call->record;
     double seconds = 0;
-    g_autoptr(GError) unfit = NULL;
-    if (size && !options_set(&bytes, size, &job.asked, &unfit))
-        return cli_usage(call->command, "--size: %s", unfit->message);
-    g_autoptr(OutputFile) file = job.to = export_web_output(output, error);
-    if (!file || !cli_work_run(work_web, &job, &seconds, error))
+    if (!exchange_parse_bytes(call->command, "size", size, &web.asked.size))
+        return CLI_USAGE;
+    g_autoptr(OutputFile) file = web.to = open_output(output, error);
+    if (!file || !cli_work_run(work_web, &web, &seconds, error))
         return CLI_FAILED;
-    g_autofree char *time = report_duration(seconds);
-    g_autofree char *taken = g_format_size((guint64)result->bytes);
-    record_string(to, "file", output);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "clusters", result->clusters);
-    record_int(to, "components", result->components);
-    record_int(to, "levels", result->levels);
-    record_int(to, "grid", result->grid);
+    record_say(to,
+               "%s{file}: %d{width} × %d{height} texels, %d{clusters} %s of %d{components} %s in "
+               "%d{levels} %s on a grid of %d{grid}, ",
+               output, result->width, result->height, PLURAL(result->clusters, "cluster"),
+               PLURAL(result->components, "component"), PLURAL(result->levels, "level"),
+               result->grid);
     record_int(to, "mdf_terms", result->mdf_terms);
     record_boolean(to, "compressed", result->compressed);
-    record_int(to, "bytes", result->bytes);
-    record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s of %d %s on a grid of %d, %s, in %s\n", output,
-               result->width, result->height, PLURAL(result->clusters, "cluster"),
-               PLURAL(result->components, "component"), result->grid, taken, time);
+    record_say(to, "%" G_GINT64_FORMAT "{bytes:size}, in %g{real_s:time}\n", result->bytes,
+               seconds);
     if (result->mdf_terms == 0)
         record_say(to, "There is no mdf.exr: the page shows no silhouettes of the structure.\n");
     cli_tell_output(to, file);
@@ -78,7 +66,7 @@ const struct command exchange_web = {
     .name = "export web",
     .arguments = "DIR|FILE -o FILE.html",
     .examples = "  mesorig export web weave.session -o weave.html\n",
-    .help = "Write a material as a page for any browser with WebGL 2; the page needs no server.",
+    .help = "Export a material as a web page for browsers with WebGL 2; it needs no server.",
     .options = entries,
     .min = 1,
     .max = 1,

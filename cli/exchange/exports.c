@@ -1,6 +1,8 @@
 /* export: the products of a session, for other programs. */
 #include "exchange.h"
 
+#include "base/options.h"
+
 static gboolean has_output(const char *output, GError **error) {
     if (output == NULL)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
@@ -23,6 +25,16 @@ OutputFile *exchange_output(const char *output, const struct exchange_format *fo
 
 gboolean exchange_check_folder(const char *output, GError **error) {
     return has_output(output, error) && cli_check_folder(output, error);
+}
+
+gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,
+                              gint64 *ret) {
+    static const struct option bytes = {.type = OPTION_BYTES};
+    g_autoptr(GError) error = NULL;
+    if (!text || options_set(&bytes, text, ret, &error))
+        return TRUE;
+    cli_usage(command, "--%s: %s", name, error->message);
+    return FALSE;
 }
 
 static const struct command *const commands[] = {&exchange_btf,     &exchange_points,

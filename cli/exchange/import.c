@@ -1,4 +1,4 @@
-/* import: other people's measurements, made into sessions. */
+/* import: makes sessions of data that others have measured. */
 #include "exchange.h"
 
 static const struct command *const commands[] = {&exchange_import_btf,   &exchange_import_pictures,

@@ -1,79 +1,68 @@
-/* import btf, pictures, rti, relight, ptm: finished BTFs of others, made into sessions. */
+/* import btf, pictures, rti, relight, ptm: makes sessions of finished BTFs. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/reflectance/import_brdf.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 
 static char *output, *region, *directions, *transfer;
 static double texel_mm;
 
-static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
-    {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
-    {NULL},
-};
+#define SHARED_ENTRIES                                                                             \
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},        \
+        {"texel-mm", 0,                                                                            \
+         0,          G_OPTION_ARG_DOUBLE,                                                          \
+         &texel_mm,  "Width of a texel (as the file says, otherwise 1)",                           \
+         "MM"},                                                                                    \
+    {                                                                                              \
+        "region", 0, 0, G_OPTION_ARG_STRING, &region, "Import only these texels",                  \
+            "X,Y,WIDTH,HEIGHT"                                                                     \
+    }
+
+static const GOptionEntry entries[] = {SHARED_ENTRIES, {NULL}};
 
 static const GOptionEntry picture_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
-    {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
+    SHARED_ENTRIES,
     {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
     {NULL},
 };
 
 static const GOptionEntry ptm_entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
-    {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
+    SHARED_ENTRIES,
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "The lights: a text table (the papers' 81)", "FILE"},
+     "Table of lights (the 81 directions of the papers)", "FILE"},
     {NULL},
 };
 
 typedef gboolean (*Import)(const char *path, const char *source, const struct import_wish *wish,
                            const struct work *work, struct import_result *ret, GError **error);
 
-struct job {
+struct finished_import {
     Import import;
     const char *source;
     struct import_wish wish;
     struct import_result result;
 };
 
-static gboolean command_work(const struct work *work, gpointer data, GError **error) {
-    struct job *job = data;
-    return job->import(output, job->source, &job->wish, work, &job->result, error);
+static gboolean work_finished(const struct work *work, gpointer data, GError **error) {
+    struct finished_import *finished = data;
+    return finished->import(output, finished->source, &finished->wish, work, &finished->result,
+                            error);
 }
 
 void exchange_tell_import(Record *to, const char *session, const struct import_result *result,
                           double seconds) {
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "session", session);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "width", result->width);
-    record_int(to, "height", result->height);
-    record_int(to, "holes", result->holes);
-    record_double(to, "eigenmaps_error", result->eigenmaps_error);
-    record_double(to, "real_s", seconds);
-    record_say(to, "%s: %d × %d texels, %d %s × %d %s in %s; eigen-maps with an error of %.2f %%\n",
-               session, result->width, result->height, PLURAL(result->n_views, "view"),
-               PLURAL(result->n_lights, "light"), time, 100 * result->eigenmaps_error);
-    if (result->holes > 0)
-        record_say(to,
-                   "%" G_GINT64_FORMAT
-                   " texels of its pictures are missing or not numbers; they are set to 0\n",
-                   result->holes);
-}
-
-void exchange_tell_notes(Record *to, const GPtrArray *notes) {
-    record_strings(to, "notes", notes);
-    for (guint i = 0; i < notes->len; i++)
-        record_say(to, "%s\n", (const char *)notes->pdata[i]);
+    record_say(to,
+               "%s{session}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels in "
+               "%g{:time}; eigen-maps with an error of %.2f{:%%}\n",
+               session, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               result->width, result->height, seconds, result->eigenmaps_error);
+    record_say_if(to, result->holes > 0,
+                  "%" G_GINT64_FORMAT
+                  "{holes} texels of its pictures are missing or not numbers; they are set to 0\n",
+                  result->holes);
+    record_add(to, "%g{eigenmaps_error} %g{real_s}", result->eigenmaps_error, seconds);
 }
 
 gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret) {
@@ -92,22 +81,23 @@ gboolean exchange_parse_region(const char *text, struct import_region *ret) {
 static int run(const struct call *call, Import import, GError **error) {
     const struct command *command = call->command;
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
-    struct job job = {.import = import,
-                      .source = call->arguments[0],
-                      .wish = {.texel_mm = texel_mm, .directions = directions, .notes = notes}};
+    struct finished_import finished = {
+        .import = import,
+        .source = call->arguments[0],
+        .wish = {.texel_mm = texel_mm, .directions = directions, .notes = notes}};
     double seconds = 0;
     if (!output)
         return cli_usage(command, "no session to make is given: give -o DIR.session");
     if (!(texel_mm >= 0 && texel_mm <= 1000))
-        return cli_usage(command, "--texel=%g is out of range: 0 to 1000 mm", texel_mm);
-    if (region && !exchange_parse_region(region, &job.wish.region))
+        return cli_usage(command, "--texel-mm=%g is out of range: 0 to 1000 mm", texel_mm);
+    if (region && !exchange_parse_region(region, &finished.wish.region))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
-    if (!exchange_parse_transfer(transfer, &job.wish.transfer))
+    if (!exchange_parse_transfer(transfer, &finished.wish.transfer))
         return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
-    if (!cli_work_run(command_work, &job, &seconds, error))
+    if (!cli_work_run(work_finished, &finished, &seconds, error))
         return CLI_FAILED;
-    exchange_tell_import(call->record, output, &job.result, seconds);
-    exchange_tell_notes(call->record, notes);
+    exchange_tell_import(call->record, output, &finished.result, seconds);
+    record_say_strings(call->record, "notes", "", notes);
     return CLI_DONE;
 }
 
@@ -132,20 +122,20 @@ static int ptm_run(const struct call *call, GError **error) {
     return run(call, ptm_with, error);
 }
 
-const struct command exchange_import_btf = {
-    .name = "import btf",
-    .arguments = "FILE.btf -o DIR",
-    .examples = "  mesorig import btf wool.btf -o wool.session\n",
-    .help = "Make a session of a file of Bonn's BTF database.",
-    .options = entries,
-    .min = 1,
-    .max = 1,
-    .run = btf_run};
+const struct command exchange_import_btf = {.name = "import btf",
+                                            .arguments = "FILE.btf -o DIR",
+                                            .examples =
+                                                "  mesorig import btf wool.btf -o wool.session\n",
+                                            .help = "Import a file of the BTF database of Bonn.",
+                                            .options = entries,
+                                            .min = 1,
+                                            .max = 1,
+                                            .run = btf_run};
 const struct command exchange_import_pictures = {
     .name = "import pictures",
     .arguments = "DIR -o DIR",
     .examples = "  mesorig import pictures wool -o wool.session\n",
-    .help = "Make a session of a folder of pictures, names with tl… pl… tv… pv….",
+    .help = "Import a folder of pictures whose names give the directions (tl… pl… tv… pv…).",
     .options = picture_entries,
     .min = 1,
     .max = 1,
@@ -154,7 +144,7 @@ const struct command exchange_import_rti = {
     .name = "import rti",
     .arguments = "FILE -o DIR",
     .examples = "  mesorig import rti coin.lp -o coin.session\n",
-    .help = "Make a session of a list of lights and its pictures (RTI).",
+    .help = "Import a list of lights with its pictures (RTI).",
     .options = picture_entries,
     .min = 1,
     .max = 1,
@@ -164,7 +154,7 @@ const struct command exchange_import_relight = {
     .arguments = "FOLDER|FILE.json -o DIR",
     .examples = "  mesorig import relight coin -o coin.session\n"
                 "  mesorig import relight coin/info.json -o coin.session\n",
-    .help = "Make a session of a folder of Relight's: its info.json with the planes.",
+    .help = "Import a folder that Relight has written: info.json and its planes.",
     .options = ptm_entries,
     .min = 1,
     .max = 1,
@@ -173,7 +163,7 @@ const struct command exchange_import_ptm = {
     .name = "import ptm",
     .arguments = "FILE -o DIR",
     .examples = "  mesorig import ptm coin.ptm -o coin.session\n",
-    .help = "Make a session of a PTM, or of an RTI of harmonics.",
+    .help = "Import a PTM, or an RTI file with hemispherical harmonics (HSH).",
     .options = ptm_entries,
     .min = 1,
     .max = 1,

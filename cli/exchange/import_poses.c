@@ -1,10 +1,9 @@
-/* import poses: pictures with a table of poses, of rigs that others have built. */
+/* import poses: makes a session of pictures from any rig, with a table of their poses. */
 #include "formats/import_poses.h"
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"
 #include "formats/nominal.h"
-#include "plan/report.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -17,62 +16,56 @@ static gboolean target, template;
 static int texels = 64;
 
 static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Of the rig, or its nominal values", "FILE"},
-    {"sample", 's', 0, G_OPTION_ARG_STRING, &sample, "The sample's size in mm", "WIDTHxHEIGHT"},
-    {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels across (64)", "N"},
-    {"reference", 0, 0, G_OPTION_ARG_DOUBLE, &reference_mm, "How high the reference plane lies (0)",
-     "MM"},
-    {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "How deep the structure is (0)", "MM"},
-    {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "The colour filter of grey pictures (mono)",
+     "Calibration of the rig, or a file of its nominal values", "FILE"},
+    {"sample", 's', 0, G_OPTION_ARG_STRING, &sample, "Size of the sample in mm", "WIDTHxHEIGHT"},
+    {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Number of texels across the sample (64)", "N"},
+    {"reference", 0, 0, G_OPTION_ARG_DOUBLE, &reference_mm,
+     "Height of the reference plane above the turntable in mm (0)", "MM"},
+    {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm,
+     "Depth of the structure below the reference plane in mm (0)", "MM"},
+    {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "Colour filter of grey pictures (mono)",
      "mono|rggb|bggr|grbg|gbrg"},
     {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
-    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "What sweeps show: line, darkens or lightens (line)",
+    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge,
+     "What sweeps show: a line, or an edge behind which pixels are darker or lighter (line)",
      "line|darkens|lightens"},
-    {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
-     "The least peak of a sweep, of 4095 (40)", "DN"},
+    {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn, "Minimum peak of a sweep, of 4095 (40)",
+     "DN"},
     {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
-     "Lamps whose directions differ by at most this angle are one light (0: none)", "DEG"},
+     "Lamps whose directions differ by at most this angle are one light (0)", "DEG"},
     {"target", 0, 0, G_OPTION_ARG_NONE, &target,
-     "Pictures of a calibration target, whose views need not have every light", NULL},
+     "The pictures show a calibration target: views need not have every light", NULL},
     {"template", 0, 0, G_OPTION_ARG_NONE, &template,
-     "Write a file of nominal values to fill in, for -c, and import nothing", NULL},
+     "Import nothing, but write a file of nominal values to fill in, for -c", NULL},
     {NULL},
 };
 
-struct poses_job {
+struct poses_import {
     struct import_poses poses;
     struct import_poses_result result;
 };
 
 static gboolean work_poses(const struct work *work, gpointer data, GError **error) {
-    struct poses_job *job = data;
-    return import_poses(output, &job->poses, work, &job->result, error);
+    struct poses_import *import = data;
+    return import_poses(output, &import->poses, work, &import->result, error);
 }
 
 static void tell_poses(Record *to, const struct import_poses_result *result, double seconds) {
-    g_autofree char *time = report_duration(seconds);
-    record_string(to, "session", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "lasers", result->n_lasers);
-    record_int(to, "frames", result->n_frames);
-    record_int(to, "missing", result->n_missing);
-    record_int(to, "not_numbers", result->not_numbers);
-    record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d %s, %d %s, %d laser %s, %d %s in %s; “mesorig process” "
-               "makes BTF and MDF\n",
+               "%s{session}: %d{views} %s, %d{lights} %s, %d{lasers} laser %s, %d{frames} %s in "
+               "%g{:time}; “mesorig process” makes BTF and MDF\n",
                output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
-               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), time);
-    if (result->n_missing > 0)
-        record_say(
-            to,
-            "%d pictures of sweeps are missing; the surface that only they show is not measured\n",
-            result->n_missing);
-    if (result->not_numbers > 0)
-        record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
+               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), seconds);
+    record_say_if(to, result->n_missing > 0,
+                  "%d{missing} pictures of sweeps are missing; the surface that only they show is "
+                  "not measured\n",
+                  result->n_missing);
+    record_say_if(to, result->not_numbers > 0,
+                  "%" G_GINT64_FORMAT "{not_numbers} pixels are not numbers\n",
+                  result->not_numbers);
+    record_double(to, "real_s", seconds);
 }
 
 static gboolean parse_grid(struct session_grid *ret) {
@@ -95,9 +88,8 @@ static int write_template(const struct call *call, GError **error) {
     g_autofree char *text = to ? nominal_template(call->arguments[0], error) : NULL;
     if (!text || !output_file_put(to, text, strlen(text), error))
         return CLI_FAILED;
-    record_string(call->record, "file", output);
     record_say(call->record,
-               "%s: replace each ? by its value, and give the file to import poses with -c\n",
+               "%s{file}: replace each ? by its value, and give the file to import poses with -c\n",
                output);
     return CLI_DONE;
 }
@@ -107,13 +99,13 @@ static int run(const struct call *call, GError **error) {
     static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
     const struct command *command = call->command;
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
-    struct poses_job job = {.poses = {.table = call->arguments[0],
-                                      .calibration = calibration,
-                                      .cfa = cfa ? cfa : "mono",
-                                      .threshold_dn = threshold_dn,
-                                      .same_light_deg = same_light_deg,
-                                      .notes = notes,
-                                      .target = target}};
+    struct poses_import import = {.poses = {.table = call->arguments[0],
+                                            .calibration = calibration,
+                                            .cfa = cfa ? cfa : "mono",
+                                            .threshold_dn = threshold_dn,
+                                            .same_light_deg = same_light_deg,
+                                            .notes = notes,
+                                            .target = target}};
     double seconds = 0;
     if (!output)
         return cli_usage(command, "no session to make is given: give -o DIR.session");
@@ -123,26 +115,26 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(command,
                          "no calibration of cameras and lamps is given: give --calibration FILE, "
                          "which --template writes to be filled in");
-    if (!parse_grid(&job.poses.grid))
+    if (!parse_grid(&import.poses.grid))
         return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
                                   "millimetres");
     if (!(same_light_deg >= 0 && same_light_deg <= 45))
         return cli_usage(command, "--same-light=%g is out of range: 0 to 45 degrees",
                          same_light_deg);
-    if (!g_strv_contains(filters, job.poses.cfa))
+    if (!g_strv_contains(filters, import.poses.cfa))
         return cli_usage(command, "there is no --cfa=%s; choose from: mono, rggb, bggr, grbg, gbrg",
                          cfa);
-    while (edge && edges[job.poses.edge] && strcmp(edge, edges[job.poses.edge]) != 0)
-        job.poses.edge++;
-    if (!edges[job.poses.edge])
+    while (edge && edges[import.poses.edge] && strcmp(edge, edges[import.poses.edge]) != 0)
+        import.poses.edge++;
+    if (!edges[import.poses.edge])
         return cli_usage(command, "there is no --edge=%s; choose from: line, darkens, lightens",
                          edge);
-    if (!exchange_parse_transfer(transfer, &job.poses.transfer))
+    if (!exchange_parse_transfer(transfer, &import.poses.transfer))
         return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
-    if (!cli_work_run(work_poses, &job, &seconds, error))
+    if (!cli_work_run(work_poses, &import, &seconds, error))
         return CLI_FAILED;
-    tell_poses(call->record, &job.result, seconds);
-    exchange_tell_notes(call->record, notes);
+    tell_poses(call->record, &import.result, seconds);
+    record_say_strings(call->record, "notes", "", notes);
     return CLI_DONE;
 }
 
@@ -150,7 +142,7 @@ const struct command exchange_import_poses = {
     .name = "import poses",
     .arguments = "TABLE -o DIR",
     .examples = "  mesorig import poses poses.csv -c nominal.conf -s 36x36 -o print.session\n",
-    .help = "Make a session of pictures with a table of poses.",
+    .help = "Import pictures from any rig, with a table of poses.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

@@ -60,15 +60,15 @@ static double part_of(const struct choice *choice, int camera, const Frame *fram
            choice->dark[camera] * (double)frame->exposure_us;
 }
 
-static gint64 choice_least_us(const struct choice *choice, int camera) {
+static gint64 least_us(const struct choice *choice, int camera) {
     return MAX(choice->timing->min_exposure_us[camera], 1);
 }
 
 /* Searches for an exposure at which the picture is neither saturated nor dark. Begins with *us, and
  * sets *us to what it finds. ret->high and ret->low are the values that the brightest n_high and
  * n_low pixels reach, per microsecond; both are 0 if there is no light. FALSE: a device failed. */
-static gboolean choice_measure(const struct choice *choice, int camera, const char *light,
-                               gboolean line, double *us, struct measured *ret, GError **error) {
+static gboolean measure(const struct choice *choice, int camera, const char *light, gboolean line,
+                        double *us, struct measured *ret, GError **error) {
     const struct rig_camera *shape = &choice->trial.rig->cameras[camera];
     const double pixels = (double)shape->width * shape->height;
     const gsize side = (gsize)MAX(shape->width, shape->height);
@@ -76,7 +76,7 @@ static gboolean choice_measure(const struct choice *choice, int camera, const ch
         line ? MAX(side / 100, 2) : (gsize)MAX(pixels * choice->trial.conf->saturated_pct / 100, 1);
     const gsize n_low = line ? MAX(side / 2, 1) : (gsize)MAX(pixels / 100, 1);
     const double longest_us = choice->trial.conf->auto_longest_us;
-    const double shortest_us = (double)choice_least_us(choice, camera);
+    const double shortest_us = (double)least_us(choice, camera);
     *ret = (struct measured){.camera = camera, .light = light};
     for (int i = 0; i < MAX_PICTURES; i++) {
         *us = CLAMP(*us, shortest_us, MAX(longest_us, shortest_us));
@@ -123,7 +123,7 @@ static gboolean measure_cameras(struct choice *choice, const char *light, gboole
                                 GArray *to, GError **error) {
     for (int i = 0; i < choice->trial.n_cameras; i++) {
         struct measured measured;
-        if (!choice_measure(choice, choice->trial.cameras[i], light, line, us, &measured, error))
+        if (!measure(choice, choice->trial.cameras[i], light, line, us, &measured, error))
             return FALSE;
         if (measured.high > 0)
             g_array_append_val(to, measured);
@@ -195,7 +195,7 @@ static gboolean try_lasers(struct choice *choice, const char *rig_path, GError *
 }
 
 /* The brightest and the dimmest; NULL: nothing was seen. */
-static const struct measured *choice_extreme(const GArray *all, gboolean brightest) {
+static const struct measured *extreme(const GArray *all, gboolean brightest) {
     const struct measured *found = NULL;
     for (guint i = 0; i < all->len; i++) {
         const struct measured *m = &g_array_index(all, struct measured, i);
@@ -210,10 +210,10 @@ static const char *name_of(const struct choice *choice, const struct measured *m
 }
 
 /* The shortest exposure of which all cameras that the session plans with are capable. */
-static double choice_common_us(const struct choice *choice) {
+static double common_us(const struct choice *choice) {
     gint64 us = 1;
     for (int i = 0; i < choice->trial.n_cameras; i++)
-        us = MAX(us, choice_least_us(choice, choice->trial.cameras[i]));
+        us = MAX(us, least_us(choice, choice->trial.cameras[i]));
     return (double)us;
 }
 
@@ -223,7 +223,7 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
                            const struct measured *dimmest, const char *key, double shortest_us,
                            double needed_us, double max_ratio, GError **error) {
     const struct session_conf *conf = choice->trial.conf;
-    const double min_us = choice_common_us(choice);
+    const double min_us = common_us(choice);
     if (brightest->full || brightest->high * MAX(shortest_us, min_us) > FULL_PART)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
                        "camera %s saturates under %s even at %.0f µs, the shortest that all "
@@ -262,8 +262,8 @@ static gboolean refuse_dark(const struct choice *choice, const char *what, const
 }
 
 static gboolean choose_lamps(const struct choice *choice, GString *to, GError **error) {
-    const struct measured *brightest = choice_extreme(choice->lamps, TRUE);
-    const struct measured *dimmest = choice_extreme(choice->lamps, FALSE);
+    const struct measured *brightest = extreme(choice->lamps, TRUE);
+    const struct measured *dimmest = extreme(choice->lamps, FALSE);
     const double max_us = choice->trial.conf->auto_longest_us;
     if (!brightest)
         return refuse_dark(choice, "a lamp", auto_key_names[AUTO_EXPOSURES], error);
@@ -274,7 +274,7 @@ static gboolean choose_lamps(const struct choice *choice, GString *to, GError **
     const double longest_us = CLAMP(exposure_for(LAMP_LOW, dimmest->low), AUTO_FACTOR * shortest_us,
                                     MIN(MAX_RATIO * shortest_us, max_us));
     const int n = longest_us > AUTO_FACTOR * shortest_us * 1.01 ? AUTO_MAX_EXPOSURES : 2;
-    const double min_us = choice_common_us(choice);
+    const double min_us = common_us(choice);
     g_string_append_printf(to, "%s = ", auto_key_names[AUTO_EXPOSURES]);
     for (int i = 0; i < n; i++) {
         const double us = shortest_us * pow(longest_us / shortest_us, (double)i / (n - 1));
@@ -287,8 +287,8 @@ static gboolean choose_lamps(const struct choice *choice, GString *to, GError **
 
 static gboolean choose_lines(const struct choice *choice, GString *to, GError **error) {
     const struct session_conf *conf = choice->trial.conf;
-    const struct measured *brightest = choice_extreme(choice->lines, TRUE);
-    const struct measured *dimmest = choice_extreme(choice->lines, FALSE);
+    const struct measured *brightest = extreme(choice->lines, TRUE);
+    const struct measured *dimmest = extreme(choice->lines, FALSE);
     const gboolean may_short = conf->is_auto[AUTO_SHORT] || conf->laser_short_us > 0;
     const char *key = auto_key_names[conf->is_auto[AUTO_LASER] ? AUTO_LASER : AUTO_SHORT];
     if (!brightest)
@@ -306,7 +306,7 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
             return FALSE;
         long_us = MIN(exposure_for(MAX(LINE_LOW, least), dimmest->low),
                       MIN(max_us, conf->auto_longest_us));
-        long_us = MAX(trial_rounded_us(long_us), choice_common_us(choice));
+        long_us = MAX(trial_rounded_us(long_us), common_us(choice));
         if (!conf->is_auto[AUTO_SHORT] && long_us <= conf->laser_short_us) {
             plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "laser_short_us",
                            "%g µs is not shorter than the %g µs chosen for laser_exposure_us: set "
@@ -322,7 +322,7 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
     if (saturates && !check_ends(choice, brightest, dimmest, auto_key_names[AUTO_SHORT],
                                  shortest_us, MIN(needed_us, long_us), LINE_RATIO, error))
         return FALSE;
-    shortest_us = MAX(trial_rounded_us(shortest_us), choice_common_us(choice));
+    shortest_us = MAX(trial_rounded_us(shortest_us), common_us(choice));
     g_string_append_printf(to, "%s = %.0f\n", auto_key_names[AUTO_SHORT],
                            saturates ? shortest_us : 0);
     return TRUE;

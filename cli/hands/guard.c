@@ -64,7 +64,7 @@ gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *ri
 }
 
 G_GNUC_PRINTF(2, 3)
-static void guard_warn(struct guard *guard, const char *format, ...) {
+static void warn(struct guard *guard, const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_ptr_array_add(guard->warnings, g_strdup_vprintf(format, args));
@@ -86,11 +86,11 @@ static void judge_calibration(struct guard *guard) {
             g_string_append_printf(lacks, "%s%s", lacks->len ? ", " : "",
                                    calibration_part_name((enum calibration_kind)i));
     if (lacks->len)
-        guard_warn(guard,
-                   "the rig is not calibrated (%s): positions in its file may be wrong by "
-                   "millimetres, and brightness by a tenth or more; see mesorig calibrate, then "
-                   "[rig] calibration, or -c FILE",
-                   lacks->str);
+        warn(guard,
+             "the rig is not calibrated (%s): positions in its file may be wrong by "
+             "millimetres, and brightness by a tenth or more; see mesorig calibrate, then "
+             "[rig] calibration, or -c FILE",
+             lacks->str);
 }
 
 static Frame *snap(struct guard *guard, int camera, double exposure_us, struct picture_report *ret,
@@ -107,7 +107,7 @@ static double range_dn(const struct guard *guard, int camera) {
     return (1 << guard->seen[camera].bits) - 1;
 }
 
-static double guard_longest_us(const struct guard *guard) {
+static double longest_exposure_us(const struct guard *guard) {
     return guard->trial.conf->exposures_us[guard->trial.conf->n_exposures - 1];
 }
 
@@ -116,7 +116,7 @@ static gboolean take_darks(struct guard *guard, GError **error) {
     for (int i = 0; i < guard->trial.n_cameras; i++) {
         const int c = guard->trial.cameras[i];
         struct picture_report report;
-        g_autoptr(Frame) frame = snap(guard, c, guard_longest_us(guard), &report, error);
+        g_autoptr(Frame) frame = snap(guard, c, longest_exposure_us(guard), &report, error);
         if (!frame)
             return FALSE;
         guard->seen[c].dark_dn = report.mean_dn;
@@ -166,7 +166,7 @@ static void compare_shot(struct guard *guard, guint from) {
 }
 
 /* Finds how long a camera that saturates should expose, from one more picture of the same shot. */
-static double guard_shorter_us(struct guard *guard, int camera) {
+static double find_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;
     g_autoptr(Frame) frame =
@@ -181,7 +181,7 @@ static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **e
     const struct session_conf *conf = guard->trial.conf;
     struct seen *seen = &guard->seen[camera];
     struct picture_report longest, shortest;
-    g_autoptr(Frame) bright = snap(guard, camera, guard_longest_us(guard), &longest, error);
+    g_autoptr(Frame) bright = snap(guard, camera, longest_exposure_us(guard), &longest, error);
     g_autoptr(Frame) dim =
         bright ? snap(guard, camera, conf->exposures_us[0], &shortest, error) : NULL;
     if (!dim)
@@ -193,8 +193,7 @@ static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **e
     if (shortest.saturated > seen->saturated) {
         seen->saturated = shortest.saturated;
         seen->saturated_by = lamp;
-        seen->shorter_us =
-            shortest.saturated > SATURATED_PART ? guard_shorter_us(guard, camera) : 0;
+        seen->shorter_us = shortest.saturated > SATURATED_PART ? find_shorter_us(guard, camera) : 0;
     }
     find_fiducials(guard, camera, lamp, longest.saturated > 0 ? dim : bright);
     return TRUE;
@@ -217,29 +216,29 @@ static void judge_camera(struct guard *guard, int camera) {
     const struct seen *seen = &guard->seen[camera];
     const struct session_conf *conf = guard->trial.conf;
     const char *name = guard->trial.rig->cameras[camera].name;
-    const double longest_us = guard_longest_us(guard);
+    const double longest_us = longest_exposure_us(guard);
     const double reached = (seen->high_dn - seen->dark_dn) / range_dn(guard, camera);
     if (!seen->any) {
-        guard_warn(guard,
-                   "camera %s sees none of the %d lamps, at %g µs: is it covered, and does it look "
-                   "at the sample?",
-                   name, MIN(guard->trial.n_lamps, TRIAL_FIRST_LAMPS), longest_us);
+        warn(guard,
+             "camera %s sees none of the %d lamps, at %g µs: is it covered, and does it look "
+             "at the sample?",
+             name, MIN(guard->trial.n_lamps, TRIAL_FIRST_LAMPS), longest_us);
     } else if (seen->saturated > SATURATED_PART) {
         g_autofree char *to_what =
             seen->shorter_us > 0
                 ? g_strdup_printf(", to about %.0f", trial_rounded_us(seen->shorter_us))
                 : g_strdup("");
-        guard_warn(guard,
-                   "%.0f %% of camera %s's pixels are saturated at %g µs under lamp %s: shorten "
-                   "the first of [capture] exposures_us%s",
-                   100 * seen->saturated, name, conf->exposures_us[0],
-                   guard->trial.rig->lamps[seen->saturated_by].name, to_what);
+        warn(guard,
+             "%.0f %% of camera %s's pixels are saturated at %g µs under lamp %s: shorten "
+             "the first of [capture] exposures_us%s",
+             100 * seen->saturated, name, conf->exposures_us[0],
+             guard->trial.rig->lamps[seen->saturated_by].name, to_what);
     } else if (reached < BRIGHT_PART) {
-        guard_warn(guard,
-                   "camera %s reaches only %.2g %% of its range at %g µs under the brightest lamp: "
-                   "lengthen the last of [capture] exposures_us, to about %.0f",
-                   name, 100 * reached, longest_us,
-                   trial_rounded_us(longest_us * WANTED_PART / MAX(reached, 1e-4)));
+        warn(guard,
+             "camera %s reaches only %.2g %% of its range at %g µs under the brightest lamp: "
+             "lengthen the last of [capture] exposures_us, to about %.0f",
+             name, 100 * reached, longest_us,
+             trial_rounded_us(longest_us * WANTED_PART / MAX(reached, 1e-4)));
     }
 }
 
@@ -249,18 +248,18 @@ static void judge_fiducials(struct guard *guard) {
         guard->calibration->rig.n_fiducials == 0)
         return;
     if (guard->fiducials->len == 0) {
-        guard_warn(guard,
-                   "no camera sees a fiducial where the calibration has one: is something on them, "
-                   "or was the turntable homed elsewhere? Put them back, or calibrate again");
+        warn(guard,
+             "no camera sees a fiducial where the calibration has one: is something on them, "
+             "or was the turntable homed elsewhere? Put them back, or calibrate again");
         return;
     }
     check_fiducials(guard, 0, &check);
     g_autofree char *what = fiducials_describe(&guard->calibration->rig, &check);
     if (guard->moved && what)
-        guard_warn(guard,
-                   "something has moved since the rig was calibrated: %s; put it back, or "
-                   "calibrate again",
-                   what);
+        warn(guard,
+             "something has moved since the rig was calibrated: %s; put it back, or "
+             "calibrate again",
+             what);
 }
 
 /* Of the shots up to now. */
@@ -270,17 +269,17 @@ static void judge(struct guard *guard) {
     for (int i = 0; i < trial->n_lamps; i++)
         any |= guard->shines[trial->lamps[i]];
     if (!any) {
-        guard_warn(guard, "no camera sees any lamp: check the lamps' power, the lens caps, and "
-                          "[capture] exposures_us");
+        warn(guard, "no camera sees any lamp: check the lamps' power, the lens caps, and "
+                    "[capture] exposures_us");
         return;
     }
     for (int i = 0; i < trial->n_lamps; i++) {
         const int l = trial->lamps[i];
         if (guard->tried[l] && !guard->shines[l])
-            guard_warn(guard,
-                       "lamp %s changes no camera's picture: check the lamp, its fuse and its "
-                       "relay",
-                       trial->rig->lamps[l].name);
+            warn(guard,
+                 "lamp %s changes no camera's picture: check the lamp, its fuse and its "
+                 "relay",
+                 trial->rig->lamps[l].name);
     }
     for (int i = 0; i < trial->n_cameras; i++)
         judge_camera(guard, trial->cameras[i]);
@@ -311,10 +310,10 @@ GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct r
         const int l = trial->lamps[i];
         ok = try_lamp(&guard, l, error);
         if (ok && !guard.shines[l])
-            guard_warn(&guard,
-                       "lamp %s changes no camera's picture: check the lamp, its fuse and its "
-                       "relay",
-                       rig->lamps[l].name);
+            warn(&guard,
+                 "lamp %s changes no camera's picture: check the lamp, its fuse and its "
+                 "relay",
+                 rig->lamps[l].name);
     }
     *ret_shots = guard.n_shots;
     return ok ? g_steal_pointer(&warnings) : NULL;

@@ -9,7 +9,7 @@ extern char *hand_rig; /* --rig */
 #define HAND_RIG_ENTRY                                                                             \
     {                                                                                              \
         "rig", 0, 0, G_OPTION_ARG_FILENAME, &hand_rig,                                             \
-            "Rig file, where no daemon has a rig open; a simulated one needs none", "RIG"          \
+            "Rig file, if no daemon has a rig open; a simulated rig needs no daemon", "RIG"        \
     }
 
 /* Finds a daemon with a rig open: that of --rig, or whichever rig it has. Lights and moves that

@@ -16,7 +16,7 @@ static double seconds;
 
 static const GOptionEntry light_entries[] = {
     {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
-     "Seconds after which the daemon switches it off; without it, Ctrl-C does", "S"},
+     "Switch it off after this time in seconds (with Ctrl-C)", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };
@@ -130,8 +130,7 @@ static int run_light(const struct call *call, gboolean laser, GError **error) {
         return CLI_FAILED;
     record_string(call->record, laser ? "laser" : "lamp", name);
     record_boolean(call->record, "on", FALSE);
-    record_string(call->record, "rig", rig);
-    record_say(call->record, "%s is off (rig %s)\n", name, rig);
+    record_say(call->record, "%s is off (rig %s{rig})\n", name, rig);
     return CLI_DONE;
 }
 
@@ -145,10 +144,7 @@ static int run_laser(const struct call *call, GError **error) {
 
 static void tell_axis(Record *to, Link *link, const char *axis, double deg) {
     const char *rig = bus_rig1_get_rig_path(link_rig(link));
-    record_string(to, "axis", axis);
-    record_double(to, "position_deg", deg);
-    record_string(to, "rig", rig);
-    record_say(to, "%s stands at %g° (rig %s)\n", axis, deg, rig);
+    record_say(to, "%s{axis} stands at %g{position_deg}° (rig %s{rig})\n", axis, deg, rig);
 }
 
 static int run_move(const struct call *call, GError **error) {
@@ -196,7 +192,7 @@ const struct command hands_laser = {
     .name = "laser",
     .arguments = "LASER",
     .examples = "  mesorig laser laser45 --for 2\n",
-    .help = "Switch a laser on until Ctrl-C, or until an interlock opens. Mind your eyes.",
+    .help = "Switch a laser on until Ctrl-C or until an interlock opens. Mind your eyes.",
     .options = light_entries,
     .daemon = TRUE,
     .min = 1,
@@ -207,8 +203,8 @@ const struct command hands_move = {
     .arguments = "AXIS DEGREES",
     .examples = "  mesorig move turntable 90\n"
                 "  mesorig move -- arc -15\n",
-    .help = "Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative "
-            "angle write --.",
+    .help = "Move an axis to an angle. Home it first. Ctrl-C stops it. Write -- before a negative "
+            "angle.",
     .options = axis_entries,
     .daemon = TRUE,
     .min = 2,
@@ -217,7 +213,8 @@ const struct command hands_move = {
 const struct command hands_home = {.name = "home",
                                    .arguments = "AXIS",
                                    .examples = "  mesorig home turntable\n",
-                                   .help = "Send an axis to its reference. Ctrl-C stops it.",
+                                   .help =
+                                       "Move an axis to its reference position. Ctrl-C stops it.",
                                    .options = axis_entries,
                                    .daemon = TRUE,
                                    .min = 1,

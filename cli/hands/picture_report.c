@@ -64,27 +64,19 @@ void picture_report_tell(Record *to, const char *camera, const Frame *frame,
     double bins[PICTURE_BINS];
     for (int i = 0; i < PICTURE_BINS; i++)
         bins[i] = report->bins[i];
-    record_string(to, "camera", camera);
-    record_int(to, "width", frame->width);
-    record_int(to, "height", frame->height);
-    record_int(to, "bits", frame->bits);
-    record_string(to, "cfa", cfa_name(frame->cfa));
-    record_int(to, "exposure_us", frame->exposure_us);
-    record_double(to, "mean_dn", report->mean_dn);
-    record_double(to, "max_dn", report->max_dn);
-    record_double(to, "saturated_pct", 100 * report->saturated);
-    record_double(to, "dark_pct", 100 * report->dark);
-    record_double(to, "focus", report->focus);
-    record_doubles(to, "histogram", bins, PICTURE_BINS);
-    record_say(to, "%s  %d × %d pixels of %d bits (%s), exposed for %" G_GINT64_FORMAT " µs\n",
+    record_say(to,
+               "%s{camera}  %d{width} × %d{height} pixels of %d{bits} bits (%s{cfa}), exposed for "
+               "%" G_GINT64_FORMAT "{exposure_us} µs\n",
                camera, frame->width, frame->height, frame->bits, cfa_name(frame->cfa),
                frame->exposure_us);
-    record_say(to, "mean %.0f DN of %d, brightest %.0f; %.2f %% saturated, %.2f %% dark; ",
+    record_say(to,
+               "mean %.0f{mean_dn} DN of %d, brightest %.0f{max_dn}; %.2f{saturated_pct} %% "
+               "saturated, %.2f{dark_pct} %% dark; ",
                report->mean_dn, top, report->max_dn, 100 * report->saturated, 100 * report->dark);
-    if (report->focus > 0)
-        record_say(to, "focus %.4f\n", report->focus);
-    else
+    record_say_if(to, report->focus > 0, "focus %.4f{focus}\n", report->focus);
+    if (report->focus <= 0)
         record_say(to, "too dark to tell the focus\n");
+    record_doubles(to, "histogram", bins, PICTURE_BINS);
     record_say(to, "0 %s %d\n", bars, top);
 }
 

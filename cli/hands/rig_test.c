@@ -17,8 +17,7 @@
 static gint64 exposure_us;
 
 static const GOptionEntry entries[] = {
-    {"exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "How long cameras expose (10000)",
-     "US"},
+    {"exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "Exposure time in µs (10000)", "US"},
     HAND_RIG_ENTRY,
     {NULL},
 };
@@ -33,24 +32,21 @@ struct trial {
 };
 
 /* The result of a device; what: g_free() here. */
-static void trial_tell(struct trial *trial, const char *class_name, const char *name, gboolean good,
-                       char *what) {
+static void tell(struct trial *trial, const char *class_name, const char *name, gboolean good,
+                 char *what) {
     record_begin(trial->to, NULL);
-    record_string(trial->to, "class", class_name);
-    record_string(trial->to, "name", name);
+    record_say(trial->to, "%-4s %-10s{class} %-16s{name} ", good ? "ok" : "FAIL", class_name, name);
     record_boolean(trial->to, "good", good);
-    record_string(trial->to, "said", what);
+    record_say(trial->to, "%s{said}\n", what);
     record_end(trial->to);
-    record_say(trial->to, "%-4s %-10s %-16s %s\n", good ? "ok" : "FAIL", class_name, name, what);
     trial->n++;
     trial->n_good += good;
     g_free(what);
 }
 
-static void trial_fail(struct trial *trial, const char *class_name, const char *name,
-                       GError *error) {
+static void fail(struct trial *trial, const char *class_name, const char *name, GError *error) {
     g_dbus_error_strip_remote_error(error);
-    trial_tell(trial, class_name, name, FALSE, g_strdup(error->message));
+    tell(trial, class_name, name, FALSE, g_strdup(error->message));
 }
 
 /* To its reference, a little away, and back. */
@@ -59,7 +55,7 @@ static void try_axis(struct trial *trial, const char *name) {
     double home, there, back;
     const gint64 begun_us = g_get_monotonic_time();
     if (!hand_home(trial->link, name, &home, &error)) {
-        trial_fail(trial, "axis", name, error);
+        fail(trial, "axis", name, error);
         return;
     }
     gboolean good = hand_move(trial->link, name, home + MOVE_DEG, &there, &error);
@@ -68,12 +64,12 @@ static void try_axis(struct trial *trial, const char *name) {
         good = hand_move(trial->link, name, home - MOVE_DEG, &there, &error);
     }
     if (!good || !hand_move(trial->link, name, home, &back, &error)) {
-        trial_fail(trial, "axis", name, error);
+        fail(trial, "axis", name, error);
         return;
     }
-    trial_tell(trial, "axis", name, TRUE,
-               g_strdup_printf("homed at %g°, moved to %g° and back to %g° in %.1f s", home, there,
-                               back, (double)(g_get_monotonic_time() - begun_us) * 1e-6));
+    tell(trial, "axis", name, TRUE,
+         g_strdup_printf("homed at %g°, moved to %g° and back to %g° in %.1f s", home, there, back,
+                         (double)(g_get_monotonic_time() - begun_us) * 1e-6));
 }
 
 static void try_camera(struct trial *trial, int i) {
@@ -82,14 +78,14 @@ static void try_camera(struct trial *trial, int i) {
     rig_stop_device(trial->rig.cameras[i].name, trial->rig.cameras[i].on_arm, name);
     g_autoptr(Frame) frame = hand_snap(trial->link, name, exposure_us, 0, &error);
     if (!frame) {
-        trial_fail(trial, "camera", name, error);
+        fail(trial, "camera", name, error);
         return;
     }
     trial->dark_known[i] = TRUE;
     trial->dark[i] = picture_report(frame);
-    trial_tell(trial, "camera", name, TRUE,
-               g_strdup_printf("%d × %d pixels of %d bits; with all lamps off %.0f DN on average",
-                               frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
+    tell(trial, "camera", name, TRUE,
+         g_strdup_printf("%d × %d pixels of %d bits; with all lamps off %.0f DN on average",
+                         frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
 }
 
 /* A lamp or laser: whether any camera sees it. */
@@ -99,7 +95,7 @@ static void try_light(struct trial *trial, gboolean laser, const char *name) {
     int asked = 0, saw = 0;
     double most_dn = 0;
     if (!hand_light(trial->link, laser, name, TRUE, &error)) {
-        trial_fail(trial, class_name, name, error);
+        fail(trial, class_name, name, error);
         return;
     }
     for (int i = 0; i < trial->rig.n_cameras && !error; i++) {
@@ -117,23 +113,23 @@ static void try_light(struct trial *trial, gboolean laser, const char *name) {
         most_dn = MAX(most_dn, rise_dn);
     }
     if (!hand_light(trial->link, laser, name, FALSE, error ? NULL : &error) || error) {
-        trial_fail(trial, class_name, name, error);
+        fail(trial, class_name, name, error);
         return;
     }
-    trial_tell(
-        trial, class_name, name, saw > 0 || asked == 0,
-        asked == 0 ? g_strdup("switched on and off; there was no camera to see it")
-        : saw > 0
-            ? g_strdup_printf("seen by %d of %d cameras, by up to %.0f DN", saw, asked, most_dn)
-            : g_strdup_printf("switched on and off, but none of %d cameras saw it: check %s", asked,
-                              laser ? "its power, and where its line falls"
-                                    : "the lamp, its fuse and its relay"));
+    tell(trial, class_name, name, saw > 0 || asked == 0,
+         asked == 0 ? g_strdup("switched on and off; there was no camera to see it")
+         : saw > 0
+             ? g_strdup_printf("seen by %d of %d cameras, by up to %.0f DN", saw, asked, most_dn)
+             : g_strdup_printf("switched on and off, but none of %d cameras saw it: check %s",
+                               asked,
+                               laser ? "its power, and where its line falls"
+                                     : "the lamp, its fuse and its relay"));
 }
 
 static void try_interlock(struct trial *trial, const char *name, const char *health) {
     const gboolean closed = strcmp(health, "closed") == 0;
-    trial_tell(trial, "interlock", name, closed,
-               g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
+    tell(trial, "interlock", name, closed,
+         g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
 }
 
 /* Interlocks first, since they decide; then what moves, what sees, and what gives light. */
@@ -192,8 +188,7 @@ static int run_test(const struct call *call, GError **error) {
     try_all(&trial);
     record_end(trial.to);
     record_int(trial.to, "tested", trial.n);
-    record_int(trial.to, "good", trial.n_good);
-    record_say(trial.to, "%d of %d are as they should be\n", trial.n_good, trial.n);
+    record_say(trial.to, "%d{good} of %d are as they should be\n", trial.n_good, trial.n);
     return trial.n_good == trial.n ? CLI_DONE : CLI_FAILED;
 }
 
@@ -202,9 +197,8 @@ const struct command hands_test = {
     .arguments = "",
     .examples = "  mesorig test\n"
                 "  mesorig test --rig etc/demo/rig.conf\n",
-    .help =
-        "Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees "
-        "each lamp and laser. Fails unless all answer.",
+    .help = "Test every device. Reads the interlocks, moves each axis, takes a picture with each "
+            "camera, and looks for the light of each lamp and laser. Fails unless all pass.",
     .options = entries,
     .daemon = TRUE,
     .run = run_test};

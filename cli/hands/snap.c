@@ -18,23 +18,24 @@ static char *output, *lamp, *laser;
 static gint64 exposure_us;
 static int count;
 
-#define SHARED_ENTRIES                                                                             \
-    {                                                                                              \
-        "exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "How long it exposes (10000)",    \
-        "US"},                                                                                     \
-        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Switch this lamp on meanwhile", "LAMP"},     \
-        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Switch this laser on meanwhile", "LASER"},   \
+#define SHARED_ENTRIES                                                                               \
+    {                                                                                                \
+        "exposure-us", 'e', 0, G_OPTION_ARG_INT64, &exposure_us, "Exposure time in µs (10000)",      \
+        "US"},                                                                                       \
+        {"lamp", 'l', 0, G_OPTION_ARG_STRING, &lamp, "Switch this lamp on for the picture", "LAMP"}, \
+        {"laser", 0, 0, G_OPTION_ARG_STRING, &laser, "Switch this laser on for the picture",         \
+         "LASER"},                                                                                   \
         HAND_RIG_ENTRY
 
 static const GOptionEntry snap_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Write the picture: .png for people, .exr as the sensor gave it", "FILE"},
+     "Write the picture: .png to look at, .exr with the raw values of the sensor", "FILE"},
     SHARED_ENTRIES,
     {NULL},
 };
 
 static const GOptionEntry live_entries[] = {
-    {"count", 'n', 0, G_OPTION_ARG_INT, &count, "End after so many pictures", "N"},
+    {"count", 'n', 0, G_OPTION_ARG_INT, &count, "End after this number of pictures", "N"},
     SHARED_ENTRIES,
     {NULL},
 };
@@ -92,8 +93,7 @@ static int run_snap(const struct call *call, GError **error) {
         record_say(call->record, "no lamp was on: --lamp NAME switches one on meanwhile\n");
     if (output) {
         const gboolean halved = frame->cfa != CFA_MONO && g_str_has_suffix(output, ".png");
-        record_string(call->record, "file", output);
-        record_say(call->record, "%s%s\n", output,
+        record_say(call->record, "%s{file}%s\n", output,
                    halved ? ": a pixel for each 2 × 2 of the colour filter" : "");
         cli_tell_output(call->record, to);
     }
@@ -149,9 +149,8 @@ const struct command hands_snap = {
     .arguments = "CAMERA",
     .examples = "  mesorig snap cam45 --lamp lamp30\n"
                 "  mesorig snap cam45 -e 2000 -o cam45.png\n",
-    .help =
-        "Take one picture: what it looks like, its histogram, how much is saturated and dark, how "
-        "sharp it is. Nothing may be captured meanwhile.",
+    .help = "Take a picture, and measure it. Shows the picture with its histogram, saturation and "
+            "focus. Not possible during a capture.",
     .options = snap_entries,
     .daemon = TRUE,
     .writes = TRUE,
@@ -162,7 +161,7 @@ const struct command hands_live = {
     .name = "live",
     .arguments = "CAMERA",
     .examples = "  mesorig live cam45 --lamp lamp30\n",
-    .help = "Take pictures one after the other, as snap does, until Ctrl-C: to point and focus.",
+    .help = "Take and show pictures until Ctrl-C, to point and focus a camera.",
     .options = live_entries,
     .daemon = TRUE,
     .min = 1,

@@ -11,9 +11,7 @@
 
 #include <math.h>
 
-#define WORST  5  /* number of worst views and lights in the text */
-#define SERIES 24 /* maximum length of a model's name */
-#define LABEL  14 /* maximum length of the label of a size */
+#define WORST 5 /* number of worst views and lights in the text */
 
 static char *plot_option, *curve_option;
 
@@ -71,9 +69,8 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
 }
 
 static void add_sums(Record *to, const struct compare_sums *sums) {
-    record_double(to, "error", sums->error);
-    record_double(to, "luminance_error", sums->luminance_error);
-    record_double(to, "delta_e", sums->delta_e);
+    record_add(to, "%g{error} %g{luminance_error} %g{delta_e}", sums->error, sums->luminance_error,
+               sums->delta_e);
 }
 
 static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
@@ -91,8 +88,7 @@ static void tell_directions(Record *to, const char *what, const float *theta_deg
     for (int i = 0; i < n; i++) {
         order[i] = i;
         record_begin(to, NULL);
-        record_double(to, "theta_deg", (double)theta_deg[i]);
-        record_double(to, "phi_deg", (double)phi_deg[i]);
+        record_add(to, "%g{theta_deg} %g{phi_deg}", (double)theta_deg[i], (double)phi_deg[i]);
         add_sums(to, &sums[i]);
         record_end(to);
     }
@@ -105,8 +101,8 @@ static void tell_directions(Record *to, const char *what, const float *theta_deg
         if (i == WORST && n > 2 * WORST)
             record_say(to, "     …\n");
         if (i < WORST || i >= n - 1 || n <= 2 * WORST)
-            record_say(to, "%8d %6.1f° %6.1f° %8.2f %% %11.4f %6.2f\n", at, (double)theta_deg[at],
-                       (double)phi_deg[at], 100 * sums[at].error, sums[at].luminance_error,
+            record_say(to, "%8d %6.1f° %6.1f° %8.2f{:%%} %11.4f %6.2f\n", at, (double)theta_deg[at],
+                       (double)phi_deg[at], sums[at].error, sums[at].luminance_error,
                        sums[at].delta_e);
     }
 }
@@ -131,38 +127,28 @@ static void tell_sigma(Record *to, const struct compare *compare) {
     const double error = compare->comparison->all.error;
     const double part = error > 0 ? share / (error * error) : 0;
     record_int(to, "sigma_known", known);
-    record_double(to, "sigma", sqrt(share));
+    record_say_if(to, known > 0,
+                  "error bars %.3f{sigma:%%} RMS of R, G, B%s: they explain %.0f{:%%} of the "
+                  "difference's square\n",
+                  sqrt(share), known < lights ? " where known" : "", MIN(part, 1));
     record_double(to, "sigma_part", part);
-    if (known > 0)
-        record_say(to,
-                   "error bars %.3f %% RMS of R, G, B%s: they explain %.0f %% of the difference's "
-                   "square\n",
-                   100 * sqrt(share), known < lights ? " where known" : "", 100 * MIN(part, 1));
-    else
+    if (known == 0)
         record_say(to, "error bars not known\n");
 }
 
-static void cli_compare_tell(Record *to, const struct compare *compare) {
+static void tell_comparison(Record *to, const struct compare *compare) {
     const struct material_info *a = material_info(compare->of_a), *b = material_info(compare->of_b);
     const struct comparison *c = compare->comparison;
-    g_autofree char *size_a = g_format_size((guint64)a->bytes);
-    g_autofree char *size_b = g_format_size((guint64)b->bytes);
-    record_string(to, "a", compare->a);
-    record_string(to, "b", compare->b);
-    record_string(to, "a_kind", a->kind);
-    record_string(to, "b_kind", b->kind);
-    record_int(to, "a_bytes", a->bytes);
-    record_int(to, "b_bytes", b->bytes);
-    add_sums(to, &c->all);
-    record_double(to, "largest", c->largest);
-    record_say(to, "A          %s, %s, %s\n", a->label, a->kind, size_a);
-    record_say(to, "B          %s, %s, %s, 1:%.3g\n", b->label, b->kind, size_b,
-               (double)a->bytes / (double)b->bytes);
-    record_say(to, "error      %.3f %% (RMS of R, G, B relative to A)\n", 100 * c->all.error);
-    record_say(to, "luminance  off by %.5f on average\n", c->all.luminance_error);
-    record_say(to, "ΔE         %.3f on average (CIEDE2000, white is the diffuser)\n",
+    record_add(to, "%s{a} %s{b} %s{a_kind} %s{b_kind}", compare->a, compare->b, a->kind, b->kind);
+    record_say(to, "A          %s, %s, %" G_GINT64_FORMAT "{a_bytes:size}\n", a->label, a->kind,
+               a->bytes);
+    record_say(to, "B          %s, %s, %" G_GINT64_FORMAT "{b_bytes:size}, 1:%.3g\n", b->label,
+               b->kind, b->bytes, (double)a->bytes / (double)b->bytes);
+    record_say(to, "error      %.3f{error:%%} (RMS of R, G, B relative to A)\n", c->all.error);
+    record_say(to, "luminance  off by %.5f{luminance_error} on average\n", c->all.luminance_error);
+    record_say(to, "ΔE         %.3f{delta_e} on average (CIEDE2000, white is the diffuser)\n",
                c->all.delta_e);
-    record_say(to, "largest    %.4f\n", c->largest);
+    record_say(to, "largest    %.4f{largest}\n", c->largest);
     tell_sigma(to, compare);
     tell_directions(to, "view", a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
                     c->n_views);
@@ -180,19 +166,12 @@ static void tell_curve(Record *to, const struct compare *compare) {
     record_begin_list(to, "points");
     for (guint i = 0; i < compare->points->len; i++) {
         const struct plot_point *point = &g_array_index(compare->points, struct plot_point, i);
-        /* The width counts characters, not bytes. */
-        const int series = SERIES - (int)g_utf8_strlen(point->series, -1);
-        const int label = LABEL - (int)g_utf8_strlen(point->label, -1);
         record_begin(to, NULL);
-        record_string(to, "series", point->series);
-        record_string(to, "label", point->label);
+        record_say(to, "%s%-24s{series} %-14s{label} ", i == 0 ? "\n" : "", point->series,
+                   point->label);
         record_double(to, "bytes", point->bytes);
-        record_double(to, "ratio", raw / point->bytes);
-        record_double(to, "error", point->error);
+        record_say(to, "1:%-8.4g{ratio} %7.3f{error:%%}\n", raw / point->bytes, point->error);
         record_end(to);
-        record_say(to, "%s%s%*s %s%*s 1:%-8.4g %7.3f %%\n", i == 0 ? "\n" : "", point->series,
-                   MAX(series, 0), "", point->label, MAX(label, 0), "", raw / point->bytes,
-                   100 * point->error);
     }
     record_end(to);
     record_say(to, "plot %s\n", curve_option);
@@ -204,30 +183,28 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
     struct picture_comparison found;
     if (!compare_pictures(a, b, &found, error))
         return CLI_FAILED;
-    record_string(to, "a", a);
-    record_string(to, "b", b);
-    record_double(to, "delta_e", found.delta_e);
-    record_double(to, "delta_e_different", found.delta_e_different);
-    record_double(to, "delta_e_p95", found.p95);
-    record_double(to, "delta_e_largest", found.largest);
-    record_double(to, "different", found.different);
-    record_say(to,
-               "ΔE         %.3f on average (CIEDE2000), %.3f where they differ (%.1f %% of %d × %d "
-               "pixels)\n           there 95 %% below %.3f, %.3f at most\n",
-               found.delta_e, found.delta_e_different, 100 * found.different, found.width,
-               found.height, found.p95, found.largest);
+    record_add(to, "%s{a} %s{b}", a, b);
+    record_say(
+        to,
+        "ΔE         %.3f{delta_e} on average (CIEDE2000), %.3f{delta_e_different} where they "
+        "differ: 95 %% below %.3f{delta_e_p95}, at most %.3f{delta_e_largest}\n"
+        "           %.1f{different:%%} of %d × %d pixels differ\n",
+        found.delta_e, found.delta_e_different, found.p95, found.largest, found.different,
+        found.width, found.height);
     return CLI_DONE;
 }
 
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
-     "Draw errors of views and lights into this .svg or .png", "FILE"},
+     "Draw the errors of views and lights (.svg or .png)", "FILE"},
     {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve_option,
-     "Compress a session with every model and several sizes, and draw error against size", "FILE"},
+     "Compress a session by every method in several sizes, and draw error against size (.svg or "
+     ".png)",
+     "FILE"},
     {NULL},
 };
 
-static int cli_compare_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     const char *a = call->arguments[0], *b = call->arguments[1];
     if (curve_option ? b || plot_option : !b)
         return cli_usage(call->command,
@@ -246,7 +223,7 @@ static int cli_compare_run(const struct call *call, GError **error) {
     const gboolean ok =
         cli_work_run(curve_option ? work_curve : work_compare, &compare, NULL, error);
     if (ok)
-        (curve_option ? tell_curve : cli_compare_tell)(call->record, &compare);
+        (curve_option ? tell_curve : tell_comparison)(call->record, &compare);
     material_free(compare.of_a);
     material_free(compare.of_b);
     comparison_free(compare.comparison);
@@ -259,9 +236,9 @@ const struct command cli_compare = {
     .arguments = "A B | DIR --curve FILE",
     .examples = "  mesorig compare weave.session weave.session/products/lpca.exr\n"
                 "  mesorig compare weave.session --curve curve.svg\n",
-    .help = "Compare two materials, or all models of one.",
+    .help = "Compare two materials or pictures, or all methods of compression.",
     .options = entries,
     .writes = TRUE,
     .min = 1,
     .max = 2,
-    .run = cli_compare_run};
+    .run = run};

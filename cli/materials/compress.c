@@ -4,7 +4,6 @@
 
 #include "btf/btf_checkpoint.h"
 #include "common/work.h"
-#include "plan/report.h"
 #include "session/session.h"
 
 #include <glib/gstdio.h>
@@ -86,7 +85,7 @@ static char *output(const struct compress_asked *asked, GError **error) {
     return session ? g_build_filename(directory, "products", name, NULL) : NULL;
 }
 
-static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
+static gboolean work_compress(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
     compress->written = output(compress->asked, error);
     if (!compress->written)
@@ -96,49 +95,39 @@ static gboolean cli_compress_work(const struct work *work, gpointer data, GError
     return compress->to && compress_btf(compress, work, error);
 }
 
-static void add_values(Record *to, const struct compress *compress, double seconds) {
+static void tell(Record *to, const struct compress *compress, double seconds) {
+    const struct codec *codec = compress->asked->method.codec;
     const struct codec_result *result = &compress->result;
     const gboolean mips = options_find(compress->asked->method.options, "mips") != NULL;
-    record_string(to, "file", compress->written);
-    record_string(to, "method", compress->asked->method.name);
-    record_int(to, "texels", compress->texels);
-    record_int(to, "views", compress->views);
-    record_int(to, "lights", compress->lights);
-    record_int(to, "clusters", result->clusters);
-    record_int(to, "components", result->components);
-    record_int(to, "grid", result->grid);
-    record_int(to, "levels", mips ? result->levels->len : 0);
-    record_int(to, "holes", compress->holes);
-    record_int(to, "lower_bounds", compress->bounds);
-    record_int(to, "btf_bytes", compress->raw_bytes);
-    record_int(to, "bytes", compress->bytes);
-    record_int(to, "file_bytes", compress->file_bytes);
-    record_double(to, "exact_error", result->exact_error);
-    record_double(to, "error", result->error);
+    g_autofree char *what = codec->describe(codec, result);
+    record_say(to, "%s{file}: done in %g{:time}: %s, error %.2f{:%%}", compress->written, seconds,
+               what, result->error);
+    record_add(to, "%s{method} %d{texels} %d{views} %d{lights}", compress->asked->method.name,
+               compress->texels, compress->views, compress->lights);
+    record_add(to, "%d{clusters} %d{components} %d{grid} %u{levels}", result->clusters,
+               result->components, result->grid, mips ? result->levels->len : 0);
+    record_add(to,
+               "%" G_GINT64_FORMAT "{holes} %" G_GINT64_FORMAT "{lower_bounds} %" G_GINT64_FORMAT
+               "{btf_bytes} %" G_GINT64_FORMAT "{bytes} %" G_GINT64_FORMAT "{file_bytes}",
+               compress->holes, compress->bounds, compress->raw_bytes, compress->bytes,
+               compress->file_bytes);
+    record_add(to, "%g{exact_error} %g{error}", result->exact_error, result->error);
     if (result->luminance_error >= 0)
         record_double(to, "luminance_error", result->luminance_error);
     record_double(to, "real_s", seconds);
-}
-
-static void cli_compress_tell(Record *to, const struct compress *compress, double seconds) {
-    const struct codec *codec = compress->asked->method.codec;
-    const struct codec_result *result = &compress->result;
-    g_autofree char *time = report_duration(seconds);
-    g_autofree char *what = codec->describe(codec, result);
-    g_autofree char *size = g_format_size((guint64)compress->bytes);
-    g_autofree char *file = g_format_size((guint64)compress->file_bytes);
-    add_values(to, compress, seconds);
-    record_say(to, "%s: done in %s: %s, error %.2f %%", compress->written, time, what,
-               100 * result->error);
     if (result->packed)
-        record_say(to, ", %s on disk, 1:%.3g of the BTF in half floats; %s unpacked\n", file,
-                   (double)compress->raw_bytes / (double)compress->file_bytes, size);
+        record_say(to,
+                   ", %" G_GINT64_FORMAT "{:size} on disk, 1:%.3g of the BTF in half floats; "
+                   "%" G_GINT64_FORMAT "{:size} unpacked\n",
+                   compress->file_bytes, (double)compress->raw_bytes / (double)compress->file_bytes,
+                   compress->bytes);
     else
         record_say(to,
-                   " (%.2f %% before %srounding), %s, 1:%.3g of the BTF in half floats; %s on "
-                   "disk\n",
-                   100 * result->exact_error, result->grid ? "the grid and " : "", size,
-                   (double)compress->raw_bytes / (double)compress->bytes, file);
+                   " (%.2f{:%%} before %srounding), %" G_GINT64_FORMAT
+                   "{:size}, 1:%.3g of the BTF in half floats; %" G_GINT64_FORMAT
+                   "{:size} on disk\n",
+                   result->exact_error, result->grid ? "the grid and " : "", compress->bytes,
+                   (double)compress->raw_bytes / (double)compress->bytes, compress->file_bytes);
     cli_tell_output(to, compress->to);
     if (compress->holes > 0)
         record_say(to,
@@ -152,7 +141,7 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
                    compress->bounds);
 }
 
-static int cli_compress_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct compress_asked asked;
     struct compress compress = {.asked = &asked};
     double seconds = 0;
@@ -160,8 +149,8 @@ static int cli_compress_run(const struct call *call, GError **error) {
     if (compress_ask(call, &asked)) {
         if (asked.method.mdf)
             code = compress_mdf(&asked, call->record, error);
-        else if (cli_work_run(cli_compress_work, &compress, &seconds, error)) {
-            cli_compress_tell(call->record, &compress, seconds);
+        else if (cli_work_run(work_compress, &compress, &seconds, error)) {
+            tell(call->record, &compress, seconds);
             code = CLI_DONE;
         } else
             code = CLI_FAILED;
@@ -177,10 +166,10 @@ const struct command cli_compress = {.name = "compress",
                                      .arguments = "DIR",
                                      .examples = "  mesorig compress weave.session --error 2%\n"
                                                  "  mesorig compress weave.session -m ptm\n",
-                                     .help = "Compress the BTF of a session, or its MDF.",
+                                     .help = "Compress the BTF or the MDF of a session.",
                                      .list_options = compress_entries,
                                      .writes = TRUE,
                                      .streams = TRUE,
                                      .min = 1,
                                      .max = 1,
-                                     .run = cli_compress_run};
+                                     .run = run};

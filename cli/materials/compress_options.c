@@ -48,7 +48,7 @@ static void list_method(struct compress_method method) {
 
 /* Returns the names of all methods that take an option. If option is NULL, returns the names of all
  * methods. g_free() */
-static char *compress_names(const char *option, const char *separator) {
+static char *method_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
         if (!option || find(&methods[i], option))
@@ -56,16 +56,16 @@ static char *compress_names(const char *option, const char *separator) {
     return g_string_free(names, FALSE);
 }
 
-/* Returns a help text such as "lpca: its help there; fields, ptm: their help there". Methods with
- * the same help share it. */
-static const char *compress_help(const char *name) {
+/* Returns a help text with lines such as "fields, ptm: their help". Methods with the same help
+ * share it. */
+static const char *help_of(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;
     for (int i = 0; i < n_methods; i++) {
         const struct option *option = find(&methods[i], name);
         if (!option || option->help == last)
             continue;
-        g_string_append(text, last ? "; " : "");
+        g_string_append(text, last ? "\v" : "");
         for (int k = i; k < n_methods; k++) {
             const struct option *other = find(&methods[k], name);
             if (other && other->help == option->help)
@@ -74,9 +74,9 @@ static const char *compress_help(const char *name) {
         g_string_append_printf(text, ": %s", option->help);
         g_autofree char *range = option->max < G_MAXDOUBLE ? options_range(option) : NULL;
         if (range)
-            g_string_append_printf(text, " (%s)", range);
+            g_string_append_printf(text, "; %s", range);
         if (option->type == OPTION_CHOICE)
-            g_string_append_printf(text, " (default %s)", option->fallback);
+            g_string_append_printf(text, " (%s)", option->fallback);
         last = option->help;
     }
     return g_intern_string(text->str);
@@ -95,7 +95,7 @@ static const char *choices(const char *name) {
     return g_intern_string(text->str);
 }
 
-static GOptionEntry compress_entry(struct given *given) {
+static GOptionEntry entry_of(struct given *given) {
     static const struct {
         const char *name;
         char letter;
@@ -103,7 +103,7 @@ static GOptionEntry compress_entry(struct given *given) {
     GOptionEntry entry = {.long_name = given->name,
                           .arg = G_OPTION_ARG_STRING,
                           .arg_data = &given->text,
-                          .description = compress_help(given->name),
+                          .description = help_of(given->name),
                           .arg_description = "N"};
     for (gsize i = 0; i < G_N_ELEMENTS(letters); i++)
         if (g_str_equal(letters[i].name, given->name))
@@ -135,11 +135,10 @@ const GOptionEntry *compress_entries(void) {
                                              mdf_codecs[i]->options, mdf_codecs[i]->options_size,
                                              .mdf = mdf_codecs[i]});
     list_option(&memory);
-    g_autofree char *names = compress_names(NULL, "|");
-    g_autoptr(GString) help = g_string_new("What to compress with");
+    g_autofree char *names = method_names(NULL, "|");
+    g_autoptr(GString) help = g_string_new("How to compress (lpca):");
     for (int i = 0; i < n_methods; i++)
-        g_string_append_printf(help, "%s %s%s: %s", i ? ";" : ":", methods[i].name,
-                               i ? "" : " (the default)", methods[i].help);
+        g_string_append_printf(help, "\v%s: %s", methods[i].name, methods[i].help);
     entries[n++] = (GOptionEntry){"method",
                                   'm',
                                   0,
@@ -148,13 +147,13 @@ const GOptionEntry *compress_entries(void) {
                                   g_intern_string(help->str),
                                   g_intern_string(names)};
     for (int i = 0; i < n_options; i++)
-        entries[n++] = compress_entry(&options[i]);
+        entries[n++] = entry_of(&options[i]);
     entries[n++] = (GOptionEntry){"output",
                                   'o',
                                   0,
                                   G_OPTION_ARG_FILENAME,
                                   &output_option,
-                                  "Write this file instead of products/METHOD.exr of the session",
+                                  "File to write (products/METHOD.exr of the session)",
                                   "FILE"};
     entries[n] = (GOptionEntry){NULL};
     return entries;
@@ -193,7 +192,7 @@ static gboolean set(const struct command *command, const struct given *given,
         return TRUE;
     const struct option *option = find(&asked->method, given->name);
     if (!option) {
-        g_autofree char *names = compress_names(given->name, ", ");
+        g_autofree char *names = method_names(given->name, ", ");
         cli_usage(command, "--method=%s has no --%s; leave it out, or choose from: %s",
                   asked->method.name, given->name, names);
         return FALSE;
@@ -211,7 +210,7 @@ gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
     while (method_option && m < n_methods && !g_str_equal(methods[m].name, method_option))
         m++;
     if (m == n_methods) {
-        g_autofree char *names = compress_names(NULL, ", ");
+        g_autofree char *names = method_names(NULL, ", ");
         cli_usage(call->command, "there is no --method=%s; choose from: %s", method_option, names);
         return FALSE;
     }

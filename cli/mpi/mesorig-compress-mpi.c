@@ -1,6 +1,7 @@
 /* Local PCA of a BTF by several processes, each with some of its texels in memory:
  * docs/research/compression.md.
  */
+#include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
@@ -17,18 +18,19 @@ static int clusters = 32, components = 8, threads;
 static char *quantise_option, *colours_option, *output;
 static gboolean json, help, version, force;
 static const GOptionEntry entries[] = {
-    {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters of texels: 1 … 1024 (32)", "K"},
-    {"components", 0, 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
-     "C"},
-    {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option, "Numbers in the file (half)",
-     "float|half|8bit|8bit-weights"},
+    {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Number of clusters of texels, 1 … 1024 (32)",
+     "N"},
+    {"components", 0, 0, G_OPTION_ARG_INT, &components,
+     "Number of eigen-BRDFs of a cluster, 1 … 64 (8)", "N"},
+    {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
+     "Format of the numbers in the file (half)", "float|half|8bit|8bit-weights"},
     {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
-     "What is compressed: colours as they are, or the logarithm of luminance and chroma",
+     "Colours that are compressed: R, G, B, or the logarithm of luminance and chroma (rgb)",
      "rgb|log"},
-    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
-    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
-     NULL},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads,
+     "Number of threads of each process (one per processor)", "N"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "File to write", "FILE"},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output", NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {"help", 'h', 0, G_OPTION_ARG_NONE, &help, "Show help options", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
@@ -36,7 +38,7 @@ static const GOptionEntry entries[] = {
 };
 
 /* The first rank reports for all, a line for each tenth of a stage. */
-static void compress_tell(const struct work_progress *progress, gpointer data) {
+static void on_progress(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
     const struct team *team = data;
@@ -52,8 +54,7 @@ static void compress_tell(const struct work_progress *progress, gpointer data) {
     fputc('\n', stderr);
 }
 
-static void compress_report(const struct lpca *lpca, const struct team *team, double exact,
-                            double seconds) {
+static void report(const struct lpca *lpca, const struct team *team, double exact, double seconds) {
     GVariantBuilder builder;
     if (!json) {
         g_autofree char *size = g_format_size((guint64)lpca_bytes(lpca));
@@ -77,7 +78,7 @@ static void compress_report(const struct lpca *lpca, const struct team *team, do
     printf("%s\n", text);
 }
 
-static gboolean compress_write(OutputFile *to, const struct lpca *lpca, GError **error) {
+static gboolean write_file(OutputFile *to, const struct lpca *lpca, GError **error) {
     const char *path = output_file_path(to, error);
     if (!path || !output_file_end(to, lpca_write(path, lpca, error), error) ||
         !session_add_product_file(output, "compress", error))
@@ -87,13 +88,13 @@ static gboolean compress_write(OutputFile *to, const struct lpca *lpca, GError *
 }
 
 /* to: of the first rank. */
-static gboolean compress_compress(const char *path, const struct team *team, OutputFile *to,
-                                  enum lpca_quantise quantise, GError **error) {
+static gboolean compress(const char *path, const struct team *team, OutputFile *to,
+                         enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
     struct lpca_options options = {
         .n_clusters = clusters,
         .n_components = components,
-        .work = {.n_threads = threads, .progress = compress_tell, .data = (gpointer)team},
+        .work = {.n_threads = threads, .progress = on_progress, .data = (gpointer)team},
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
@@ -104,9 +105,9 @@ static gboolean compress_compress(const char *path, const struct team *team, Out
         const double exact = lpca->error;
         lpca_quantise(lpca, quantise);
         ok = lpca_error_shared(lpca, btf, &options, error) &&
-             (team->rank != 0 || compress_write(to, lpca, error));
+             (team->rank != 0 || write_file(to, lpca, error));
         if (ok && team->rank == 0)
-            compress_report(lpca, team, exact, MPI_Wtime() - begun);
+            report(lpca, team, exact, MPI_Wtime() - begun);
     }
     btf_matrix_free(btf);
     return ok;
@@ -119,11 +120,11 @@ static gboolean compress_locked(const char *path, const struct team *team,
     g_autoptr(OutputFile) to = NULL;
     if (team->rank == 0 && !(to = output_file_new_locked(output, "lpca", force, error)))
         return FALSE;
-    return compress_compress(path, team, to, quantise, error);
+    return compress(path, team, to, quantise, error);
 }
 
 /* The launcher gives each process its rank in the environment; -1 if there is none. */
-static int compress_told_rank(void) {
+static int rank_of_environment(void) {
     static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
                                         "SLURM_PROCID"};
     for (gsize i = 0; i < G_N_ELEMENTS(names); i++)
@@ -134,14 +135,15 @@ static int compress_told_rank(void) {
 
 /* Returns 2 for bad usage. The first rank reports bad usage for all ranks, and answers --help and
  * --version, in UTF-8 in any locale and even where MPI does not work. */
-static int compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
-    g_autoptr(GOptionContext) context =
-        g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
-    const gboolean first = compress_told_rank() <= 0;
+static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
+    g_autoptr(GOptionContext) context = g_option_context_new("SESSION -o FILE");
+    const gboolean first = rank_of_environment() <= 0;
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);
     const char *what = NULL;
     g_option_context_set_help_enabled(context, FALSE);
+    g_option_context_set_summary(context, "Compresses a BTF by several processes.");
+    g_set_prgname("mesorig-compress-mpi");
     if (!g_option_context_parse(context, argc, argv, &error)) {
         nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         what = error->message;
@@ -161,7 +163,8 @@ static int compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quant
         fprintf(stderr, "mesorig-compress-mpi: %s\n", what);
     if (!what && help && first) {
         g_autofree char *text = g_option_context_get_help(context, TRUE, NULL);
-        fputs(text, stdout);
+        g_autofree char *laid_out = help_text_lay_out(text);
+        fputs(laid_out, stdout);
     } else if (!what && version && first) {
         puts("mesorig-compress-mpi " MESORIG_VERSION);
     }
@@ -172,7 +175,7 @@ int main(int argc, char **argv) {
     enum lpca_quantise quantise = LPCA_HALF;
     g_autoptr(GError) error = NULL;
     int level;
-    const int rc = compress_parse(&argc, &argv, &quantise);
+    const int rc = parse(&argc, &argv, &quantise);
     if (rc != 0 || help || version)
         return rc;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);

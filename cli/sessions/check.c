@@ -47,7 +47,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     session_suspicions(session, check->suspicions);
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
-        check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
+        check->energy = check->btf ? energy_compute(check->btf, -1, error) : NULL;
         if (!check->energy || (check->plot && !draw(check, error)) ||
             !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
@@ -88,49 +88,40 @@ static void tell_energy(Record *to, const struct energy *e) {
     record_doubles(to, "texel_e_r", e->texel_e_r, e->n_views);
     record_doubles(to, "texel_e_i", e->texel_e_i, e->n_lights);
     record_doubles(to, "albedo", e->albedo, e->n_lights);
-    record_double(to, "largest_albedo", e->largest_albedo);
-    record_int(to, "reciprocal_pairs", e->pairs);
-    record_double(to, "asymmetry", e->asymmetry);
-    record_double(to, "texel_asymmetry", e->texel_asymmetry);
-    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s", least,
-               e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "");
+    record_say(to, "energy       %.3f … %.3f{largest_albedo} of a light's energy is reflected%s",
+               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "");
     if (e->n_views == 1)
         record_say(to, " (from one view, taken for all)\n");
     else
         record_say(to, " (views to %.0f°)\n", e->covered_deg);
-    if (e->pairs == 0)
-        record_say(to, "reciprocity  no pair of directions was measured both ways\n");
-    else
-        record_say(to,
-                   "reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the "
-                   "mean over texels, %d pairs; %.2f %% texel by texel\n",
-                   100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
+    record_int(to, "reciprocal_pairs", e->pairs);
+    record_say_if(
+        to, e->pairs > 0,
+        "reciprocity  %.2f{asymmetry:%%} RMS between B(v, l) / cos l and B(l, v) / cos v, "
+        "of the mean over texels, %d pairs; %.2f{texel_asymmetry:%%} texel by texel\n",
+        e->asymmetry, e->pairs, e->texel_asymmetry);
+    record_say_if(to, e->pairs == 0, "reciprocity  no pair of directions was measured both ways\n");
 }
 
 static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
-    record_int(to, "mdf_views", mdf->n_views);
-    record_int(to, "mdf_texels", mdf->texels);
-    record_int(to, "mdf_seen", mdf->seen);
-    record_int(to, "mdf_confirmed", mdf->confirmed);
-    record_int(to, "mdf_refuted", mdf->refuted);
-    record_int(to, "mdf_unknown", mdf->unknown);
-    record_double(to, "mdf_denied_share", mdf->denied_share);
-    record_int(to, "line_sweeps", mdf->lines.sweeps);
-    record_int(to, "lines_found", mdf->lines.found);
-    record_int(to, "lines_disagree", mdf->lines.disagree);
+    record_add(to,
+               "%d{mdf_views} %" G_GINT64_FORMAT "{mdf_texels} %" G_GINT64_FORMAT
+               "{mdf_seen} %" G_GINT64_FORMAT "{mdf_confirmed} %" G_GINT64_FORMAT
+               "{mdf_refuted} %" G_GINT64_FORMAT "{mdf_unknown}",
+               mdf->n_views, mdf->texels, mdf->seen, mdf->confirmed, mdf->refuted, mdf->unknown);
     record_say(
         to,
         "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
-        "%.2f %% hidden from all of them; %.2f %% of what other views say of it contradicts it\n",
+        "%.2f %% hidden from all of them; %.2f{mdf_denied_share:%%} of what other views say of it "
+        "contradicts it\n",
         percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
-        percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
-    if (mdf->lines.found > 0)
-        record_say(to,
-                   "laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
-                   "calibration, by %+.4f° at most\n",
-                   mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
-    record_double(to, "line_width", mdf->lines.width);
-    record_double(to, "line_scatter", mdf->lines.scatter);
+        percent(mdf->unknown, mdf->seen), mdf->denied_share);
+    record_int(to, "line_sweeps", mdf->lines.sweeps);
+    record_say_if(to, mdf->lines.found > 0,
+                  "laser lines  seen beside the sample in %d{lines_found} of %d sweeps; "
+                  "%d{lines_disagree} contradict the calibration, by %+.4f° at most\n",
+                  mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
+    record_add(to, "%g{line_width} %g{line_scatter}", mdf->lines.width, mdf->lines.scatter);
     g_autofree char *warning = mdf_lines_warning(mdf->lines.width, mdf->lines.scatter);
     if (warning)
         record_say(to, "laser light  %s\n", warning);
@@ -141,17 +132,16 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(path, &sigma);
     record_int(to, "sigma_known", sigma.known);
-    record_double(to, "sigma_median", sigma.median);
-    record_double(to, "sigma_relative", sigma.relative);
+    record_say_if(to, sigma.known > 0,
+                  "error bars   median σ %.4g{sigma_median}, %.2f{sigma_relative:%%} of a value\n",
+                  sigma.median, sigma.relative);
     record_int(to, "sigma_large", sigma.large);
     record_double(to, "sigma_worst", sigma.worst);
     if (sigma.known == 0) {
-        record_say(to, "error bars   not known: the noise of its cameras is not calibrated, or it "
-                       "was processed by an older version\n");
+        record_say(
+            to, "error bars   not known: the noise of the session's cameras is not calibrated\n");
         return;
     }
-    record_say(to, "error bars   median σ %.4g, %.2f %% of a value\n", sigma.median,
-               100 * sigma.relative);
     record_int(to, "sigma_worse", sigma.worse);
     /* What most pictures have is no warning: it would come in every session of a fine structure. */
     if (2 * sigma.large > sigma.known)
@@ -170,15 +160,16 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
                    sigma.worst_light_phi_deg);
 }
 
-static void cli_check_tell(Record *to, const struct check *check) {
+static void tell(Record *to, const struct check *check) {
     const struct btf_matrix *btf = check->btf;
     if (check->energy) {
         const gint64 all =
             btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
-        record_int(to, "holes", btf->holes);
-        record_int(to, "lower_bounds", btf->bounds);
-        record_int(to, "shorter_exposures", btf->shorter);
-        record_int(to, "predicted", btf->predicted);
+        record_add(to,
+                   "%" G_GINT64_FORMAT "{holes} %" G_GINT64_FORMAT
+                   "{lower_bounds} %" G_GINT64_FORMAT "{shorter_exposures} %" G_GINT64_FORMAT
+                   "{predicted}",
+                   btf->holes, btf->bounds, btf->shorter, btf->predicted);
         tell_energy(to, check->energy);
         record_say(
             to,
@@ -187,52 +178,42 @@ static void cli_check_tell(Record *to, const struct check *check) {
             "of other lights\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));
-        if (check->predicted.left_out > 0) {
-            record_int(to, "left_out_pictures", check->predicted.left_out);
-            record_double(to, "prediction_error", check->predicted.error);
-            record_say(to,
-                       "predicted    %d of %d pictures, left out by the capture; expected error "
-                       "%.2f %% of the BTF\n",
-                       check->predicted.left_out, check->predicted.pictures,
-                       100 * check->predicted.error);
-        }
-        record_string(to, "exposures", check->exposures);
-        if (check->exposures)
-            record_say(to, "exposures    %s\n", check->exposures);
+        if (check->predicted.left_out > 0)
+            record_say(
+                to,
+                "predicted    %d{left_out_pictures} of %d pictures, left out by the capture; "
+                "expected error %.2f{prediction_error:%%} of the BTF\n",
+                check->predicted.left_out, check->predicted.pictures, check->predicted.error);
+        record_say_if(to, check->exposures != NULL, "exposures    %s{exposures}\n",
+                      check->exposures);
         tell_sigma(to, check->path, check->exposures);
     }
     if (check->has_mdf)
         tell_surface(to, &check->mdf);
-    record_strings(to, "suspicions", check->suspicions);
-    for (guint i = 0; i < check->suspicions->len; i++)
-        record_say(to, "suspect      %s\n", (char *)check->suspicions->pdata[i]);
+    record_say_strings(to, "suspicions", "suspect      ", check->suspicions);
     if (check->plot && check->energy) {
         record_say(to, "plot         %s\n", plot_option);
         cli_tell_output(to, check->plot);
     }
 }
 
-static int texel_option = -1;
 static gboolean strict;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
-     "Draw the energy of each view and light into this .svg or .png", "FILE"},
-    {"texel", 0, 0, G_OPTION_ARG_INT, &texel_option,
-     "The texel that is drawn, counted row by row (the middle)", "N"},
-    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with 1 if anything is suspect", NULL},
+     "Draw the reflected energy by view and by light (.svg or .png)", "FILE"},
+    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with code 1 if something is suspect", NULL},
     {NULL},
 };
 
-static int cli_check_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct check check = {.path = call->arguments[0],
-                          .texel = texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
     g_autoptr(OutputFile) plot = plot_option ? cli_output(plot_option, "plot", error) : NULL;
     check.plot = plot;
     const gboolean ok = (!plot_option || plot) && cli_work_run(check_session, &check, NULL, error);
     const gboolean suspect = check.suspicions->len > 0;
     if (ok)
-        cli_check_tell(call->record, &check);
+        tell(call->record, &check);
     check_clear(&check);
     return ok && !(strict && suspect) ? CLI_DONE : CLI_FAILED;
 }
@@ -242,10 +223,10 @@ const struct command cli_check = {
     .arguments = "DIR",
     .examples = "  mesorig check weave.session --plot energy.svg\n"
                 "  mesorig check weave.session --strict && mesorig compress weave.session\n",
-    .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
-            "of views.",
+    .help = "Check whether the BTF and MDF of a session are plausible. Looks at energy, "
+            "reciprocity, and the agreement of views.",
     .options = entries,
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_check_run};
+    .run = run};

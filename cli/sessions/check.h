@@ -10,7 +10,6 @@
 struct check {
     const char *path;
     OutputFile *plot; /* NULL, or the picture to draw */
-    int texel;        /* the texel that is drawn; −1: the central one */
     /* found */
     struct btf_matrix *btf; /* NULL: there is none */
     struct energy *energy;
@@ -26,8 +25,8 @@ struct check {
 gboolean check_session(const struct work *work, gpointer data, GError **error);
 void check_clear(struct check *check);
 
-/* E_r of all views and E_i of all lights, of one texel and of the mean, as in Meseth et al. 2003
- * Fig. 3. */
+/* Draws E_r of all views and E_i of all lights, of the central texel and of the mean over texels,
+ * as in Meseth et al. 2003 Fig. 3. */
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
 

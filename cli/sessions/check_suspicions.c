@@ -37,6 +37,15 @@ struct exchanged { /* pair of indices into view × light */
     double cos_one, cos_other; /* of their lights */
 };
 
+/* Adds a sentence. */
+G_GNUC_PRINTF(2, 3)
+static void suspect(GPtrArray *to, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_ptr_array_add(to, g_strdup_vprintf(format, arguments));
+    va_end(arguments);
+}
+
 static double cos_deg(double deg) {
     return cos(deg * G_PI / 180);
 }
@@ -117,37 +126,37 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
     if (pairs->len < MIN_PAIRS || is < MIN_SKEW || least > is / BETTER)
         return;
     if (least == flat && p > 0)
-        g_ptr_array_add(
-            ret, g_strdup_printf("a level of %.3g lies under all values: without it reciprocity is "
-                                 "kept to %.2g %% instead of %.2g %%; subtract the cameras' black "
-                                 "level from the pictures, or keep other light out",
-                                 p, 100 * flat, 100 * is));
+        suspect(
+            ret,
+            "a level of %.3g lies under all values: without it the asymmetry is %.2g %% instead of "
+            "%.2g %%. Subtract the black level of the cameras from the pictures, or keep other "
+            "light out",
+            p, 100 * flat, 100 * is);
     else if (least == flat)
-        g_ptr_array_add(
-            ret, g_strdup_printf("%.3g has been taken off all values: with it reciprocity is kept "
-                                 "to %.2g %% instead of %.2g %%; subtract less than that from the "
-                                 "pictures as their black level",
-                                 -p, 100 * flat, 100 * is));
+        suspect(ret,
+                "%.3g has been taken off all values: with it the asymmetry is %.2g %% instead of "
+                "%.2g %%. Subtract a lower black level from the pictures",
+                -p, 100 * flat, 100 * is);
     else if (least == encoded)
-        g_ptr_array_add(
-            ret, g_strdup_printf("the values look as if linear pictures had been taken for sRGB: "
-                                 "to the power of 1/%g reciprocity is kept to %.2g %% instead of "
-                                 "%.2g %%; 8-bit pictures are taken for sRGB: give linear ones as "
-                                 "16-bit PNG or TIFF, or as EXR",
-                                 DISPLAY, 100 * encoded, 100 * is));
+        suspect(
+            ret,
+            "the values look as if linear pictures had been taken for sRGB: to the power of 1/%g "
+            "the asymmetry is %.2g %% instead of %.2g %%. Pictures of 8 bits are taken for sRGB. "
+            "Give linear pictures as 16-bit PNG or TIFF, or as EXR",
+            DISPLAY, 100 * encoded, 100 * is);
     else
-        g_ptr_array_add(
-            ret, g_strdup_printf("the values look as if sRGB pictures had been taken for linear: "
-                                 "to the power of %g reciprocity is kept to %.2g %% instead of "
-                                 "%.2g %%; 16-bit pictures and EXR are taken for linear: give "
-                                 "sRGB ones with 8 bits, or switch off the cameras' gamma",
-                                 DISPLAY, 100 * decoded, 100 * is));
+        suspect(
+            ret,
+            "the values look as if sRGB pictures had been taken for linear: to the power of %g "
+            "the asymmetry is %.2g %% instead of %.2g %%. Pictures of 16 bits and EXR are taken "
+            "for linear. Give sRGB pictures with 8 bits, or switch off the gamma of the cameras",
+            DISPLAY, 100 * decoded, 100 * is);
 }
 
-/* Lights that are dark in all views: B(v, l) / cos θ_l, the mean over texels, is below DEAD times
- * the upper quartile over the lights of each view, so that half of the lamps may be dead. A view's
- * own quartile is the measure, since a glossy dark material is dark under all lights but those that
- * it mirrors. An import may have seen dark pictures itself. */
+/* Finds lights that are dark in all views: B(v, l) / cos θ_l, the mean over texels, is below DEAD
+ * times the upper quartile over the lights of the view. Half of the lamps may be dead. Each view
+ * has its own quartile, because a glossy dark material is dark except under the lights that it
+ * mirrors. An import may have reported dark pictures already. */
 static void suspect_dead_lights(const struct btf_layout *layout, const double *means,
                                 GPtrArray *ret) {
     const gsize n_lights = layout->lights.n;
@@ -184,12 +193,11 @@ static void suspect_dead_lights(const struct btf_layout *layout, const double *m
     if (n_dark > FEW_NAMES)
         g_string_append_printf(names, " and %d more", n_dark - FEW_NAMES);
     if (n_dark > 0)
-        g_ptr_array_add(
-            ret, g_strdup_printf(
-                     "%d of %d lights %s near zero in all views (θ φ %s), below %.0f %% "
-                     "of the other lights: did a lamp not shine? Capture these pictures "
-                     "again, or import without them",
-                     n_dark, (int)n_lights, n_dark == 1 ? "is" : "are", names->str, 100 * DEAD));
+        suspect(
+            ret,
+            "%d of %d lights %s near zero in all views (θ φ %s), below %.0f %% of the other "
+            "lights: did a lamp not shine? Capture these pictures again, or import without them",
+            n_dark, (int)n_lights, n_dark == 1 ? "is" : "are", names->str, 100 * DEAD);
 }
 
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
@@ -205,41 +213,34 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
     if (ret->len > before) /* wrong tones and dark pictures make wrong energies */
         return TRUE;
     if (energy->largest_albedo > MAX_ALBEDO)
-        g_ptr_array_add(
-            ret,
-            g_strdup_printf("%.3g times a light's energy is reflected: is the white tile darker "
-                            "than --reflectance said, or an exposure noted too short (s or ms "
-                            "for another unit)?",
-                            energy->largest_albedo));
+        suspect(ret,
+                "%.3g times a light's energy is reflected: is the white tile darker than "
+                "--reflectance said, or is an exposure time too short (another unit)?",
+                energy->largest_albedo);
     else if (energy->largest_albedo < MIN_ALBEDO)
-        g_ptr_array_add(
-            ret, g_strdup_printf("only %.2g of a light's energy is reflected, less than from the "
-                                 "blackest paint: is an exposure noted too long (µs or ms for "
-                                 "another unit), or is it a picture without light?",
-                                 energy->largest_albedo));
+        suspect(
+            ret,
+            "only %.2g of a light's energy is reflected, less than from the blackest paint: is an "
+            "exposure time too long (another unit), or was a picture taken without light?",
+            energy->largest_albedo);
     return TRUE;
 }
 
 void check_suspect_mdf(const struct mdf_views_sums *mdf, const struct session_grid *grid,
                        GPtrArray *ret) {
-    if (mdf->above > MAX_ABOVE * (double)mdf->texels) {
-        g_ptr_array_add(
+    if (mdf->above > MAX_ABOVE * (double)mdf->texels)
+        suspect(
             ret,
-            g_strdup_printf("the laser shows %.1f %% of the surface above the reference plane "
-                            "at reference_mm = %g, and it is not measured there: the plane "
-                            "must touch the highest points; give a higher one (reference_mm "
-                            "in [sample] of the session file, --reference of mesorig import "
-                            "poses)",
-                            100.0 * (double)mdf->above / (double)mdf->texels, grid->reference_mm));
-        return;
-    }
-    if (mdf->texels == 0 || mdf->seen >= MIN_SEEN * mdf->texels)
-        return;
-    g_ptr_array_add(
-        ret, g_strdup_printf("only %.0f %% of the surface is seen, and points far below "
-                             "depth_mm = %g are left out: does the structure reach deeper "
-                             "below the reference plane? Give its depth (--depth of mesorig "
-                             "import poses, depth_mm in [sample] of the session file) and "
-                             "its reference plane",
-                             100.0 * (double)mdf->seen / (double)mdf->texels, grid->depth_mm));
+            "the laser shows %.1f %% of the surface above the reference plane at reference_mm = "
+            "%g, and it is not measured there. The plane must touch the highest points. Give a "
+            "higher one (reference_mm in [sample] of the session file, --reference of mesorig "
+            "import poses)",
+            100.0 * (double)mdf->above / (double)mdf->texels, grid->reference_mm);
+    else if (mdf->texels > 0 && mdf->seen < MIN_SEEN * mdf->texels)
+        suspect(
+            ret,
+            "only %.0f %% of the surface is seen, and points far below depth_mm = %g are left out: "
+            "is the structure deeper? Give its depth (depth_mm in [sample] of the session file, "
+            "--depth of mesorig import poses) and its reference plane",
+            100.0 * (double)mdf->seen / (double)mdf->texels, grid->depth_mm);
 }

@@ -98,17 +98,13 @@ static void tell_prediction(Record *to, Session *session) {
     prediction_product_read(session, &known);
     if (known.left_out == 0)
         return;
-    record_int(to, "left_out_pictures", known.left_out);
-    record_double(to, "prediction_error", known.error);
-    record_double(to, "prediction_left_out_error", known.left_out_error);
-    record_double(to, "prediction_left_out_share", known.left_out_share);
-    record_say(
-        to,
-        "predicted  %d of %d pictures, left out by the capture; expected error %.2f %% of the "
-        "BTF. Pictures that were taken are predicted from the others to %.2f %%, %.1f %% of "
-        "their values within 2 σ\n",
-        known.left_out, known.pictures, 100 * known.error, 100 * known.left_out_error,
-        100 * known.left_out_share);
+    record_say(to,
+               "predicted  %d{left_out_pictures} of %d pictures, left out by the capture; expected "
+               "error %.2f{prediction_error:%%} of the BTF. Pictures that were taken are predicted "
+               "from the others to %.2f{prediction_left_out_error:%%}, "
+               "%.1f{prediction_left_out_share:%%} of their values within 2 σ\n",
+               known.left_out, known.pictures, known.error, known.left_out_error,
+               known.left_out_share);
 }
 
 static void tell_products(Record *to, const char *directory) {
@@ -118,39 +114,30 @@ static void tell_products(Record *to, const char *directory) {
     const struct btf_flag_counts marks = count_marks(directory, list);
     int n_views = 0;
     gint64 view_bytes = 0;
-    record_int(to, "btf_values", marks.texels);
-    record_int(to, "btf_holes", marks.holes);
-    record_int(to, "btf_lower_bounds", marks.bounds);
-    record_int(to, "btf_shorter_exposures", marks.shorter);
-    record_int(to, "btf_predicted", marks.predicted);
+    record_say_if(to, marks.holes + marks.bounds + marks.shorter + marks.predicted > 0,
+                  "flags      of %" G_GINT64_FORMAT "{btf_values} values: %" G_GINT64_FORMAT
+                  "{btf_holes} holes, %" G_GINT64_FORMAT
+                  "{btf_lower_bounds} lower bounds (saturated), %" G_GINT64_FORMAT
+                  "{btf_shorter_exposures} from shorter exposures only, %" G_GINT64_FORMAT
+                  "{btf_predicted} of pictures that were not taken, predicted from other lights\n",
+                  marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
     record_begin_list(to, "products");
     for (guint i = 0; i < list->len; i++) {
         g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
+        const gboolean is_view = g_str_has_prefix(list->pdata[i], "products/btf/");
         GStatBuf status;
         const gint64 bytes = g_stat(path, &status) == 0 ? status.st_size : 0;
         record_begin(to, NULL);
-        record_string(to, "path", list->pdata[i]);
-        record_int(to, "bytes", bytes);
+        record_say_if(to, !is_view, "product    %s{path}, %" G_GINT64_FORMAT "{bytes:size}\n",
+                      (const char *)list->pdata[i], bytes);
         record_end(to);
-        if (g_str_has_prefix(list->pdata[i], "products/btf/")) {
-            n_views++;
-            view_bytes += bytes;
-            continue;
-        }
-        g_autofree char *size = g_format_size((guint64)bytes);
-        record_say(to, "product    %s, %s\n", (const char *)list->pdata[i], size);
+        n_views += is_view;
+        view_bytes += is_view ? bytes : 0;
     }
     record_end(to);
-    g_autofree char *size = g_format_size((guint64)view_bytes);
     if (n_views)
-        record_say(to, "product    products/btf, %d %s, %s\n", PLURAL(n_views, "view"), size);
-    if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
-        record_say(to,
-                   "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
-                   " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
-                   " from shorter exposures only, %" G_GINT64_FORMAT
-                   " of pictures that were not taken, predicted from other lights\n",
-                   marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
+        record_say(to, "product    products/btf, %d %s, %" G_GINT64_FORMAT "{:size}\n",
+                   PLURAL(n_views, "view"), view_bytes);
 }
 
 /* Tells only medians; `mesorig check` tells which pictures are worse. */
@@ -158,21 +145,19 @@ static void tell_sigma(Record *to, const char *directory) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(directory, &sigma);
     record_int(to, "btf_sigma_known", sigma.known);
-    record_double(to, "btf_sigma_median", sigma.median);
-    record_double(to, "btf_sigma_relative", sigma.relative);
-    if (sigma.known > 0)
-        record_say(to, "error bars median σ %.4g, %.2f %% of a value, in %d of %d pictures\n",
-                   sigma.median, 100 * sigma.relative, sigma.known, sigma.lights);
+    record_say_if(to, sigma.known > 0,
+                  "error bars median σ %.4g{btf_sigma_median}, %.2f{btf_sigma_relative:%%} of a "
+                  "value, in %d of %d pictures\n",
+                  sigma.median, sigma.relative, sigma.known, sigma.lights);
 }
 
 /* Tells the calibration of the products, or the calibration that they would be made with. */
 static gboolean tell_calibration(Record *to, Session *session, GError **error) {
     struct archive_calibration with;
     g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
-    record_string(to, "calibration", with.said);
+    record_say(to, "calibrated %s{calibration}\n", with.said);
     record_boolean(to, "calibration_own", with.own);
     record_boolean(to, "calibration_mixed", with.mixed);
-    record_say(to, "calibrated %s\n", with.said);
     archive_calibration_clear(&with);
     return calibration != NULL;
 }
@@ -187,14 +172,9 @@ static void tell_events(Record *to, const GPtrArray *events) {
     for (guint i = 0; i < events->len; i++) {
         const struct session_event *event = events->pdata[i];
         record_begin(to, NULL);
-        record_double(to, "time_s", event->time_s);
-        record_string(to, "level", event->level);
-        record_string(to, "source", event->source);
-        record_string(to, "message", event->message);
+        record_say_if(to, i >= from, "%9.0f{time_s} s  %-8s{level} %s{source}: %s{message}\n",
+                      event->time_s, event->level, event->source, event->message);
         record_end(to);
-        if (i >= from)
-            record_say(to, "%9.0f s  %-8s %s: %s\n", event->time_s, event->level, event->source,
-                       event->message);
     }
     record_end(to);
 }
@@ -206,18 +186,15 @@ static void tell_sweeps(Record *to, Session *session, const struct counts *count
     g_autofree char *worst = session_value(session, ADAPTIVE_WORST_PCT);
     if (!known || !worst)
         return;
-    record_int(to, "sweeps_done", counts->sweeps);
-    record_int(to, "sweeps_left_out", counts->sweeps_left_out);
-    record_double(to, "sweeps_known_pct", g_ascii_strtod(known, NULL));
-    record_double(to, "sweeps_worst_view_pct", g_ascii_strtod(worst, NULL));
-    record_say(to, "sweeps     %d taken, ", counts->sweeps);
-    if (counts->sweeps_left_out > 0)
-        record_say(to, "%d left out as they would hardly add anything", counts->sweeps_left_out);
-    else
-        record_say(to, "which are all");
-    record_say(
-        to, "; two sweeps or more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
-        g_ascii_strtod(known, NULL), g_ascii_strtod(worst, NULL));
+    record_say(to, "sweeps     %d{sweeps_done} taken, ", counts->sweeps);
+    record_say_if(to, counts->sweeps_left_out > 0,
+                  "%d{sweeps_left_out} left out as they would hardly add anything",
+                  counts->sweeps_left_out);
+    record_say(to,
+               "%s; two sweeps or more agree on %.2f{sweeps_known_pct} %% of what views see, "
+               "%.1f{sweeps_worst_view_pct} %% in the worst view\n",
+               counts->sweeps_left_out > 0 ? "" : "which are all", g_ascii_strtod(known, NULL),
+               g_ascii_strtod(worst, NULL));
 }
 
 /* Tells how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
@@ -235,15 +212,13 @@ static void tell_lamps(Record *to, Session *session, const struct counts *counts
         n += *(const char *)shots != '\0'; /* the last one has none */
     record_int(to, "lamps_done", counts->lamps);
     record_int(to, "lamps_left_out", counts->lamps_left_out);
-    record_int(to, "lamps_rounds", n);
-    record_double(to, "lamps_expected_error_pct", g_ascii_strtod(expected, NULL));
-    record_say(to, "lamps      %d %s taken in %d %s", PLURAL(counts->lamps, "shot"),
+    record_say(to, "lamps      %d %s taken in %d{lamps_rounds} %s", PLURAL(counts->lamps, "shot"),
                PLURAL(n, "round"));
     if (counts->lamps_left_out > 0)
         record_say(to, ", %d left out", counts->lamps_left_out);
     record_say(to,
-               "; an error of %.2f %% is expected in all pictures where the others are "
-               "predicted\n",
+               "; an error of %.2f{lamps_expected_error_pct} %% is expected in all pictures where "
+               "the others are predicted\n",
                g_ascii_strtod(expected, NULL));
 }
 
@@ -252,51 +227,35 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
                              const GPtrArray *events, GError **error) {
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
-    g_autofree char *size = g_format_size((guint64)counts->bytes);
     /* The message that explains why the session is not running. */
     g_autofree char *reason =
         strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
     g_autofree char *chosen = session_value(session, "chosen");
     record_string(to, "kind", "session");
-    record_string(to, "name", session_name(session));
-    record_string(to, "session", directory);
-    record_string(to, "state", state);
-    record_string(to, "reason", reason);
-    record_string(to, "imported", imported);
-    record_string(to, "chosen", chosen);
-    record_int(to, "width", grid->width);
-    record_int(to, "height", grid->height);
-    record_double(to, "width_mm", grid->width_mm);
-    record_double(to, "height_mm", grid->height_mm);
-    record_int(to, "views", counts->views);
-    record_int(to, "lights", counts->lights);
-    record_int(to, "lasers", counts->lasers);
-    record_int(to, "shots", shots);
-    record_int(to, "shots_done", counts->done);
-    record_int(to, "shots_skipped", counts->skipped);
-    record_int(to, "frames", counts->frames);
-    record_int(to, "retakes", counts->retakes);
-    record_int(to, "bytes", counts->bytes);
-    record_say(to, "session    %s, %s\n", session_name(session), directory);
-    record_say(to, "state      %s\n", state);
-    if (reason && *reason)
-        record_say(to, "reason     %s\n", reason);
-    if (imported)
-        record_say(to, "made of    %s\n", imported);
+    record_say(to, "session    %s{name}, %s{session}\n", session_name(session), directory);
+    record_say(to, "state      %s{state}\n", state);
+    record_say_if(to, reason && *reason, "reason     %s{reason}\n", reason);
+    record_say_if(to, imported != NULL, "made of    %s{imported}\n", imported);
     if (strcmp(state, "done") != 0)
         record_say(to, "to go on   mesorig resume %s\n", directory);
-    record_say(to, "sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm,
-               grid->width, grid->height);
-    record_say(to, "directions %d %s, %d %s, %d %s\n", PLURAL(counts->views, "view"),
-               PLURAL(counts->lights, "light"), PLURAL(counts->lasers, "laser position"));
+    record_string(to, "chosen", chosen);
+    record_add(to, "%d{width} %d{height}", grid->width, grid->height);
+    record_say(to, "sample     %g{width_mm} × %g{height_mm} mm, %d × %d texels\n", grid->width_mm,
+               grid->height_mm, grid->width, grid->height);
+    record_say(to, "directions %d{views} %s, %d{lights} %s, %d{lasers} %s\n",
+               PLURAL(counts->views, "view"), PLURAL(counts->lights, "light"),
+               PLURAL(counts->lasers, "laser position"));
+    record_int(to, "shots", shots);
+    record_say(to, "shots      %d{shots_done} of %d done, %d{shots_skipped} skipped\n",
+               counts->done, shots, counts->skipped);
+    record_say(
+        to, "files      %d{frames} of frames, %d{retakes} %s, %" G_GINT64_FORMAT "{bytes:size}\n",
+        counts->frames, PLURAL(counts->retakes, "retake"), counts->bytes);
     tell_sweeps(to, session, counts);
     tell_lamps(to, session, counts);
     if (chosen)
         record_say(to, "chosen     %s\n", chosen);
-    record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
-    record_say(to, "files      %d of frames, %s, %d %s\n", counts->frames, size,
-               PLURAL(counts->retakes, "retake"));
     if (!imported && !tell_calibration(to, session, error))
         return FALSE;
     tell_products(to, directory);
@@ -345,22 +304,18 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
         g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
     record_begin(to, NULL);
     record_string(to, "name", part->name);
-    record_int(to, "width", part->width);
-    record_int(to, "height", part->height);
-    record_string(to, "type", type);
+    record_say_if(to, shown, "%-24s %d{width} × %d{height}, %s{type}, %s\n",
+                  part->name ? part->name : "(no name)", part->width, part->height, type,
+                  channels->str);
     record_variant(to, "channels",
                    g_variant_new_strv((const char *const *)part->channels, part->n_channels));
-    if (shown)
-        record_say(to, "%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)",
-                   part->width, part->height, type, channels->str);
     record_begin(to, "attributes");
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = part->attributes->pdata[i];
         g_autoptr(GVariant) value = g_variant_ref_sink(attribute_variant(attribute));
         g_autofree char *text = g_variant_print(value, FALSE);
         record_variant(to, attribute->name, value);
-        if (shown)
-            record_say(to, "    %-24s %s\n", attribute->name, text);
+        record_say_if(to, shown, "    %-24s %s\n", attribute->name, text);
     }
     record_end(to);
     record_end(to);
@@ -426,7 +381,7 @@ static gboolean exr(const char *path, Record *to, GError **error) {
 static char *history_option;
 static const GOptionEntry entries[] = {
     {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
-     "Also draw the course of the capture of DIR over time", "FILE.svg|FILE.png"},
+     "Draw the course of the capture over time", "FILE.svg|FILE.png"},
     {NULL},
 };
 
@@ -436,7 +391,7 @@ static gboolean draw_history(const char *path, OutputFile *to, GError **error) {
     return written && output_file_end(to, history_draw(session, written, error), error);
 }
 
-static int cli_info_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
@@ -457,9 +412,9 @@ const struct command cli_info = {.name = "info",
                                  .arguments = "FILE|DIR",
                                  .examples = "  mesorig info weave.session\n"
                                              "  mesorig info weave.session --history course.svg\n",
-                                 .help = "Show the contents of a session or an EXR.",
+                                 .help = "Show the contents of a session or of an EXR file.",
                                  .options = entries,
                                  .writes = TRUE,
                                  .min = 1,
                                  .max = 1,
-                                 .run = cli_info_run};
+                                 .run = run};

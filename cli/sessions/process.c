@@ -40,41 +40,31 @@ static void tell_lines(Record *to, const struct pipeline_result *result, gboolea
 
 static void tell_result(Record *to, const struct pipeline_result *result,
                         const struct calibration *calibration, double seconds) {
-    g_autofree char *time = report_duration(seconds);
-    record_int(to, "views", result->n_views);
-    record_int(to, "lights", result->n_lights);
-    record_int(to, "predicted_pictures", result->n_predicted);
-    record_int(to, "left_out_pictures", result->n_left_out);
+    record_say(to, "done in %g{:time}", seconds);
+    record_say_if(to, result->n_views > 0, ": BTF of %d{views} %s × %d{lights} %s",
+                  PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"));
+    record_add(to, "%d{predicted_pictures} %d{left_out_pictures}", result->n_predicted,
+               result->n_left_out);
     if (result->n_left_out > 0)
         record_double(to, "prediction_error", result->prediction_error);
-    record_int(to, "mdf_views", result->n_mdf_views);
-    record_int(to, "damaged_products", result->n_damaged);
-    record_double(to, "eigenmaps_error", result->eigenmaps_error);
-    record_double(to, "mdf_coverage", result->mdf_coverage);
-    record_double(to, "mdf_predicted", result->mdf_predicted);
-    record_int(to, "line_sweeps", result->line_sweeps);
-    record_int(to, "lines_found", result->lines_found);
-    record_int(to, "lines_disagree", result->lines_disagree);
-    record_double(to, "lines_rms_deg", result->lines_rms_deg);
-    record_double(to, "lines_worst_deg", result->lines_worst_deg);
-    record_double(to, "line_width", result->line_width);
-    record_double(to, "line_scatter", result->line_scatter);
-    record_double(to, "real_s", seconds);
-    record_say(to, "done in %s", time);
-    if (result->n_views > 0)
-        record_say(to, ": BTF of %d %s × %d %s", PLURAL(result->n_views, "view"),
-                   PLURAL(result->n_lights, "light"));
-    if (result->n_mdf_views > 0)
-        record_say(to,
-                   "%s MDF of %d %s with %.1f %% of the texels measured and %.2f %% predicted "
-                   "by other views",
-                   result->n_views > 0 ? "," : ":", PLURAL(result->n_mdf_views, "view"),
-                   100 * result->mdf_coverage, 100 * result->mdf_predicted);
+    record_add(to, "%d{mdf_views} %d{damaged_products} %g{eigenmaps_error}", result->n_mdf_views,
+               result->n_damaged, result->eigenmaps_error);
+    record_say_if(to, result->n_mdf_views > 0,
+                  "%s MDF of %d %s with %.1f{mdf_coverage:%%} of the texels measured and "
+                  "%.2f{mdf_predicted:%%} predicted by other views",
+                  result->n_views > 0 ? "," : ":", PLURAL(result->n_mdf_views, "view"),
+                  result->mdf_coverage, result->mdf_predicted);
     if (result->n_views > 0)
         record_say(to,
-                   ", eigen-maps with an error of %.2f %% (mesorig compress makes closer files)",
-                   100 * result->eigenmaps_error);
+                   ", eigen-maps with an error of %.2f{:%%} (mesorig compress makes closer files)",
+                   result->eigenmaps_error);
     record_say(to, "\n");
+    record_add(to, "%d{line_sweeps} %d{lines_found} %d{lines_disagree}", result->line_sweeps,
+               result->lines_found, result->lines_disagree);
+    record_add(to,
+               "%g{lines_rms_deg} %g{lines_worst_deg} %g{line_width} %g{line_scatter} %g{real_s}",
+               result->lines_rms_deg, result->lines_worst_deg, result->line_width,
+               result->line_scatter, seconds);
     if (result->n_damaged > 0)
         record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
                    result->n_damaged == 1 ? "product was" : "products were",
@@ -83,8 +73,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     if (result->n_left_out > 0)
         record_say(to,
                    "%d of the BTF's %d pictures were left out by the capture: predicted from all "
-                   "others and marked, with an expected error of %.2f %% of the BTF\n",
-                   result->n_left_out, n_pictures, 100 * result->prediction_error);
+                   "others and marked, with an expected error of %.2f{:%%} of the BTF\n",
+                   result->n_left_out, n_pictures, result->prediction_error);
     if (result->n_predicted > result->n_left_out)
         record_say(
             to,
@@ -101,9 +91,8 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     struct archive_calibration with = {0};
     struct calibration *calibration = session ? archive_calibration(session, &with, error) : NULL;
-    record_string(to, "calibration", with.said);
-    if (!told || !with.own || with.mixed)
-        record_say(to, "calibration: %s\n", with.said);
+    record_say_if(to, !told || !with.own || with.mixed, "calibration: %s{calibration}\n",
+                  with.said);
     archive_calibration_clear(&with);
     return calibration;
 }
@@ -149,9 +138,7 @@ static int run_process(struct process *process, Record *to, GError **error) {
     if (!calibration)
         return CLI_FAILED;
     tell_result(to, &process->result, calibration, seconds);
-    record_strings(to, "causes", causes);
-    for (guint i = 0; i < causes->len; i++)
-        record_say(to, "%s\n", (char *)causes->pdata[i]);
+    record_say_strings(to, "causes", "", causes);
     return CLI_DONE;
 }
 
@@ -177,20 +164,20 @@ static char *read_calibration(const char *directory, const char *path, GError **
 static gboolean follow_option;
 static char *calibration_option, *lines_option;
 static const GOptionEntry entries[] = {
-    {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
-     NULL},
+    {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option,
+     "Process the frames of a capture until it ends", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Process with this calibration instead of the session's own; “nominal” means without a "
-     "calibration",
+     "Use this calibration instead of that of the session; “nominal” uses the positions in the rig "
+     "file",
      "FILE"},
     {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
-     "Find the laser's line by the pixels' peak times (the default), or in each picture for "
-     "comparison. The latter needs a session with keep_laser_frames",
+     "Find laser lines by the peak of each pixel, or in each picture for comparison, which needs "
+     "keep_laser_frames in the session (peaks)",
      "peaks|pictures"},
     {NULL},
 };
 
-static int cli_process_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     const char *directory = call->arguments[0];
     const gboolean pictures = g_strcmp0(lines_option, "pictures") == 0;
     if (lines_option && !pictures && !g_str_equal(lines_option, "peaks"))
@@ -212,9 +199,9 @@ const struct command cli_process = {.name = "process",
                                     .examples =
                                         "  mesorig process weave.session\n"
                                         "  mesorig process weave.session -c better.calibration\n",
-                                    .help = "Make BTF, MDF and eigen-maps of a session.",
+                                    .help = "Compute the BTF, the MDF and eigen-maps of a session.",
                                     .options = entries,
                                     .streams = TRUE,
                                     .min = 1,
                                     .max = 1,
-                                    .run = cli_process_run};
+                                    .run = run};

@@ -18,11 +18,11 @@
 static char *output_option;
 static gboolean crate_option, no_verify_option;
 static const GOptionEntry entries[] = {
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Page to write", "FILE.html"},
     {"crate", 0, 0, G_OPTION_ARG_NONE, &crate_option,
-     "Write DIR/ro-crate-metadata.json, which repositories of data read", NULL},
+     "Write DIR/ro-crate-metadata.json, for repositories of research data", NULL},
     {"no-verify", 0, 0, G_OPTION_ARG_NONE, &no_verify_option,
-     "Do not read all files to compare their checksums", NULL},
+     "Do not compare the checksums of files", NULL},
     {NULL},
 };
 
@@ -34,8 +34,8 @@ struct report {
 
 /* Adds the findings of `mesorig check`. */
 static gboolean add_measurement(struct archive *archive, const struct work *work, GError **error) {
-    struct check check = {
-        .path = archive->path, .texel = -1, .suspicions = g_ptr_array_new_with_free_func(g_free)};
+    struct check check = {.path = archive->path,
+                          .suspicions = g_ptr_array_new_with_free_func(g_free)};
     const gboolean ok = check_session(work, &check, error);
     const struct energy *energy = ok ? check.energy : NULL;
     if (energy)
@@ -65,7 +65,7 @@ static gboolean add_measurement(struct archive *archive, const struct work *work
     return ok;
 }
 
-static gboolean cli_report_work(const struct work *work, gpointer data, GError **error) {
+static gboolean work_report(const struct work *work, gpointer data, GError **error) {
     struct report *report = data;
     g_autoptr(Archive) archive = archive_read(report->path, !no_verify_option, work, error);
     if (!archive || (output_option && !archive_add_pictures(archive, work, error)))
@@ -123,12 +123,12 @@ static gboolean write_files(const struct report *report, GError **error) {
     return output_file_put(report->crate, crate, strlen(crate), error);
 }
 
-static int cli_report_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct report report = {.path = call->arguments[0]};
     if (!output_option && !crate_option)
         return cli_usage(call->command, "there is nothing to write: give -o FILE.html or --crate");
     const gboolean ok = choose_files(&report, error) &&
-                        cli_work_run(cli_report_work, &report, NULL, error) &&
+                        cli_work_run(work_report, &report, NULL, error) &&
                         write_files(&report, error);
     g_autoptr(OutputFile) page_file = report.page, crate_file = report.crate;
     g_autoptr(Archive) archive = report.archive;
@@ -136,21 +136,16 @@ static int cli_report_run(const struct call *call, GError **error) {
         return CLI_FAILED;
     Record *to = call->record;
     const char *verdict = archive_verdict_name(archive_verdict(archive));
-    record_string(to, "session", archive->path);
-    record_string(to, "file", output_option);
+    record_add(to, "%s{session} %s{file}", archive->path, output_option);
     record_boolean(to, "crate", crate_option);
     record_string(to, "verdict", verdict);
     record_begin_list(to, "checks");
     for (guint i = 0; i < archive->checks->len; i++) {
         const struct archive_check *check = archive->checks->pdata[i];
         record_begin(to, NULL);
-        record_string(to, "verdict", archive_verdict_name(check->verdict));
-        record_string(to, "name", check->name);
-        record_string(to, "said", check->said);
+        record_say_if(to, check->verdict != ARCHIVE_PASS, "%-8s{verdict} %s{name}: %s{said}\n",
+                      archive_verdict_name(check->verdict), check->name, check->said);
         record_end(to);
-        if (check->verdict != ARCHIVE_PASS)
-            record_say(to, "%-8s %s: %s\n", archive_verdict_name(check->verdict), check->name,
-                       check->said);
     }
     record_end(to);
     record_say(to, "%s: %u checks, all together: %s\n", archive->name, archive->checks->len,
@@ -169,9 +164,9 @@ const struct command cli_report = {
     .name = "report",
     .arguments = "DIR -o FILE.html",
     .examples = "  mesorig report weave.session -o weave.html\n",
-    .help = "Write a report of a session as a page, and metadata for an archive.",
+    .help = "Write a report of a session, and metadata for archives of data.",
     .options = entries,
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = cli_report_run};
+    .run = run};

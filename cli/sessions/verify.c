@@ -55,7 +55,7 @@ static void find_unknown(struct verify *verify, const char *folder, GHashTable *
     }
 }
 
-static gboolean cli_verify_work(const struct work *work, gpointer data, GError **error) {
+static gboolean work_verify(const struct work *work, gpointer data, GError **error) {
     struct verify *verify = data;
     g_autoptr(Session) session = session_open(verify->path, SESSION_PRODUCTS, NULL);
 
@@ -91,9 +91,7 @@ static void add_damages(Record *to, const GPtrArray *damages, gboolean missing) 
         if (damage->missing != missing)
             continue;
         record_begin(to, NULL);
-        record_string(to, "path", damage->path);
-        record_string(to, "what", damage->what);
-        record_string(to, "repair", damage->remedy);
+        record_add(to, "%s{path} %s{what} %s{repair}", damage->path, damage->what, damage->remedy);
         record_end(to);
     }
 }
@@ -109,10 +107,9 @@ static void tell_damages(Record *to, const GPtrArray *damages, GPtrArray *remedi
     }
 }
 
-static void cli_verify_tell(Record *to, const struct verify *verify) {
+static void tell(Record *to, const struct verify *verify) {
     g_autoptr(GPtrArray) remedies = g_ptr_array_new();
-    record_int(to, "frames", verify->n_frames);
-    record_int(to, "products", verify->n_products);
+    record_add(to, "%d{frames} %d{products}", verify->n_frames, verify->n_products);
     for (int missing = 0; missing < 2; missing++) {
         record_begin_list(to, missing ? "missing" : "damaged");
         add_damages(to, verify->frames, missing);
@@ -143,11 +140,11 @@ static void cli_verify_tell(Record *to, const struct verify *verify) {
                    verify->not_noted->message);
 }
 
-static int cli_verify_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct verify verify = {.path = call->arguments[0]};
-    gboolean whole = cli_work_run(cli_verify_work, &verify, NULL, error);
+    gboolean whole = cli_work_run(work_verify, &verify, NULL, error);
     if (whole) {
-        cli_verify_tell(call->record, &verify);
+        tell(call->record, &verify);
         whole = verify.frames->len + verify.products->len + verify.unknown->len == 0;
     }
     g_clear_pointer(&verify.frames, g_ptr_array_unref);
@@ -158,12 +155,11 @@ static int cli_verify_run(const struct call *call, GError **error) {
     return whole ? CLI_DONE : CLI_FAILED;
 }
 
-const struct command cli_verify = {
-    .name = "verify",
-    .arguments = "DIR",
-    .examples = "  mesorig verify weave.session\n",
-    .help =
-        "Compare every file of a session with its checksum, and show the command that repairs it.",
-    .min = 1,
-    .max = 1,
-    .run = cli_verify_run};
+const struct command cli_verify = {.name = "verify",
+                                   .arguments = "DIR",
+                                   .examples = "  mesorig verify weave.session\n",
+                                   .help = "Compare every file of a session with its checksum. "
+                                           "Shows the command that repairs a damaged file.",
+                                   .min = 1,
+                                   .max = 1,
+                                   .run = run};

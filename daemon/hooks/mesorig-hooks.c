@@ -1,11 +1,9 @@
 /* mesorig-hooks: tells others what happens to captures and to the rig. It is a separate process
  * that receives the daemon's signals and has no rights to call methods. */
-#include "base/help_text.h"
-#include "base/nearest.h"
+#include "base/program.h"
 #include "hooks.h"
 
 #include <glib-unix.h>
-#include <locale.h>
 #include <signal.h>
 #include <string.h>
 #include <systemd/sd-daemon.h>
@@ -16,7 +14,7 @@
 #define AGAIN_S 2 /* seconds until a daemon that has gone is searched for again */
 
 static char *address, *bus, *conf_path;
-static gboolean desktop, check, version;
+static gboolean desktop, check;
 
 static const GOptionEntry entries[] = {
     {"config", 0, 0, G_OPTION_ARG_FILENAME, &conf_path,
@@ -29,7 +27,6 @@ static const GOptionEntry entries[] = {
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
      "Connect to the daemon's own socket, not to a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -234,27 +231,20 @@ static int run(const struct hooks_conf *conf, GError **error) {
     return program.exit_code;
 }
 
+static const struct command_line command_line = {
+    .name = "mesorig-hooks",
+    .summary = "Tells others of captures.",
+    .options = entries,
+};
+
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    signal(SIGPIPE, SIG_IGN);
-    g_autoptr(GOptionContext) context = g_option_context_new("— tell others of captures");
     g_autoptr(GError) error = NULL;
     g_auto(HooksConf) conf = {0};
-    g_option_context_add_main_entries(context, entries, NULL);
-    help_text_answer(context, argc, argv);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 ||
-        (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
-        if (error)
-            nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        g_printerr("mesorig-hooks: %s\n", error      ? error->message
-                                          : argc > 1 ? "it takes only options, no other arguments"
-                                                     : "--bus must be system or session");
-        return 2;
-    }
-    if (version) {
-        g_print("mesorig-hooks %s\n", MESORIG_VERSION);
-        return 0;
-    }
+    signal(SIGPIPE, SIG_IGN);
+    program_parse(&command_line, &argc, &argv);
+    if (bus && !g_str_equal(bus, "system") && !g_str_equal(bus, "session"))
+        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
+                             bus);
     const char *path = conf_path                                     ? conf_path
                        : g_file_test(HOOKS_CONF, G_FILE_TEST_EXISTS) ? HOOKS_CONF
                                                                      : NULL;

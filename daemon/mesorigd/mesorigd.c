@@ -1,6 +1,5 @@
 /* mesorigd: opens the devices of a rig and runs sessions, controlled over D-Bus. */
-#include "base/help_text.h"
-#include "base/nearest.h"
+#include "base/program.h"
 #include "bus/bus.h"
 #include "bus/preparer.h"
 #include "drivers/lock.h"
@@ -8,7 +7,6 @@
 #include "rig/safe_work.h"
 
 #include <glib-unix.h>
-#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -24,7 +22,7 @@ struct daemon {
 };
 
 static char *bus_kind, *listen_address, *rig_path, *queue_path, *safe_path, *guardian_path;
-static gboolean exit_with_client, prepare, version;
+static gboolean exit_with_client, prepare;
 
 static const GOptionEntry entries[] = {
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Own the name on this bus: system or session",
@@ -42,7 +40,6 @@ static const GOptionEntry entries[] = {
      "Make this rig safe when the daemon that started this process has ended", "RIG"},
     {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
      "Work for the mesorigd that has started this one", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -223,31 +220,16 @@ static int serve(void) {
     return daemon.exit_code;
 }
 
-static int usage(const char *message) {
-    g_printerr("mesorigd: %s\nTry: mesorigd --help\n", message);
-    return 2;
-}
+static const struct command_line command_line = {
+    .name = "mesorigd",
+    .summary = "Runs a material-capture rig, as told over D-Bus (org.mesorig.Rig1).",
+    .options = entries,
+};
 
 int main(int argc, char **argv) {
-    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
-    g_autoptr(GError) error = NULL;
-    setlocale(LC_CTYPE, "");
     setvbuf(stdout, NULL, _IOLBF, 0);
     g_log_set_writer_func(write_log, NULL, NULL);
-    g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
-                                          "(org.mesorig.Rig1).");
-    g_option_context_add_main_entries(context, entries, NULL);
-    help_text_answer(context, argc, argv);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        return usage(error->message);
-    }
-    if (argc > 1)
-        return usage("there are no arguments beside the options");
-    if (version) {
-        g_print("mesorigd %s\n", MESORIG_VERSION);
-        return 0;
-    }
+    program_parse(&command_line, &argc, &argv);
     if (prepare)
         return preparer_child();
     if (safe_path)
@@ -255,12 +237,13 @@ int main(int argc, char **argv) {
     if (guardian_path)
         return guardian_main(guardian_path);
     if (bus_kind && listen_address)
-        return usage("give --bus or --listen, not both");
+        return program_usage(&command_line, "give --bus or --listen, not both");
     if (!bus_kind)
         bus_kind = g_strdup("system");
     if (!g_str_equal(bus_kind, "system") && !g_str_equal(bus_kind, "session"))
-        return usage("--bus is system or session");
+        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
+                             bus_kind);
     if (exit_with_client && !listen_address)
-        return usage("--exit-with-client needs --listen");
+        return program_usage(&command_line, "--exit-with-client needs --listen");
     return serve();
 }

@@ -1,12 +1,10 @@
 /* mesorig-web: shows a rig in the browser. It is a separate process, and needs only the right to
  * call the daemon. */
-#include "base/help_text.h"
-#include "base/nearest.h"
+#include "base/program.h"
 #include "bus/bus_client.h"
 #include "web_server.h"
 
 #include <glib-unix.h>
-#include <locale.h>
 #include <string.h>
 #include <systemd/sd-daemon.h>
 
@@ -16,7 +14,7 @@
 static char *address, *bus, *listen_address, *token_path;
 static char **hosts;
 static int port = WEB_PORT;
-static gboolean safe_needs_token, version;
+static gboolean safe_needs_token;
 
 static const GOptionEntry entries[] = {
     {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any free port (8470)", "N"},
@@ -37,7 +35,6 @@ static const GOptionEntry entries[] = {
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
      "Connect to the daemon's own socket, not to a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -94,29 +91,22 @@ static int serve(GError **error) {
     return code;
 }
 
+static const struct command_line command_line = {
+    .name = "mesorig-web",
+    .summary = "Shows a rig in the browser.",
+    .options = entries,
+};
+
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
-    g_autoptr(GOptionContext) context = g_option_context_new("— show a rig in the browser");
     g_autoptr(GError) error = NULL;
-    g_option_context_add_main_entries(context, entries, NULL);
-    help_text_answer(context, argc, argv);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 || port < 0 ||
-        port > 65535 || (safe_needs_token && !token_path) ||
-        (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
-        if (error)
-            nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        g_printerr("mesorig-web: %s\n", error      ? error->message
-                                        : argc > 1 ? "it takes only options, no other arguments"
-                                        : safe_needs_token && !token_path
-                                            ? "--safe-needs-token needs --token-file"
-                                            : "--port must be 0 to 65535, and --bus must be system "
-                                              "or session");
-        return 2;
-    }
-    if (version) {
-        g_print("mesorig-web %s\n", MESORIG_VERSION);
-        return 0;
-    }
+    program_parse(&command_line, &argc, &argv);
+    if (port < 0 || port > 65535)
+        return program_usage(&command_line, "--port=%d is out of range: 0 to 65535", port);
+    if (safe_needs_token && !token_path)
+        return program_usage(&command_line, "--safe-needs-token needs --token-file");
+    if (bus && !g_str_equal(bus, "system") && !g_str_equal(bus, "session"))
+        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
+                             bus);
     const int code = serve(&error);
     if (error)
         g_printerr("mesorig-web: %s\n", error->message);

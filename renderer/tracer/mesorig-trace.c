@@ -1,8 +1,6 @@
 /* mesorig-trace: makes a picture of a scene with captured materials, by path tracing. */
 #include "trace_output.h"
 
-#include "base/help_text.h"
-#include "base/nearest.h"
 #include "base/output_file.h"
 #include "base/program.h"
 #include "scene/environment.h"
@@ -18,7 +16,7 @@
 
 static char *png_path, *exr_path, **materials, **reliefs, *environment_name, **lamps, *size;
 static char *camera;
-static gboolean json, version, evenly, force;
+static gboolean json, evenly, force;
 static double turn_deg, exposure_ev;
 static int samples = 64, depth = 16, threads;
 static gint64 seed = 1;
@@ -59,7 +57,6 @@ static const GOptionEntry entries[] = {
      NULL},
     {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print the result as JSON", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -292,32 +289,22 @@ static gboolean trace_main_run(const char *path, GError **error) {
     return TRUE;
 }
 
+static const struct command_line command_line = {
+    .name = "mesorig-trace",
+    .arguments = "SCENE.gltf -o FILE.png",
+    .summary = "A picture of a glTF scene with captured materials and global illumination, by path "
+               "tracing.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+};
+
 int main(int argc, char **argv) {
-    program_set_locale();
     g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) context = g_option_context_new("SCENE.gltf");
-    g_option_context_set_summary(
-        context, "A picture of a glTF scene with captured materials and global illumination,\n"
-                 "by path tracing.");
-    g_option_context_add_main_entries(context, entries, NULL);
-    help_text_answer(context, argc, argv);
-    if (!g_option_context_parse(context, &argc, &argv, &error)) {
-        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        g_printerr("mesorig-trace: %s\n", error->message);
-        return 2;
-    }
-    if (version) {
-        g_print("mesorig-trace %s\n", MESORIG_VERSION);
-        return 0;
-    }
-    if (argc != 2 || (png_path == NULL && exr_path == NULL)) {
-        g_printerr(
-            "usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n       [--material "
-            "NAME=PATH[,TILES]…] [--relief NAME[=FILE.exr]…]\n       [--environment "
-            "NAME|FILE.exr]\n       [--lamp THETA,PHI[,BRIGHTNESS]…]\n--output, --exr or both are "
-            "needed; --help lists all options\n");
-        return 2;
-    }
+    program_parse(&command_line, &argc, &argv);
+    if (png_path == NULL && exr_path == NULL)
+        return program_usage(&command_line,
+                             "no picture is named: give -o FILE.png, --exr FILE.exr or both");
     const struct sigaction stop = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
     sigaction(SIGINT, &stop, NULL);
     sigaction(SIGTERM, &stop, NULL);

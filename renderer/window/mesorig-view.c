@@ -1,8 +1,6 @@
 /* Shows a material on a shape, in a window or as PNG files without a window. See
  * mesorig-view(1). */
-#include "base/help_text.h"
 #include "base/json.h"
-#include "base/nearest.h"
 #include "base/output_file.h"
 #include "base/program.h"
 #include "drawing/gl/gpu.h"
@@ -371,32 +369,23 @@ static int viewer_main_run(struct viewer_options *o) {
 }
 
 int main(int argc, char **argv) {
-    program_set_locale();
     struct viewer_options o;
     viewer_options_init(&o);
     o.started_us = g_get_monotonic_time();
     g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) context = g_option_context_new("– show a measured material");
     g_autofree GOptionEntry *table = viewer_options_entries(&o);
-    GOptionGroup *group = g_option_group_new("", "", "", &o, NULL);
-    g_option_group_add_entries(group, table);
-    g_option_context_set_main_group(context, group);
-    g_option_context_set_description(
-        context, "MATERIAL is the directory of a processed session, or a file made by mesorig "
-                 "process or mesorig compress. Without MATERIAL, woven fabric is shown.\n");
-    int status = 0;
-    help_text_answer(context, argc, argv);
-    gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
-    if (!parsed)
-        nearest_add_option(error, (const GOptionEntry *const[]){table, NULL});
-    if (parsed && o.version) {
-        g_print("mesorig-view %s\n", MESORIG_VERSION);
-    } else if (!parsed || !viewer_options_check(&o, &error)) {
-        g_printerr("mesorig-view: %s\nTry “mesorig-view --help”.\n", error->message);
-        status = 2;
-    } else {
-        status = viewer_main_run(&o);
-    }
+    const struct command_line command_line = {
+        .name = "mesorig-view",
+        .summary = "Shows a measured material.",
+        .description = "MATERIAL is the directory of a processed session, or a file that mesorig "
+                       "process or mesorig compress made. Without MATERIAL, woven fabric is shown.\n",
+        .options = table,
+        .data = &o,
+    };
+    program_parse(&command_line, &argc, &argv);
+    const int status = viewer_options_check(&o, &error)
+                           ? viewer_main_run(&o)
+                           : program_usage(&command_line, "%s", error->message);
     viewer_options_clear(&o);
     return status;
 }

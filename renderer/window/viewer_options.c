@@ -192,7 +192,6 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         FLAG("with-panel", &o->with_panel, "Screenshots show the window as it is, with its panel"),
         FLAG("force", &o->force, "Replace existing pictures of any kind"),
         FLAG("json", &o->json, "Print the result as JSON"),
-        FLAG("version", &o->version, "Print the version"),
         OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),
     };
     GOptionEntry *all = g_new0(GOptionEntry, SETTINGS + G_N_ELEMENTS(others) + 1);

@@ -29,7 +29,7 @@ struct viewer_options {
     int series[SERIES_MAX], n_series; /* percentages of the views */
     double wait_s;
     int frames, close_after, supersample, sheet;
-    gboolean floor, reference, along_surface, light_turn, camera_turn, json, version, sample, force;
+    gboolean floor, reference, along_surface, light_turn, camera_turn, json, sample, force;
     struct viewer_settings settings;
     char **rest;
     const char

@@ -196,7 +196,7 @@ static void refused(void) {
     g_free(RUN(1, "radius of number 1 is 0.024 mm, and must be above 0.1; give millimetres",
                "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     write_text("metres.conf", "[target]\nkind=balls\nplane_mm=0.002\nplaces_mm=1;2;8\n");
-    g_free(RUN(1, "metres.conf: [target] plane_mm: 0.002 mm is no height of a plate", "calibrate",
+    g_free(RUN(1, "metres.conf:3: [target] plane_mm: 0.002 mm is no height of a plate", "calibrate",
                "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
     g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));

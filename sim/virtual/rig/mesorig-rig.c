@@ -1,8 +1,6 @@
 /* mesorig-rig: a rig of virtual devices on this machine, for trying the real drivers. */
 #include "base/data_error.h"
-#include "base/help_text.h"
 #include "base/json.h"
-#include "base/nearest.h"
 #include "base/output_file.h"
 #include "base/program.h"
 #include "rig.h"
@@ -16,7 +14,7 @@
 #include <unistd.h>
 
 static char *virtual_path, *out_path, **usb, **u3v;
-static gboolean json, version, force;
+static gboolean json, force;
 static double loss;
 
 static const GOptionEntry entries[] = {
@@ -32,7 +30,6 @@ static const GOptionEntry entries[] = {
      "PART"},
     {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print the devices as JSON", NULL},
-    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
@@ -207,35 +204,26 @@ static int virtual_rig_main_run(void) {
     return 0;
 }
 
+static const struct command_line command_line = {
+    .name = "mesorig-rig",
+    .summary =
+        "A rig of virtual devices on this machine that speak the real protocols: GigE Vision "
+        "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see and "
+        "change "
+        "the world of a simulated rig. With --usb: Pololu Tics, USB relay boards and V4L2 cameras. "
+        "With --u3v: USB3 Vision cameras.",
+    .options = entries,
+};
+
 int main(int argc, char **argv) {
-    program_set_locale();
     g_auto(GStrv) again = g_strdupv(argv);
-    g_autoptr(GError) error = NULL;
-    g_autoptr(GOptionContext) options = g_option_context_new(NULL);
-    g_option_context_set_summary(
-        options,
-        "A rig of virtual devices on this machine that speak the real protocols: GigE Vision\n"
-        "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see\n"
-        "and change the world of a simulated rig. With --usb: Pololu Tics, USB relay boards\n"
-        "and V4L2 cameras; with --u3v: USB3 Vision cameras.");
-    g_option_context_add_main_entries(options, entries, NULL);
-    help_text_answer(options, argc, argv);
-    if (!g_option_context_parse(options, &argc, &argv, &error)) {
-        nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        g_printerr("mesorig-rig: %s\n", error->message);
-        return 2;
-    }
-    if (version) {
-        g_print("mesorig-rig %s\n", MESORIG_VERSION);
-        return 0;
-    }
-    if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
-        g_printerr(
-            "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--u3v NAME…] [--loss PART]\n"
-            "       [--force] [--json]\n"
-            "--json needs -o; PART is between 0 and 1\n");
-        return 2;
-    }
+    program_parse(&command_line, &argc, &argv);
+    if (!virtual_path)
+        return program_usage(&command_line, "no simulated rig is named: give --virtual RIG");
+    if (!(loss >= 0 && loss <= 1))
+        return program_usage(&command_line, "--loss=%g is out of range: 0 to 1", loss);
+    if (json && !out_path)
+        return program_usage(&command_line, "--json needs -o FILE");
     if (usb || u3v)
         testbed_enter(again);
     return virtual_rig_main_run();

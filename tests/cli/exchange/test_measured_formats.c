@@ -65,7 +65,7 @@ static double number_of(const char *json, const char *name) {
 
 static void check_round(void) {
     says(0, "import bsdf satin.bsdf -o satin.session -d few.csv --texels 4",
-         "4 × 4 texels, 19 views × 19 lights");
+         "19 views × 19 lights of 4 × 4 texels");
     says(0, "info satin.session", "satin.bsdf");
     says(0, "check satin.session", "");
     says(0, "compress satin.session --components 3", "");
@@ -75,7 +75,7 @@ static void check_round(void) {
     g_assert_cmpfloat(number_of(out, "lowest_deg"), ==, 70);
     g_assert_cmpint((int)number_of(out, "width"), ==, 4);
     says(0, "export bsdf satin.session --texel 3,3 --isotropic -o texel.bsdf",
-         "one texel, 19 views");
+         "19 views × 19 lights of one texel");
     says(0, "import bsdf again.bsdf -o again.session -d few.csv --texels 4", "19 views");
     g_autofree char *compared = process_mesorig(0, "compare satin.session again.session --json");
     /* Nineteen directions, 20° apart, are all that the file was interpolated from: 3.5 %. */
@@ -93,7 +93,7 @@ static void check_round(void) {
     says(0, "import relight web -o folder.session", "1 view × 19 lights"); /* the folder itself */
     says(0, "import bsdf satin.bsdf -o wide.session -d few.csv --texels 16", "16 × 16 texels");
     says(0, "synthesize wide.session --size 32x24 -m quilting -o index.exr",
-         "32 × 24 texels of 16 × 16");
+         "by quilting, 32 × 24 texels in 3 mip levels, of 16 × 16");
     says(0, "info index.exr",
          "index map of 32 × 24 texels (32 × 24 mm), by quilting, of a sample of 16 × 16; 3 mip");
     says(1, "compare wide.session satin.session", "they have different numbers of texels");
@@ -104,7 +104,7 @@ static void check_wrong(void) {
         int code;
         const char *arguments, *words;
     } wrong[] = {
-        {2, "import", "Make a session of a BRDF of RGL"},
+        {2, "import", "Import a BRDF of the RGL"},
         {2, "import bsd satin.bsdf", "did you mean “bsdf”?"},
         {2, "import bsdf satin.bsdf", "give -o DIR.session"},
         {2, "import bsdf satin.bsdf -o x.session --texels 0", "--texels=0 is out of range"},

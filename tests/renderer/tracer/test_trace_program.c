@@ -133,8 +133,8 @@ TEST(mistakes) {
         int code;
         const char *arguments, *says;
     } cases[] = {
-        {2, "a.gltf", "usage: mesorig-trace"},
-        {2, "-o x.png", "usage: mesorig-trace"},
+        {2, "a.gltf", "no picture is named"},
+        {2, "-o x.png", "an argument is missing"},
         {2, "a.gltf -o x.png --sampels 3", "did you mean --samples?"},
         {2, "a.gltf -o x.png", "the scene has no light"},
         {2, "a.gltf -o x.png --environment studio --size 12", "--size 12: give WIDTHxHEIGHT"},
