@@ -288,7 +288,7 @@ TEST(messages) {
     } bad[] = {
         {bdi, metadata, 31, BONN_ERROR_UNSUPPORTED, "31 channels"},
         {bdi, size - 8, 0, BONN_ERROR_UNSUPPORTED, "the lights of view 2 differ"},
-        {bdi, size, 100000, BONN_ERROR_FORMAT, "100000 as the width"},
+        {bdi, size, 100000, BONN_ERROR_FORMAT, "100000 is not a valid width"},
         {bdi, size + 12, 0x01010101, BONN_ERROR_UNSUPPORTED, "bzip2"},
         {bdi, size, WIDTH - 1, BONN_ERROR_FORMAT, "it is cut off"},
         {dfmf, size + 8 + 4 + 4, 6, BONN_ERROR_UNSUPPORTED, "its colour model is 6"},

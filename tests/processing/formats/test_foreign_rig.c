@@ -537,7 +537,7 @@ TEST(nominal__bad) {
     static const struct {
         const char *text, *what;
     } bad[] = {
-        {"[camera c]\nwidth = 9\n", "nominal.conf:1: [camera c] height: it is missing"},
+        {"[camera c]\nwidth = 9\n", "nominal.conf:1: [camera c] height: a value is missing"},
         {"[camera c]\nwidth = ?\n", "nominal.conf:2: [camera c] width: “?” is not a number"},
         {"[camera c]\nwidth = 0\n",
          "nominal.conf:2: [camera c] width: 0 is out of range: 1 to 65536"},

@@ -243,7 +243,7 @@ TEST(bad) {
     assert_refused(dir, HEAD "nan.exr,cam30,lamp30,,0,0,\n",
                    "poses.csv:2: 513 of the 1024 pixels of nan.exr are not numbers");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam30,lamp30,,360,-360,\n",
-                   "poses.csv:3: b.exr has the same camera, angles and light as line 2, a.exr");
+                   "b.exr has the same camera, angles and light as the picture of line 2, a.exr");
     assert_refused(
         dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam60,lamp30,,0,0,\nb.exr,cam30,lamp60,,0,90,\n",
         "there is no picture of camera cam60 at turntable_deg 0 under lamp lamp60 at arc_deg 90");
@@ -293,8 +293,8 @@ TEST(missing) {
     gboolean told = FALSE;
     for (guint i = 0; i < notes->len; i++)
         told |= strstr(notes->pdata[i], "camera cam30 at turntable_deg 0 lacks 1 of its 12 "
-                                        "pictures under lamps, such as that under lamp30 at "
-                                        "arc_deg 90") != NULL;
+                                        "pictures under lamps, for instance the one under "
+                                        "lamp30 at arc_deg 90") != NULL;
     g_assert_true(told);
     g_autofree char *made = process_mesorig(0, "process %s", path);
     assert_has(made, "BTF of 2 views × 12 lights");
