@@ -71,6 +71,7 @@ struct calibration_camera { /* with rig.cameras */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
     /* Rows k4, k5, k6 against all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
+    double lateral_colour[3]; /* standard errors of red, green, blue; 0: not looked for */
     double residual_rms_px;
     double expected_px; /* what the noise of the corners explains of it; 0: not known */
     int points;         /* corners it was calibrated from */
