@@ -124,6 +124,7 @@ static const struct lateral {
     {"/rectify/lateral/other filter", "gbrg", {-4e-3, 1e-3, 2e-3}},
     {"/rectify/lateral/more than a pixel", "rggb", {3e-2, 0, -3e-2}},
     {"/rectify/lateral/colours", "rgb", {4e-3, -1e-3, -2e-3}},
+    {"/rectify/lateral/colours far apart", "rgb", {3e-2, 0, -3e-2}},
 };
 
 static void test_lateral(gconstpointer data) {
