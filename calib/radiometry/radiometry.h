@@ -107,7 +107,8 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
 /* The veiling glare of a camera from the n cells, of which it sorts those of this camera to the
  * front. A cell's dark surface of unknown reflectance shows more where a lamp is nearer to it, and
  * glare does not; so both are known. FALSE: nothing is dark enough, or the glare is not known to
- * 0.2 %. */
+ * 0.2 %. ret_glare is then 0. If there is plainly some glare, ret_error is its size and its error
+ * together, otherwise 0. */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 
