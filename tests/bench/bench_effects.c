@@ -234,6 +234,7 @@ static gboolean calibrate_again(const struct effect *effect, const char *calibra
     g_autofree char *rig = in_folder("tile/rig.conf"), *conf = in_folder("tile.conf"),
                     *session = in_folder("tile.session");
     write_tile(effect);
+    write_session("tile.conf", "15:4; 45:4; 60:4", "15:3; 45:3; 60:3", NULL, "8");
     set_exposure("tile.conf", "2000");
     if (!STEP(BIN "mesorig", "capture", rig, conf, "-o", session) ||
         !STEP(BIN "mesorig", "calibrate", "radiometry", session, "--reflectance", "0.96", "-c",
