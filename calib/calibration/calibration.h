@@ -74,6 +74,7 @@ struct calibration_camera { /* for rig.cameras */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
     /* Covariances of k4, k5 and k6 with all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
+    double lateral_colour[3]; /* standard errors of red, green, blue; 0: not looked for */
     double residual_rms_px;
     double expected_px; /* part of it that the noise of the corners explains; 0 if not known */
     int points;         /* number of corners that were used */

@@ -35,6 +35,7 @@ static const struct field camera_fields[] = {
      FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"further_covariance", CAMERA(further_covariance), 3 * CALIBRATION_ALL_CAMERA_PARAMETERS, FALSE,
      -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
+    {"lateral_colour", CAMERA(lateral_colour), 3, FALSE, 0, 1, TRUE, TRUE},
     {"residual_rms_px", CAMERA(residual_rms_px), 1, FALSE, 0, FIELD_LARGE},
     {"expected_px", CAMERA(expected_px), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
     {"points", CAMERA(points), 1, TRUE, 0, G_MAXINT},

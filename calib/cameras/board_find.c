@@ -590,3 +590,16 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
     guess_all(board, project, data, shift, guesses);
     return corner_fit_all(picture, board, guesses);
 }
+
+int board_lateral(const struct picture *picture, const struct board *board, BoardProject project,
+                  gconstpointer data, const guint8 *wanted, struct corner_lateral *lateral) {
+    static const double still[2] = {0, 0};
+    const int n = board_n_corners(board);
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, n);
+    int added = 0;
+    guess_all(board, project, data, still, guesses);
+    for (int id = 0; id < n; id++)
+        if (wanted[id] && (guesses[id].px_a_mm[0][0] != 0 || guesses[id].px_a_mm[0][1] != 0))
+            added += corner_lateral(picture, board, id, &guesses[id], lateral);
+    return added;
+}

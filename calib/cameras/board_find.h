@@ -21,3 +21,8 @@ typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, doubl
  * the board. */
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, gconstpointer data, double reach_px, double *ret_fit);
+
+/* Adds the equations of the corners that are wanted (one number per id), which lie where the
+ * geometry says, to within a fraction of a pixel. Returns how many it has added. */
+int board_lateral(const struct picture *picture, const struct board *board, BoardProject project,
+                  gconstpointer data, const guint8 *wanted, struct corner_lateral *lateral);

@@ -73,7 +73,7 @@ static void cameras_work_init(struct cameras_work *work, struct calibration *cal
                                   .task = task,
                                   .nominal = calibration->rig,
                                   .free_boards = free_boards,
-                                  .steps = (free_boards ? 1 : 2) * n + CAMERAS_ROUNDS};
+                                  .steps = (free_boards ? 2 : 3) * n + CAMERAS_ROUNDS};
     work->seen = g_new0(struct seen, n + 1);
     work->observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
     work->bundle.cameras = g_new0(struct bundle_camera, RIG_MAX_CAMERAS);
@@ -126,6 +126,7 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     seen->checksum = g_strdup(picture->checksum);
     seen->width = picture->width;
     seen->height = picture->height;
+    seen->coloured = *picture->cfa != '\0';
     seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
     if (!seen->corners)
         cameras_set_why(seen, why->message);
@@ -144,14 +145,9 @@ static gboolean check_size(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-struct look {
-    const struct bundle *bundle;
-    int camera, stop;
-};
-
-static gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
-                                gconstpointer data) {
-    const struct look *at = data;
+gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                         gconstpointer data) {
+    const struct cameras_look *at = data;
     return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
@@ -159,7 +155,7 @@ static gboolean cameras_project(const double xy_mm[2], gboolean straight, double
  * detector does not find. */
 static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
-    struct look at = {&work->bundle, seen->camera, seen->stop};
+    struct cameras_look at = {&work->bundle, seen->camera, seen->stop};
     g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
     double fit;
     if (!picture)
@@ -180,12 +176,10 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
     return TRUE;
 }
 
-/* One pass over the pictures, distributed over threads. */
-typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 struct each {
     struct cameras_work *work;
     CamerasPass run;
-    const double *reach_px; /* of each picture; negative: skip it; NULL: all */
+    const double *reach_px; /* of each picture; NULL: all */
     GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
 
@@ -197,9 +191,9 @@ static void cameras_run_picture(gpointer item, gpointer data) {
     g_async_queue_push(each->done, ok ? (gpointer)each->work : error);
 }
 
-/* Runs a pass; returns the first error. Pictures that have not begun by then are skipped. */
-static gboolean for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
-                         GError **error) {
+/* Pictures that have not begun when an error occurs are skipped. */
+gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
+                          GError **error) {
     g_autoptr(GAsyncQueue) done = g_async_queue_new();
     struct each each = {work, run, reach_px, done};
     GThreadPool *pool =
@@ -268,7 +262,7 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
             const gboolean wanted = pass == 1 || far || !work->seen[i].corners;
             reach_px[i] = far ? FAR * work->nominal.cameras[camera].width : wanted ? NEAR_PX : -1;
         }
-        if (!for_each(work, search_near, reach_px, error) || !cameras_solve(work, error))
+        if (!cameras_for_each(work, search_near, reach_px, error) || !cameras_solve(work, error))
             return FALSE;
     }
     return TRUE;
@@ -391,6 +385,9 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
         }
         to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
         to->expected_px = cameras_expected_px(work, c);
+        memcpy(calibration->rig.cameras[c].lateral_colour, work->lateral_colour[c],
+               sizeof work->lateral_colour[c]);
+        memcpy(to->lateral_colour, work->lateral_error[c], sizeof to->lateral_colour);
         to->known = TRUE;
     }
     result->arm_known = arm != NULL;
@@ -469,7 +466,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
     work.census = board_census_new(&task->board);
-    gboolean ok = check_size(&work, error) && for_each(&work, find_board, NULL, error);
+    gboolean ok = check_size(&work, error) && cameras_for_each(&work, find_board, NULL, error);
     board_census_free(work.census);
     if (free_boards) {
         struct rig_camera *camera = &work.nominal.cameras[0];
@@ -491,7 +488,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     ok = ok && (free_boards || cameras_check_places(&work, error));
     if (!ok)
         tell_unexplained(&work, error);
-    ok = ok && cameras_fit_arm(&work, &arm_known, &arm, error);
+    ok =
+        ok && cameras_find_lateral(&work, error) && cameras_fit_arm(&work, &arm_known, &arm, error);
     if (ok)
         result = cameras_store_result(&work, arm_known ? &arm : NULL);
     for (int i = 0; i < work.task->n_pictures; i++) {

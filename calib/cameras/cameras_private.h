@@ -15,6 +15,7 @@ struct seen { /* a picture */
     GArray *corners;   /* struct corner; NULL: not found or set aside, see why */
     GArray *set_aside; /* corners of a picture that contradicts the others */
     char *why;
+    gboolean coloured; /* the camera has a colour filter */
 };
 
 struct cameras_work {
@@ -27,6 +28,9 @@ struct cameras_work {
     BoardCensus *census;  /* notices a wrong size of the board */
     gboolean free_boards;
     double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
+    /* rig.h and calibration.h */
+    double lateral_colour[RIG_MAX_CAMERAS][3], lateral_error[RIG_MAX_CAMERAS][3];
+    struct lateral *lateral; /* of each picture, in cameras_lateral.c */
     int steps, step;
     double unexplained_px; /* typical residual of the first fit, if it is large, and no mistake that
                               is known explains it; else 0 */
@@ -64,6 +68,22 @@ gboolean cameras_level(struct cameras_work *work, GError **error);
 void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* of double; sorts the array */
+
+/* cameras.c: runs a pass over pictures, in several threads; returns the first error. reach_px: of
+ * each picture, negative: skip it; NULL: all, with 0. */
+typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
+gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
+                          GError **error);
+/* cameras.c: where a camera sees a point of the board at a stop, a BoardProject. */
+struct cameras_look {
+    const struct bundle *bundle;
+    int camera, stop;
+};
+gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
+                         gconstpointer data);
+
+/* cameras_lateral.c: finds the lateral colour of each lens, with the geometry known. */
+gboolean cameras_find_lateral(struct cameras_work *work, GError **error);
 
 /* cameras_lens.c: chooses the lens model for photographs. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error);

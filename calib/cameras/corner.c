@@ -23,11 +23,19 @@ enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR
 #define STEPS       30
 #define MIN_BLUR_PX 0.2 /* the pixel's own width blurs more than that */
 
+/* Lateral colour: red and blue pixels also have a level, a contrast and a blur of their own. */
+enum { RED, BLUE, GREEN, OWN = 3, ALL = N + 2 * OWN };
+#define MIN_COLOURED 8 /* red and blue pixels of a corner */
+#define MIN_SPARE    10
+
 struct pixels {
     int n;
     double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
     double sign;    /* +1: white where both distances have the same sign */
     gboolean ended; /* the edges end in the corner */
+    /* Lateral colour only: of each pixel RED, BLUE or GREEN, and where it is from the centre. */
+    guint8 colour[MAX_PIXELS];
+    double across[MAX_PIXELS], down[MAX_PIXELS];
 };
 
 /* Direction from a marker's corner into the marker: +1 or −1 along the board's x and y. */
@@ -76,11 +84,25 @@ static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* Collects the clear pixels around the guess. back: board's x, y by the picture's. FALSE: too few
- * of them lie in the picture. */
+/* Notes the colour of the last pixel, and moves the pixel to where green light of the same point
+ * arrives. */
+static void take_colour(const struct picture *picture, const struct corner_guess *guess,
+                        const struct corner_lateral *lateral, int x, int y, struct pixels *to) {
+    const char filter = picture->cfa[2 * (y & 1) + (x & 1)];
+    const int k = filter == 'r' ? RED : filter == 'b' ? BLUE : GREEN, i = to->n;
+    const double larger = k == GREEN ? 0 : lateral->larger[k];
+    to->colour[i] = (guint8)k;
+    to->across[i] = (x - lateral->centre_px[0]) / (1 + larger);
+    to->down[i] = (y - lateral->centre_px[1]) / (1 + larger);
+    to->x[i] = to->across[i] + lateral->centre_px[0] - guess->x_px;
+    to->y[i] = to->down[i] + lateral->centre_px[1] - guess->y_px;
+}
+
+/* Collects the clear pixels around the guess. back: board's x, y by the picture's. lateral: NULL,
+ * or the lateral colour to correct. FALSE: too few of them lie in the picture. */
 static gboolean gather(const struct picture *picture, const struct board *board, int id,
                        const struct corner_guess *guess, const double back[2][2],
-                       struct pixels *to) {
+                       const struct corner_lateral *lateral, struct pixels *to) {
     const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
                                 GUARD_PX * hypot(back[1][0], back[1][1])};
     const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
@@ -104,8 +126,13 @@ static gboolean gather(const struct picture *picture, const struct board *board,
             const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (!isfinite(value) || to->n == MAX_PIXELS)
                 continue;
-            to->x[to->n] = px + straightened(guess->straighten[0], px, py);
-            to->y[to->n] = py + straightened(guess->straighten[1], px, py);
+            to->x[to->n] = px;
+            to->y[to->n] = py;
+            if (lateral)
+                take_colour(picture, guess, lateral, x, y, to);
+            const double at_x = to->x[to->n], at_y = to->y[to->n];
+            to->x[to->n] += straightened(guess->straighten[0], at_x, at_y);
+            to->y[to->n] += straightened(guess->straighten[1], at_x, at_y);
             to->value[to->n++] = (double)value;
         }
     return to->n >= MIN_PIXELS && to->n > 0.7 * wanted;
@@ -220,30 +247,31 @@ static gboolean covariance(const double h[N * N], double variance, double ret[2]
     return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
 }
 
-/* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
-static gboolean do_fit(const struct picture *picture, const struct board *board, int id,
-                       const struct corner_guess *guess, struct corner *ret) {
-    struct pixels pixels;
-    double p[N], h[N * N], total;
+/* Gathers pixels and fits the model. ret_back: board's x, y by the picture's. */
+static gboolean fit_pixels(const struct picture *picture, const struct board *board, int id,
+                           const struct corner_guess *guess, const struct corner_lateral *lateral,
+                           struct pixels *pixels, double p[N], double h[N * N], double *ret_total,
+                           double ret_back[2][2]) {
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
     double into[2] = {1, 1};
     if (board->print == BOARD_MARKERS)
         inwards(board, id, into);
     /* +1 if the corner's upper right and lower left squares are white */
-    pixels.sign = board->print == BOARD_MARKERS             ? -1
-                  : (column + row + board->white_first) % 2 ? -1
-                                                            : 1;
-    pixels.ended = board->print == BOARD_MARKERS && !board->kalibr;
+    pixels->sign = board->print == BOARD_MARKERS             ? -1
+                   : (column + row + board->white_first) % 2 ? -1
+                                                             : 1;
+    pixels->ended = board->print == BOARD_MARKERS && !board->kalibr;
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};
-    if (!(fabs(det) > 1e-6) || !gather(picture, board, id, guess, back, &pixels))
+    memcpy(ret_back, back, sizeof back);
+    if (!(fabs(det) > 1e-6) || !gather(picture, board, id, guess, back, lateral, pixels))
         return FALSE;
     /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
     double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
-    for (int i = 0; i < pixels.n; i++) {
-        low = MIN(low, pixels.value[i]);
-        high = MAX(high, pixels.value[i]);
+    for (int i = 0; i < pixels->n; i++) {
+        low = MIN(low, pixels->value[i]);
+        high = MAX(high, pixels->value[i]);
     }
     memset(p, 0, sizeof(double) * N);
     p[TURN_1] = normal_angle(m[0][1], m[1][1], into[0] * m[0][0], into[0] * m[1][0]);
@@ -251,7 +279,15 @@ static gboolean do_fit(const struct picture *picture, const struct board *board,
     p[LEVEL] = (low + high) / 2;
     p[CONTRAST] = (high - low) / 2;
     p[BLUR] = 0.7;
-    if (!(p[CONTRAST] > 0) || !minimise(&pixels, p, h, &total))
+    return p[CONTRAST] > 0 && minimise(pixels, p, h, ret_total);
+}
+
+/* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
+static gboolean do_fit(const struct picture *picture, const struct board *board, int id,
+                       const struct corner_guess *guess, struct corner *ret) {
+    struct pixels pixels;
+    double p[N], h[N * N], total, back[2][2];
+    if (!fit_pixels(picture, board, id, guess, NULL, &pixels, p, h, &total, back))
         return FALSE;
     const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
     *ret = (struct corner){
@@ -298,4 +334,67 @@ GArray *corner_fit_all(const struct picture *picture, const struct board *board,
             g_array_append_val(found, corner);
     }
     return found;
+}
+
+/* With the corner's own parameters θ (p, and level, contrast and blur of red and of blue pixels),
+ * the residual r of a pixel of colour k changes by row · dθ + shift dc_k: a larger magnification
+ * c_k moves the pixel's light outwards, as a corner does that moves by its distance from the
+ * centre. θ is eliminated from the normal equations: with H = Σ row rowᵀ, b_k = Σ shift row, g = −Σ
+ * r row, s_k = −Σ shift r, A_kk = Σ shift²,  (A − bᵀ H⁻¹ b) dc = s − bᵀ H⁻¹ g. */
+gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
+                        const struct corner_guess *guess, struct corner_lateral *lateral) {
+    struct pixels pixels;
+    double p[N], fitted[N * N], total, back[2][2], d[N];
+    double h[ALL * ALL] = {0}, rhs[3 * ALL] = {0}, square[2] = {0}, right[2] = {0};
+    double b[2][ALL], g[ALL];
+    int n[3] = {0};
+    if (board->circle_mm > 0 ||
+        !fit_pixels(picture, board, id, guess, lateral, &pixels, p, fitted, &total, back))
+        return FALSE;
+    const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
+                            sin(p[TURN_2]), M_SQRT1_2 / p[BLUR], p[CONTRAST] * pixels.sign};
+    for (int i = 0; i < pixels.n; i++) {
+        const double r = model(&pixels, i, p, &e, d);
+        const int k = pixels.colour[i];
+        double row[ALL] = {0};
+        memcpy(row, d, sizeof d);
+        n[k]++;
+        if (k != GREEN) {
+            const double shift = d[AT_X] * pixels.across[i] + d[AT_Y] * pixels.down[i];
+            row[N + OWN * k] = d[LEVEL];
+            row[N + OWN * k + 1] = d[CONTRAST];
+            row[N + OWN * k + 2] = d[BLUR];
+            square[k] += shift * shift;
+            right[k] -= shift * r;
+            for (int a = 0; a < ALL; a++)
+                rhs[k * ALL + a] += shift * row[a];
+        }
+        for (int a = 0; a < ALL; a++) {
+            rhs[2 * ALL + a] -= row[a] * r;
+            for (int c = 0; c < ALL; c++)
+                h[a * ALL + c] += row[a] * row[c];
+        }
+    }
+    if (n[RED] < MIN_COLOURED || n[BLUE] < MIN_COLOURED || pixels.n < ALL + MIN_SPARE)
+        return FALSE;
+    memcpy(b, rhs, sizeof b);
+    memcpy(g, rhs + 2 * ALL, sizeof g);
+    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', ALL, 3, h, ALL, rhs, ALL) != 0)
+        return FALSE;
+    for (int a = 0; a < ALL; a++)
+        total -= g[a] * rhs[2 * ALL + a];
+    const double variance = MAX(total / (pixels.n - ALL), 1e-12 * p[CONTRAST] * p[CONTRAST]);
+    for (int k = 0; k < 2; k++) {
+        double to[2] = {0, 0};
+        to[k] = square[k];
+        for (int a = 0; a < ALL; a++) {
+            right[k] -= b[k][a] * rhs[2 * ALL + a];
+            for (int c = 0; c < 2; c++)
+                to[c] -= b[k][a] * rhs[c * ALL + a];
+        }
+        lateral->right[k] += right[k] / variance;
+        for (int c = 0; c < 2; c++)
+            lateral->normal[k][c] += to[c] / variance;
+    }
+    return TRUE;
 }

@@ -49,6 +49,21 @@ gboolean corner_fit(const struct picture *picture, const struct board *board, in
 GArray *corner_fit_all(const struct picture *picture, const struct board *board,
                        const struct corner_guess *guesses);
 
-/* The same of a circle's centre. */
+/* By how much more a lens magnifies red [0] and blue [1] light than green, about a point of the
+ * picture. */
+struct corner_lateral {
+    double centre_px[2];
+    double larger[2];              /* the present estimate */
+    double normal[2][2], right[2]; /* sums: normal · (change of the estimate) = right */
+};
+
+/* Adds the equations of one corner, weighed by the noise of its residuals, in a picture behind a
+ * colour filter. The displacement of red and blue edges counts only: levels, contrasts and blurs of
+ * the colours may differ. FALSE: the corner cannot be fitted, or has too few red or blue pixels, or
+ * it is a circle. */
+gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
+                        const struct corner_guess *guess, struct corner_lateral *lateral);
+
+/* corner_fit() of a circle's centre. */
 gboolean circle_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);

@@ -57,6 +57,14 @@ struct vec3 rig_camera_centre_mm(const struct rig_camera *camera) {
     return vec3_scale(mat3_mul_transposed(&camera->rotation, camera->translation_mm), -1);
 }
 
+/* x_px = fx x'' + cx: a larger focal length magnifies about the principal point. */
+struct rig_camera rig_camera_of_colour(const struct rig_camera *camera, int colour) {
+    struct rig_camera ret = *camera;
+    ret.fx_px *= 1 + camera->lateral_colour[colour];
+    ret.fy_px *= 1 + camera->lateral_colour[colour];
+    return ret;
+}
+
 const char *rig_lens_name(enum rig_lens lens) {
     static const char *const names[RIG_LENSES] = {"polynomial", "rational", "fisheye"};
     return names[lens];

@@ -30,9 +30,10 @@
 #define RIG_MAX_LAMPS     128
 #define RIG_MIN_RESPONSE  1e-6 /* DN/s per W/(sr m²), as in a rig file */
 #define RIG_MAX_RESPONSE  1e12
-#define RIG_MAX_INTENSITY 1e6 /* W/sr */
-#define RIG_MAX_STRETCH   0.5 /* largest relative stretch of a sweep, in both directions */
-#define RIG_MAX_BEND      1.0 /* rad: largest bend of a laser's sheet, in both directions */
+#define RIG_MAX_INTENSITY 1e6  /* W/sr */
+#define RIG_MAX_STRETCH   0.5  /* largest relative stretch of a sweep, in both directions */
+#define RIG_MAX_BEND      1.0  /* rad: largest bend of a laser's sheet, in both directions */
+#define RIG_MAX_LATERAL   0.05 /* largest lateral colour, in both directions */
 #define RIG_MAX_LASERS    16
 #define RIG_MAX_FIDUCIALS 16
 #define RIG_NAME          32
@@ -43,6 +44,10 @@ struct rig_camera {
     int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2, k4, k5, k6;
+    /* By how much more the lens magnifies red, green and blue light about (cx, cy) than the
+     * parameters above say, which are those of the mean of a colour filter's pixels; within ±
+     * RIG_MAX_LATERAL. 0: it has no lateral colour, or none is known. */
+    double lateral_colour[3];
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
@@ -187,6 +192,10 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
 void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm);
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
+
+/* Returns the camera as it draws the light of one colour (0 … 2: red, green, blue), with lateral
+ * colour. */
+struct rig_camera rig_camera_of_colour(const struct rig_camera *camera, int colour);
 
 /* Projects a point of the rig frame, also to a place outside of the picture. Returns FALSE if the
  * point is behind the camera (a fisheye also sees to its side and behind itself), or if it is so

@@ -53,6 +53,8 @@ static const struct field camera_fields[] = {
     {"k4", CAMERA(k4), 1, FALSE, -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
     {"k5", CAMERA(k5), 1, FALSE, -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
     {"k6", CAMERA(k6), 1, FALSE, -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
+    {"lateral_colour", CAMERA(lateral_colour), 3, FALSE, -RIG_MAX_LATERAL, RIG_MAX_LATERAL, TRUE,
+     TRUE},
     {"rotation", CAMERA(rotation), 9, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},

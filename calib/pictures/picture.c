@@ -42,6 +42,7 @@ gboolean picture_balance(struct picture *picture, const char *cfa) {
         return TRUE;
     if (!g_strv_contains(known, cfa))
         return FALSE;
+    g_strlcpy(picture->cfa, cfa, sizeof picture->cfa);
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];

@@ -19,6 +19,7 @@ struct picture {
     char *name;     /* for messages: a path */
     char *checksum; /* SHA-256 of the file, 64 hexadecimal digits */
     int width, height;
+    char cfa[5];   /* the colour filter of its pixels, "rggb" and so on; "": all are grey */
     float *values; /* height × width, top row first */
 };
 
@@ -33,7 +34,7 @@ void picture_srgb(float ret[256]);
 /* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"): each colour is scaled
  * so that the picture is grey on average, and pixels are used as they are. If the scene is grey
  * under one light, the result is exact and as sharp as the sensor; otherwise the mosaic stays
- * visible. FALSE: cfa is unknown. */
+ * visible. Sets cfa of the picture. FALSE: cfa is unknown. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
 
 G_END_DECLS

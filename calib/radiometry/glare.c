@@ -27,6 +27,8 @@
 #define FEW_SHOTS 4    /* smallest number of shots of a group */
 #define OUTLIER   4.0  /* standard deviations */
 #define MAX_ERROR 0.002
+/* a glare that is not well known is certain from this number of standard errors on */
+#define PLAIN 3.0
 
 struct glare_sums {
     double n, signal, white, squares, triples;
@@ -211,6 +213,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     struct glare_pass pass;
     double g = -1, scale = 1, scatter = 0;
     int own = 0, lamps = 0;
+    *ret_glare = *ret_error = 0;
     g_qsort_with_data(cells, n, sizeof *cells, compare, (gpointer)&by);
     while (own < n && cells[own].camera == camera)
         own++;
@@ -230,11 +233,18 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
             scatter += pass.lamp_down[l] * pow(pass.lamp_up[l] / pass.lamp_down[l] - g, 2);
             lamps++;
         }
-    *ret_error = scale / sqrt(pass.down);
+    double error = scale / sqrt(pass.down);
     if (lamps > 1)
-        *ret_error = MAX(*ret_error, sqrt(scatter / (lamps - 1) / pass.down));
-    *ret_glare = g / (1 - g); /* the variable g is γ, because M includes the glare */
-    return *ret_error < MAX_ERROR && g < pass.darkest + 3 * *ret_error;
+        error = MAX(error, sqrt(scatter / (lamps - 1) / pass.down));
+    if (!(g < pass.darkest + 3 * error))
+        return FALSE;
+    const gboolean known = error < MAX_ERROR;
+    const double glare = g / (1 - g); /* the variable g is γ, because M includes the glare */
+    if (known)
+        *ret_glare = glare;
+    if (known || g > PLAIN * error)
+        *ret_error = known ? error : hypot(glare, error);
+    return known;
 }
 
 void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,

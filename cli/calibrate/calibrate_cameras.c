@@ -242,6 +242,8 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
         record_string(to, "camera", rig->cameras[c].name);
         record_string(to, "lens", rig_lens_name((enum rig_lens)rig->cameras[c].lens));
         record_double(to, "variance_inflation", result->inflation[c]);
+        record_doubles(to, "lateral_colour", rig->cameras[c].lateral_colour, 3);
+        record_doubles(to, "lateral_colour_error", calibration->cameras[c].lateral_colour, 3);
         record_end(to);
     }
     record_end(to);

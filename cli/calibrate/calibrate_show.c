@@ -77,6 +77,11 @@ static void show_camera(Record *to, const struct rig_camera *camera,
             hypot(error_of(errors, CALIBRATION_TURN_X), error_of(errors, CALIBRATION_TURN_Y)) *
                 180 / G_PI,
             errors->residual_rms_px, errors->points, expected ? expected : "");
+    if (camera->lateral_colour[0] != 0)
+        record_say(to, "; red is drawn %+.5f and blue %+.5f larger than green, ± %.5f",
+                   camera->lateral_colour[0] - camera->lateral_colour[1],
+                   camera->lateral_colour[2] - camera->lateral_colour[1],
+                   errors->lateral_colour[0]);
     record_say(to, "\n");
 }
 

@@ -41,19 +41,39 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
-/* Green at red and blue pixels: the mean of both directions, weighted by 1 / (change² + DARK²). */
-static void fill_green(struct picture *picture) {
+/* Green at a red or blue pixel: the mean of both directions, weighted by 1 / (change² + DARK²). */
+static float green_at(const struct picture *picture, int x, int y) {
+    float across, down;
+    float h = green_along(picture, x, y, 1, 0, &across);
+    float v = green_along(picture, x, y, 0, 1, &down);
+    float wh = 1 / (across * across + DARK * DARK), wv = 1 / (down * down + DARK * DARK);
+    return (wh * h + wv * v) / (wh + wv);
+}
+
+/* The same where the green light of the pixel's point arrives, X (1 + c_green) / (1 + c_own) from
+ * the centre: parabolas in both directions through green at the nearest pixel of that colour and
+ * the green pixels next to it. */
+static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
+                         int x, int y) {
+    const int colour = picture->colour[pixel_at(picture, x, y)];
+    const double more = (1 + lateral->larger[DEMOSAIC_GREEN]) / (1 + lateral->larger[colour]) - 1;
+    const double dx = (x - lateral->centre_px[0]) * more, dy = (y - lateral->centre_px[1]) * more;
+    const int u = x + 2 * (int)lround(dx / 2), v = y + 2 * (int)lround(dy / 2);
+    const float s = (float)(x + dx - u), t = (float)(y + dy - v); /* −1 … 1 */
+    const float left = own_at(picture, u - 1, v), right = own_at(picture, u + 1, v);
+    const float up = own_at(picture, u, v - 1), down = own_at(picture, u, v + 1);
+    const float here = green_at(picture, u, v);
+    return here + 0.5f * (s * (right - left) + s * s * (left + right - 2 * here)) +
+           0.5f * (t * (down - up) + t * t * (up + down - 2 * here));
+}
+
+static void fill_green(struct picture *picture, const struct demosaic_lateral *lateral) {
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             gsize i = pixel_at(picture, x, y);
-            float value = picture->own[i], across, down;
-            if (picture->colour[i] != DEMOSAIC_GREEN) {
-                float h = green_along(picture, x, y, 1, 0, &across);
-                float v = green_along(picture, x, y, 0, 1, &down);
-                float wh = 1 / (across * across + DARK * DARK),
-                      wv = 1 / (down * down + DARK * DARK);
-                value = (wh * h + wv * v) / (wh + wv);
-            }
+            float value = picture->colour[i] == DEMOSAIC_GREEN ? picture->own[i]
+                          : lateral                            ? green_apart(picture, lateral, x, y)
+                                                               : green_at(picture, x, y);
             picture->green[i] = MAX(value, DARK);
             picture->level[i] = logf(picture->green[i]);
         }
@@ -100,7 +120,7 @@ static void fill_ratios(const struct picture *picture, const float *scale, float
 }
 
 void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
-                     float *ret_ratio) {
+                     const struct demosaic_lateral *lateral, float *ret_ratio) {
     gsize n = (gsize)width * (gsize)height;
     /* Dividing by the mean of each colour's finite pixels brings all colours to one scale. */
     double sum[DEMOSAIC_COLOURS] = {0}, count[DEMOSAIC_COLOURS] = {0};
@@ -117,6 +137,6 @@ void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int h
         scale[c] = count[c] > 0 && sum[c] > 0 ? (float)(sum[c] / count[c]) : 1;
     for (gsize i = 0; i < n; i++)
         own[i] = isfinite(mosaic[i]) ? MAX(mosaic[i] / scale[colour[i]], 0) : 0;
-    fill_green(&picture);
+    fill_green(&picture, lateral);
     fill_ratios(&picture, scale, ret_ratio);
 }

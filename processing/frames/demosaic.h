@@ -16,8 +16,15 @@ static inline int demosaic_mirror(int i, int n) {
     return i < n ? i : MAX(2 * (n - 1) - i, 0);
 }
 
+/* Lateral colour (rig.h): by how much more the lens magnifies red, green and blue about a point. */
+struct demosaic_lateral {
+    double centre_px[2], larger[DEMOSAIC_COLOURS];
+};
+
 /* mosaic: height × width; values that are not finite count as black. colour: of each pixel one of
  * the constants above, with a Bayer filter's period of two. ret_ratio: height × width × 3, the
- * factors from a pixel's value to red, green and blue, 1 for its own colour. */
+ * factors from a pixel's value to red, green and blue, 1 for its own colour: the colours of the
+ * point whose light the pixel sees. lateral: NULL if all colours of a point arrive at the same
+ * place. */
 void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
-                     float *ret_ratio);
+                     const struct demosaic_lateral *lateral, float *ret_ratio);

@@ -7,6 +7,7 @@
 #include "demosaic.h"
 
 #define SPACING_PX  0.25  /* distance of the points that sample a texel */
+#define MIN_WEIGHT  0.3f  /* least sum of a texel's weights with lateral colour */
 #define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -101,8 +102,14 @@ static void area_weights(double t, float *ret) {
     ret[2] = (float)((1.5 * t - 1) * t);
 }
 
+/* Whether pixels of a colour are meant; ANY: all pixels are. */
+#define ANY (-1)
+static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
+    return colour == ANY || rectify->colour[pixel] == colour;
+}
+
 /* Weight of pixel p: the mean over the sample points of w(column) · w(row). */
-static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint,
+static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
     for (int k = 0; k < footprint->n; k++) {
@@ -110,9 +117,11 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
         int i = (int)floor(x), j = (int)floor(y);
         area_weights(x - i, columns);
         area_weights(y - j, rows);
-        for (int c = 0; c < 9; c++)
-            add_weight(weights, pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1),
-                       share * columns[c % 3] * rows[c / 3]);
+        for (int c = 0; c < 9; c++) {
+            const guint32 pixel = pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1);
+            if (is_meant(rectify, pixel, colour))
+                add_weight(weights, pixel, share * columns[c % 3] * rows[c / 3]);
+        }
     }
 }
 
@@ -124,7 +133,7 @@ static float spline(double t) {
 }
 
 /* Smooth weights around a texel for the estimate of its colour. */
-static void weigh_around(const Rectify *rectify, const struct footprint *footprint,
+static void weigh_around(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     for (int k = 0; k < footprint->n; k++) {
         int i0 = (int)floor(footprint->x[k]) - 2, j0 = (int)floor(footprint->y[k]) - 2;
@@ -133,9 +142,11 @@ static void weigh_around(const Rectify *rectify, const struct footprint *footpri
             columns[c] = spline(footprint->x[k] - (i0 + c));
             rows[c] = spline(footprint->y[k] - (j0 + c));
         }
-        for (int c = 0; c < 36; c++)
-            add_weight(weights, pixel_at(rectify, i0 + c % 6, j0 + c / 6),
-                       columns[c % 6] * rows[c / 6]);
+        for (int c = 0; c < 36; c++) {
+            const guint32 pixel = pixel_at(rectify, i0 + c % 6, j0 + c / 6);
+            if (is_meant(rectify, pixel, colour))
+                add_weight(weights, pixel, columns[c % 6] * rows[c / 6]);
+        }
     }
 }
 
@@ -224,6 +235,65 @@ static int points_aside(double longest_px, double spacing_px) {
     return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
 
+static void scale_weights(struct weights *weights, float by) {
+    for (guint i = 0; i < weights->pixels->len; i++)
+        weights->sum[g_array_index(weights->pixels, guint32, i)] *= by;
+}
+
+static float sum_weights(const struct weights *weights) {
+    float sum = 0;
+    for (guint i = 0; i < weights->pixels->len; i++)
+        sum += weights->sum[g_array_index(weights->pixels, guint32, i)];
+    return sum;
+}
+
+/* The camera of each colour's pixels, and the colour: one for all pixels without lateral colour. */
+struct sights {
+    struct rig_camera camera[3];
+    int colour[3], n;
+};
+
+static struct sights sights_of(const Rectify *rectify, const struct rig_camera *camera) {
+    struct sights ret = {.camera = {*camera}, .colour = {ANY}, .n = 1};
+    if (rectify->planes == 3)
+        ret.camera[0] = rig_camera_of_colour(camera, DEMOSAIC_GREEN);
+    if (!rectify->is_lateral || rectify->mono)
+        return ret;
+    ret.n = 3;
+    for (int c = 0; c < 3; c++) {
+        ret.camera[c] = rig_camera_of_colour(camera, c);
+        ret.colour[c] = c;
+    }
+    return ret;
+}
+
+/* Weighs the pixels of a texel's area. With lateral colour each colour's pixels have the weights of
+ * where they see the texel, whose sum is made 1; if nearly no pixel is where its colour would be,
+ * since the texel is smaller than a pixel, all are weighed as green. FALSE: the texel lies outside
+ * of the picture. */
+static gboolean weigh_texel(const Rectify *rectify, const struct sights *sights,
+                            double turntable_rad, const struct session_grid *grid, int column,
+                            int row, int side, struct footprint *footprint,
+                            struct weights *weights) {
+    gboolean inside = TRUE;
+    for (int k = 0; inside && k < sights->n; k++) {
+        inside =
+            project_texel(&sights->camera[k], turntable_rad, grid, column, row, side, footprint);
+        if (inside)
+            weigh_pixels(rectify, footprint, sights->colour[k], weights);
+    }
+    const float sum = inside && sights->n > 1 ? sum_weights(weights) : 1;
+    if (sum < MIN_WEIGHT) {
+        scale_weights(weights, 0);
+        project_texel(&sights->camera[DEMOSAIC_GREEN], turntable_rad, grid, column, row, side,
+                      footprint);
+        weigh_pixels(rectify, footprint, ANY, weights);
+    } else if (!inside || sights->n > 1) {
+        scale_weights(weights, inside ? 1 / sum : 0);
+    }
+    return inside;
+}
+
 static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct radiometry_camera *radiometry, double turntable_rad,
                       const struct session_grid *grid, const int *texels) {
@@ -239,6 +309,7 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(guint32));
     struct footprint footprint = {x, y, 0};
     struct weights weights = {sum, touched, pixels};
+    const struct sights sights = sights_of(rectify, camera);
     /* DN/ms to radiance: 1000 / (response · flat field). Colour gains are applied to the texels. */
     for (gsize i = 0; i < n; i++)
         gain[i] =
@@ -247,14 +318,14 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     for (int i = 0; i < rectify->n_texels; i++) {
         const int texel = texels ? texels[i] : i;
         const int column = texel % grid->width, row = texel / grid->width;
-        gboolean inside = project_texel(camera, turntable_rad, grid, column, row, side, &footprint);
+        const gboolean inside = weigh_texel(rectify, &sights, turntable_rad, grid, column, row,
+                                            side, &footprint, &weights);
         rectify->n_outside += !inside;
-        if (inside)
-            weigh_pixels(rectify, &footprint, &weights);
         append_row(rectify, &rectify->area, i, &weights, gain);
-        if (inside && !rectify->mono &&
-            project_texel(camera, turntable_rad, grid, column, row, coarse, &footprint))
-            weigh_around(rectify, &footprint, &weights);
+        for (int k = 0; inside && !rectify->mono && k < sights.n; k++)
+            if (project_texel(&sights.camera[k], turntable_rad, grid, column, row, coarse,
+                              &footprint))
+                weigh_around(rectify, &footprint, sights.colour[k], &weights);
         append_row(rectify, &rectify->around, i, &weights, NULL);
         balance(rectify, i);
     }
@@ -265,6 +336,16 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
                      GError **error) {
     return rectify_new_at(camera, radiometry, cfa, turntable_rad, grid, NULL,
                           grid->width * grid->height, error);
+}
+
+/* Of a plane of "rgb", as its colour is drawn. */
+static Rectify *plane_new(const struct rig_camera *camera, int colour,
+                          const struct radiometry_camera *radiometry, double turntable_rad,
+                          const struct session_grid *grid, const int *texels, int n_texels,
+                          GError **error) {
+    struct rig_camera own = rig_camera_of_colour(camera, colour);
+    memset(own.lateral_colour, 0, sizeof own.lateral_colour);
+    return rectify_new_at(&own, radiometry, "rgb", turntable_rad, grid, texels, n_texels, error);
 }
 
 Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
@@ -284,6 +365,12 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
         g_prefix_error(error, "camera %s: ", camera->name);
         return NULL;
     }
+    rectify->lateral.centre_px[0] = camera->cx_px;
+    rectify->lateral.centre_px[1] = camera->cy_px;
+    for (int c = 0; c < 3; c++) {
+        rectify->lateral.larger[c] = camera->lateral_colour[c];
+        rectify->is_lateral |= camera->lateral_colour[c] != 0;
+    }
     for (int c = 0; c < 3; c++)
         rectify->colour_gain[c] =
             radiometry && radiometry->known
@@ -292,6 +379,12 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
                               ->colour[rectify->mono && rectify->planes == 1 ? DEMOSAIC_GREEN : c])
                 : 1;
     fill_rows(rectify, camera, radiometry, turntable_rad, grid, texels);
+    if (rectify->planes == 3 && rectify->is_lateral &&
+        (!(rectify->red = plane_new(camera, DEMOSAIC_RED, radiometry, turntable_rad, grid, texels,
+                                    n_texels, error)) ||
+         !(rectify->blue = plane_new(camera, DEMOSAIC_BLUE, radiometry, turntable_rad, grid, texels,
+                                     n_texels, error))))
+        return NULL;
     if (rectify->n_outside * 100.0 <= rectify->n_texels)
         return g_steal_pointer(&rectify);
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
@@ -305,6 +398,8 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
 void rectify_free(Rectify *rectify) {
     if (!rectify)
         return;
+    rectify_free(rectify->red);
+    rectify_free(rectify->blue);
     g_free(rectify->colour);
     g_free(rectify->ratio);
     g_free(rectify->vary);
@@ -324,7 +419,8 @@ float *rectify_find_ratios(const Rectify *rectify, const float *mosaic) {
     g_autofree float *found = NULL;
     if (!rectify->mono) {
         found = g_new0(float, 3 * rectify->n_pixels);
-        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, found);
+        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height,
+                        rectify->is_lateral ? &rectify->lateral : NULL, found);
     }
     for (gsize i = 0; i < 3 * rectify->n_pixels; i++) {
         const gsize pixel = i / 3, c = i % 3, width = (gsize)rectify->width;
@@ -418,13 +514,31 @@ static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int 
     const struct window *window = &rows->window[texel];
     const float *weight = rectify_weights_of(rows, texel);
     const int columns = window->n_wide * LANES;
-    for (gsize c = 0; c < rectify->planes; c++, mosaic += rectify->n_pixels)
-        for (int i = 0; i < window->n_rows * columns; i++)
-            if (weight[i] != 0 &&
-                !isfinite(
-                    mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
-                return FALSE;
+    for (int i = 0; i < window->n_rows * columns; i++)
+        if (weight[i] != 0 &&
+            !isfinite(mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
+            return FALSE;
     return TRUE;
+}
+
+/* Whether all pixels of a texel, in all planes, are finite. */
+static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic) {
+    gboolean finite = TRUE;
+    for (gsize c = 0; c < rectify->planes; c++) {
+        const Rectify *own = rectify_of_plane(rectify, c);
+        const float *plane = mosaic + c * rectify->n_pixels;
+        finite = finite && all_finite(own, &own->area, texel, plane) &&
+                 all_finite(own, &own->around, texel, plane);
+    }
+    return finite;
+}
+
+/* Whether a texel lies in the picture, in all planes. */
+static gboolean is_inside(const Rectify *rectify, int texel) {
+    gboolean inside = TRUE;
+    for (gsize c = 0; c < rectify->planes; c++)
+        inside = inside && rectify_of_plane(rectify, c)->area.window[texel].n_rows > 0;
+    return inside;
 }
 
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes) {
@@ -440,16 +554,14 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
     for (gsize c = 0; c < rectify->planes; c++) {
         good &= rectify_pad(rectify, mosaic + c * rectify->n_pixels, padded);
         if (rectify->planes == 3)
-            apply_plane(rectify, padded, c, ret_rgb);
+            apply_plane(rectify_of_plane(rectify, c), padded, c, ret_rgb);
         else
             do_apply(rectify, padded, ratio, ret_rgb);
     }
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         float *rgb = ret_rgb + 3 * (gsize)texel;
-        const gboolean seen = rectify->area.window[texel].n_rows > 0 && isfinite(rgb[0]) &&
-                              isfinite(rgb[1]) && isfinite(rgb[2]) &&
-                              (good || (all_finite(rectify, &rectify->area, texel, mosaic) &&
-                                        all_finite(rectify, &rectify->around, texel, mosaic)));
+        const gboolean seen = is_inside(rectify, texel) && isfinite(rgb[0]) && isfinite(rgb[1]) &&
+                              isfinite(rgb[2]) && (good || is_finite(rectify, texel, mosaic));
         holes += !seen;
         if (!seen)
             memset(rgb, 0, 3 * sizeof *rgb);
@@ -459,7 +571,7 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
     return holes;
 }
 
-void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
+static void add_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *window = &rectify->area.window[texel];
         const float *weight = rectify_weights_of(&rectify->area, texel);
@@ -472,6 +584,15 @@ void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_tex
             if (weight[i] != 0 && fabsf(weight[i]) >= FLAG_WEIGHT * sum)
                 flags |=
                     pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
-        ret_texels[texel] = flags;
+        ret_texels[texel] |= flags;
+    }
+}
+
+void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
+    memset(ret_texels, 0, (gsize)rectify->n_texels);
+    add_flags(rectify, pixels, ret_texels);
+    if (rectify->red && rectify->blue) {
+        add_flags(rectify->red, pixels, ret_texels);
+        add_flags(rectify->blue, pixels, ret_texels);
     }
 }

@@ -348,7 +348,7 @@ void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pi
     g_autofree float *noise = g_new0(float, n), *detail = g_new0(float, n);
     g_autofree float *shift = g_new0(float, n);
     for (gsize c = 0, at = 0; c < rectify->planes; c++, at += rectify->n_pixels) {
-        plane_errors(rectify, mosaic + at, pixels + at, noise, detail, shift);
+        plane_errors(rectify_of_plane(rectify, c), mosaic + at, pixels + at, noise, detail, shift);
         take_colour(rectify, noise, c, ret_noise);
         take_colour(rectify, detail, c, ret_detail);
         take_colour(rectify, shift, c, ret_shift);

@@ -3,6 +3,7 @@
  */
 #pragma once
 
+#include "demosaic.h"
 #include "rectify.h"
 
 #define MAX_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
@@ -37,9 +38,20 @@ struct Rectify {
     float (*balance)[3]; /* n_texels: the other colours' weight over its own, in around; 0: none */
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
+    struct demosaic_lateral lateral; /* of the camera; "rgb" has it in red and blue below */
+    gboolean is_lateral;             /* it is not 0 */
+    Rectify *red, *blue;             /* "rgb" with lateral colour: of these planes; NULL: as all */
     float *ratio; /* planes: factors to R, G and B, 0 for a pixel's own; NULL: no guide */
     float *vary;  /* n_texels × 3, of ratio: rectify_find_vary(); NULL: no guide */
 };
+
+/* That of a plane of "rgb". */
+static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plane) {
+    const Rectify *own = plane == DEMOSAIC_RED    ? rectify->red
+                         : plane == DEMOSAIC_BLUE ? rectify->blue
+                                                  : NULL;
+    return own ? own : rectify;
+}
 
 /* Demosaicing factors of a mosaic as three padded planes (height × stride each), 0 for a pixel's
  * own colour, so that own and estimated values are summed separately. g_free() */

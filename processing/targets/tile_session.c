@@ -311,7 +311,8 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
     g_ptr_array_set_size(run->rejected, (int)rejected);
     for (int c = 0; c < found->n_cameras; c++)
         any |= glare_fit((struct glare_cell *)(void *)cells->data, (int)cells->len, c, shots,
-                         &known[c].glare, &known[c].glare_error);
+                         &known[c].glare, &known[c].glare_error) ||
+               known[c].glare_error > 0;
     if (!any)
         return check_stopped(run, error);
     for (guint i = 0; i < run->cells->len; i++) {

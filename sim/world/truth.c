@@ -102,7 +102,9 @@ double truth_white(World *world, int camera, int lamp, double arc_deg, const dou
     struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
     double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
     truth_project(world, camera, point_mm, xy);
-    return optics_response(&world->cameras[camera], xy[0], xy[1], (enum cfa_colour)colour) *
+    const struct optics_camera *c = &world->cameras[camera];
+    const double half = 2 * lround(xy[0]) < c->width ? 1 : 1 + c->half_gain_step;
+    return optics_response(c, xy[0], xy[1], (enum cfa_colour)colour) * half *
            optics_lamp_irradiance(&at, p) * MAX(level, 0) / G_PI;
 }
 

@@ -23,6 +23,10 @@ static const struct effect {
     struct {
         const char *key, *value;
     } keys[MAX_KEYS];
+    /* A capture pauses at a lamp that flickers from exposure to exposure of a bracket. All targets
+     * are captured without the effect; then the tile once more, and the sample, with it and with
+     * one exposure a shot. */
+    gboolean one_exposure;
 } effects[] = {
     {"none", "world", {{NULL}}},
     {"bent_sheet", "laser", {{"sheet_bend_mm", "0.1"}}},
@@ -32,7 +36,7 @@ static const struct effect {
     {"lateral_colour", "camera", {{"lateral_colour", "0.0005"}}},
     {"speckle", "world", {{"speckle_contrast", "0.3"}}},
     {"bleeding", "world", {{"bleeding_share", "0.3"}, {"bleeding_mm", "0.6"}}},
-    {"flicker", "world", {{"lamp_flicker", "0.01"}}},
+    {"flicker", "world", {{"lamp_flicker", "0.01"}}, TRUE},
 };
 
 static char *folder; /* of the effect */
@@ -69,11 +73,15 @@ static GKeyFile *read_part(const char *name) {
     return file;
 }
 
-static void write_rig(void) {
-    g_autoptr(GKeyFile) rig = read_part("rig.conf");
+static void number_lamps(GKeyFile *rig) {
     g_key_file_set_value(rig, "lamp lamp15", "index", "0");
     g_key_file_set_value(rig, "lamp lamp45", "index", "1");
     g_key_file_set_value(rig, "lamp lamp60", "index", "2");
+}
+
+static void write_rig(void) {
+    g_autoptr(GKeyFile) rig = read_part("rig.conf");
+    number_lamps(rig);
     write_conf(rig, "rig.conf");
 }
 
@@ -105,16 +113,40 @@ static void write_sample(GKeyFile *world) {
     g_key_file_set_value(world, "sample", "albedo_path", "albedo.png");
 }
 
-static void write_world(const struct effect *effect) {
-    g_autoptr(GKeyFile) world = read_part("world.conf");
-    write_sample(world);
+/* effect: NULL for none. */
+static GKeyFile *new_world(const struct effect *effect) {
+    GKeyFile *world = read_part("world.conf");
     g_auto(GStrv) groups = g_key_file_get_groups(world, NULL);
     g_key_file_set_value(world, "world", "gather_rays", "4");
     for (char **group = groups; *group; group++)
-        for (int i = 0; i < MAX_KEYS && effect->keys[i].key; i++)
+        for (int i = 0; effect && i < MAX_KEYS && effect->keys[i].key; i++)
             if (strncmp(*group, effect->section, strlen(effect->section)) == 0)
                 g_key_file_set_value(world, *group, effect->keys[i].key, effect->keys[i].value);
+    return world;
+}
+
+static void write_world(const struct effect *effect) {
+    g_autoptr(GKeyFile) world = new_world(effect);
+    write_sample(world);
     write_conf(world, "world.conf");
+}
+
+/* The tile of etc/demo/calibrate, in a folder of its own. */
+static void write_tile(const struct effect *effect) {
+    static const char *const sample[][2] = {{"kind", "flat"},
+                                            {"width_mm", "60"},
+                                            {"height_mm", "60"},
+                                            {"base_mm", "2.2"},
+                                            {"albedo", "0.96"}};
+    g_autoptr(GKeyFile) world = new_world(effect), rig = read_part("rig.conf");
+    g_autofree char *tile = in_folder("tile");
+    g_key_file_remove_group(world, "sample", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(sample); i++)
+        g_key_file_set_value(world, "sample", sample[i][0], sample[i][1]);
+    g_mkdir_with_parents(tile, 0755);
+    write_conf(world, "tile/world.conf");
+    number_lamps(rig);
+    write_conf(rig, "tile/rig.conf");
 }
 
 static void write_session(const char *name, const char *views, const char *lights,
@@ -145,9 +177,20 @@ static void copy(const char *name) {
     bench_check(error);
 }
 
+/* Of a session file that is there. */
+static void set_exposure(const char *name, const char *exposure_us) {
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autofree char *path = in_folder(name);
+    g_autoptr(GError) error = NULL;
+    g_key_file_load_from_file(file, path, G_KEY_FILE_NONE, &error);
+    bench_check(error);
+    g_key_file_set_value(file, "capture", "exposures_us", exposure_us);
+    write_conf(file, name);
+}
+
 static void write_files(const struct effect *effect) {
     write_rig();
-    write_world(effect);
+    write_world(effect->one_exposure ? NULL : effect);
     copy("calibrate");
     copy("poles.conf");
     write_session("board.conf", "15:12; 45:12; 60:12", NULL, NULL, "8");
@@ -185,6 +228,23 @@ static gboolean step(const char *const *argv, GPtrArray *warnings, char **ret_re
 
 #define STEP(...) step((const char *const[]){__VA_ARGS__, NULL}, warnings, ret_refused)
 
+/* The radiometry once more, from a tile with the effect; then the effect is in the world. */
+static gboolean calibrate_again(const struct effect *effect, const char *calibration,
+                                GPtrArray *warnings, char **ret_refused) {
+    g_autofree char *rig = in_folder("tile/rig.conf"), *conf = in_folder("tile.conf"),
+                    *session = in_folder("tile.session");
+    write_tile(effect);
+    write_session("tile.conf", "15:4; 45:4; 60:4", "15:3; 45:3; 60:3", NULL, "8");
+    set_exposure("tile.conf", "2000");
+    if (!STEP(BIN "mesorig", "capture", rig, conf, "-o", session) ||
+        !STEP(BIN "mesorig", "calibrate", "radiometry", session, "--reflectance", "0.96", "-c",
+              calibration, "-o", calibration))
+        return FALSE;
+    write_world(effect);
+    set_exposure("session.conf", "4000");
+    return TRUE;
+}
+
 /* The report of demo_report; NULL: something has failed. */
 static JsonNode *measure(const struct effect *effect, GPtrArray *warnings, char **ret_refused) {
     g_autofree char *calibrate = in_folder("calibrate"),
@@ -196,6 +256,7 @@ static JsonNode *measure(const struct effect *effect, GPtrArray *warnings, char 
     g_autoptr(JsonParser) parser = json_parser_new();
     write_files(effect);
     if (!STEP("/bin/sh", calibrate, BUILD_DIR, calibration, targets) ||
+        (effect->one_exposure && !calibrate_again(effect, calibration, warnings, ret_refused)) ||
         !STEP(BIN "mesorig", "capture", rig, conf, "-o", session, "-c", calibration) ||
         !STEP(BIN "mesorig", "process", session) || !STEP(BIN "mesorig", "check", session) ||
         !STEP(BIN "demo_report", session, world, report))

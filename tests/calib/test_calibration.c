@@ -85,6 +85,10 @@ static struct calibration *complete(void) {
     calibration->turntable.known = TRUE;
     calibration->turntable.wobble_rad = 1e-4;
     calibration->cameras[0].expected_px = 0.05;
+    for (int c = 0; c < 3; c++) {
+        rig->cameras[0].lateral_colour[c] = 2e-4 * (1 - c);
+        calibration->cameras[0].lateral_colour[c] = 3e-5;
+    }
     rig->lasers[0].bend_rad = -0.02;
     struct calibration_laser *laser = &calibration->lasers[0];
     laser->bend_rad = 0.001;

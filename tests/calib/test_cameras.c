@@ -385,6 +385,59 @@ static void test_wobble(gconstpointer data) {
     boards_close(&turning);
 }
 
+/* Red and blue are larger or smaller than green: the board shows by how much. Bounds in standard
+ * errors hold for each of the lenses. */
+static const struct lateral {
+    const char *path;
+    double larger; /* red, and blue smaller */
+} laterals[] = {
+    {"/cameras/lateral/none", 0},
+    {"/cameras/lateral/small", 5e-4},
+    {"/cameras/lateral/large", -4e-3},
+};
+
+static void test_lateral(gconstpointer data) {
+    const struct lateral *lateral = data;
+    struct fixture_rig coloured = options;
+    struct fixture seen;
+    coloured.lateral_colour = lateral->larger;
+    boards_open(&seen, &coloured, lays, G_N_ELEMENTS(lays));
+    boards_capture(&seen, N_STOPS);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&seen.nominal);
+    const struct cameras_task task = {seen.board,  seen.pictures, seen.n_pictures,
+                                      boards_read, NULL,          &seen};
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
+    g_assert_no_error(error);
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const double *found = calibration->rig.cameras[c].lateral_colour;
+        const double *sigma = calibration->cameras[c].lateral_colour;
+        const double truth[3] = {lateral->larger, 0, -lateral->larger};
+        for (int k = 0; k < 3; k++) {
+            g_test_message("camera %d, colour %d: %+.6f ± %.6f, truly %+.6f", c, k, found[k],
+                           sigma[k], truth[k]);
+            g_assert_cmpfloat(sigma[k], >, 0);
+            g_assert_cmpfloat(sigma[k], <, 2e-4);
+            g_assert_cmpfloat(fabs(found[k] - truth[k]), <=, 3 * sigma[k]);
+            if (lateral->larger == 0)
+                g_assert_cmpfloat(found[k], ==, 0);
+        }
+    }
+    const struct fixture_errors e = boards_compare(&seen, calibration);
+    g_test_message("points %.4f px, chi2 %.2f", e.point_px, e.chi2);
+    g_assert_cmpfloat(e.point_px, <, 0.05);
+    /* It is in the file. */
+    g_autofree char *text = calibration_to_text(calibration);
+    g_autoptr(Calibration) back = calibration_from_text(text, "x", &error);
+    g_assert_no_error(error);
+    g_assert_cmpmem(back->cameras, sizeof back->cameras, calibration->cameras,
+                    sizeof calibration->cameras);
+    g_assert_cmpmem(back->rig.cameras, sizeof back->rig.cameras, calibration->rig.cameras,
+                    sizeof calibration->rig.cameras);
+    g_assert_true((strstr(text, "lateral_colour") != NULL));
+    boards_close(&seen);
+}
+
 BEFORE_TESTS {
     boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
     boards_capture(&f, N_STOPS);
@@ -394,6 +447,8 @@ BEFORE_TESTS {
         g_test_add_data_func(noted[i].path, &noted[i], test_noted);
     for (gsize i = 0; i < G_N_ELEMENTS(wobblings); i++)
         g_test_add_data_func(wobblings[i].path, &wobblings[i], test_wobble);
+    for (gsize i = 0; i < G_N_ELEMENTS(laterals); i++)
+        g_test_add_data_func(laterals[i].path, &laterals[i], test_lateral);
 }
 
 AFTER_TESTS {

@@ -254,6 +254,50 @@ TEST(bent_sensor) {
     g_free(pairs.pixels);
 }
 
+/* Some cells of a dark surround under two lamps that move: the share `glare` of the picture's mean,
+ * a dark surface, and noise, in thousandths of the mean. */
+static gboolean fit_glare(double glare, int n_shots, int n_cells, double noise, double *ret_glare,
+                          double *ret_error) {
+    g_autofree struct tile_shot *shots = g_new0(struct tile_shot, n_shots);
+    g_autofree struct glare_cell *cells = g_new0(struct glare_cell, n_shots * n_cells);
+    GRand *rand = g_rand_new_with_seed(5);
+    for (int s = 0; s < n_shots; s++) {
+        shots[s].lamp = s % 2;
+        for (int k = 0; k < n_cells; k++) {
+            struct glare_cell *cell = &cells[n_cells * s + k];
+            double deviate = -6;
+            for (int i = 0; i < 12; i++)
+                deviate += g_rand_double(rand);
+            *cell = (struct glare_cell){.shot = s, .cell = k, .colour = 1, .error = noise};
+            cell->mean = 1000 + 300 * sin(s);
+            cell->white = 2000 + 600 * cos(0.7 * s + k);
+            cell->signal =
+                glare / (1 + glare) * cell->mean + 0.01 * cell->white + cell->error * deviate;
+        }
+    }
+    g_rand_free(rand);
+    return glare_fit(cells, n_shots * n_cells, 0, shots, ret_glare, ret_error);
+}
+
+/* A glare that is known is given with its error. One that is plain, but not known well enough to be
+ * subtracted, is in the error; without a trace of it nothing is. */
+TEST(glare) {
+    double glare, error;
+    g_assert_true(fit_glare(0.02, 48, 20, 1, &glare, &error));
+    g_test_message("%.5f ± %.5f", glare, error);
+    g_assert_cmpfloat(fabs(glare - 0.02), <, 3 * error);
+    g_assert_true(fit_glare(0, 48, 20, 1, &glare, &error));
+    g_assert_cmpfloat(glare, <, 3 * error);
+    g_assert_false(fit_glare(0.03, 16, 1, 5, &glare, &error));
+    g_test_message("%.5f ± %.5f", glare, error);
+    g_assert_cmpfloat(glare, ==, 0);
+    g_assert_cmpfloat(error, >, 0.015);
+    g_assert_cmpfloat(error, <, 0.06);
+    g_assert_false(fit_glare(0, 16, 1, 5, &glare, &error));
+    g_assert_cmpfloat(glare, ==, 0);
+    g_assert_cmpfloat(error, ==, 0);
+}
+
 static void tile_refused(const struct tile_shot *shots, int n_shots, const GArray *cells,
                          enum radiometry_error code, const char *says) {
     g_autoptr(GError) error = NULL;

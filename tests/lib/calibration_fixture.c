@@ -28,9 +28,10 @@ static char *boards_world_text(const struct fixture *f, const struct fixture_lay
         g_string_append_printf(text,
                                "[camera cam%d]\ntheta_deg = %g\nphi_deg = 0\ndistance_mm = %g\n"
                                "width = %d\nheight = %d\nfocal_px = %g\nresponse = 6000\n"
-                               "vignetting = 0.06\nread_noise_e = 4\nblur_px = %g\n",
+                               "vignetting = 0.06\nread_noise_e = 4\nblur_px = %g\n"
+                               "lateral_colour = %g\n",
                                c, boards_theta_deg(o, c), o->distance_mm, o->width, o->height,
-                               o->focal_px, o->blur_px);
+                               o->focal_px, o->blur_px, o->lateral_colour);
         /* A lens that is like real ones: focal length and middle off by a little, some distortion.
          */
         GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + c));
@@ -146,6 +147,7 @@ void boards_close(struct fixture *f) {
 struct picture *boards_copy(const struct picture *from) {
     struct picture *to = picture_new(from->name, from->checksum, from->width, from->height);
     memcpy(to->values, from->values, sizeof(float) * (gsize)from->width * (gsize)from->height);
+    memcpy(to->cfa, from->cfa, sizeof to->cfa);
     return to;
 }
 

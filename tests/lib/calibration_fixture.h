@@ -25,8 +25,9 @@ struct fixture_rig {
     double turntable_error_deg; /* repeatable, a function of the angle */
     double blur_px;
     const char *board;
-    double wobble_deg; /* of the turntable's bearing; */
-    int wobble_turns;  /* so many times a turn; 0: twice */
+    double wobble_deg;     /* of the turntable's bearing; */
+    int wobble_turns;      /* so many times a turn; 0: twice */
+    double lateral_colour; /* of all lenses: red is magnified by 1 + this, blue by 1 − this */
 };
 
 struct fixture_lay {

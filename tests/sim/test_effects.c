@@ -254,6 +254,25 @@ static void glare(void) {
                                        0.03 * mean[filter_of(i)] / n[filter_of(i)], 1.01);
 }
 
+/* The truth of what a camera shows of white has the step as well. */
+TEST(halves__truth) {
+    double white[2][2], xy[2][2];
+    for (int on = 0; on < 2; on++) {
+        g_autofree char *text =
+            g_strconcat(QUIET MONO, on ? "half_gain_step=0.02\n" : "", SCENE, NULL);
+        g_autoptr(World) world = world_fixture_new(text);
+        for (int side = 0; side < 2; side++) {
+            const double at[3] = {0, side ? 20 : -20, 0};
+            truth_project(world, 0, at, xy[side]);
+            white[on][side] = truth_white(world, 0, 0, 0, at, 1);
+        }
+    }
+    g_assert_cmpfloat(xy[0][0], <, 60);
+    g_assert_cmpfloat(xy[1][0], >, 61);
+    g_assert_cmpfloat(white[1][0], ==, white[0][0]);
+    g_assert_cmpfloat_with_epsilon(white[1][1] / white[0][1], 1.02, 1e-9);
+}
+
 TEST(halves_and_columns) {
     g_autofree double *plain = g_new(double, PIXELS), *seen = g_new(double, PIXELS);
     g_autofree double *dark = g_new(double, PIXELS);

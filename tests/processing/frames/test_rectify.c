@@ -100,6 +100,96 @@ TEST(rgb) {
         g_assert_true(holes[i] == (rgb[3 * i] == 0 && rgb[3 * i + 1] == 0 && rgb[3 * i + 2] == 0));
 }
 
+/* Middle of a colour's light in a picture of texels. */
+static void middle_of(const float *rgb, int colour, double ret[2]) {
+    double sum = 0;
+    ret[0] = ret[1] = 0;
+    for (int i = 0; i < grid.width * grid.height; i++) {
+        const double value = (double)rgb[3 * i + colour] - 0.2;
+        sum += value;
+        ret[0] += value * (i % grid.width);
+        ret[1] += value * (int)(i / grid.width);
+    }
+    ret[0] /= sum;
+    ret[1] /= sum;
+}
+
+/* Lateral colour: a spot whose red and blue light arrive next to its green light. In texels all of
+ * it is at one place, and what is even stays even. One texel is 2 pixels. */
+static const struct lateral {
+    const char *path, *cfa;
+    double larger[3];
+} laterals[] = {
+    {"/rectify/lateral/filter", "rggb", {4e-3, -1e-3, -2e-3}},
+    {"/rectify/lateral/other filter", "gbrg", {-4e-3, 1e-3, 2e-3}},
+    {"/rectify/lateral/more than a pixel", "rggb", {3e-2, 0, -3e-2}},
+    {"/rectify/lateral/colours", "rgb", {4e-3, -1e-3, -2e-3}},
+    {"/rectify/lateral/colours far apart", "rgb", {3e-2, 0, -3e-2}},
+};
+
+static void test_lateral(gconstpointer data) {
+    const struct lateral *lateral = data;
+    struct pinhole pinhole = {160, 160, 0, 650, 2 * 645 / 1.5};
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    const gboolean planes = strcmp(lateral->cfa, "rgb") == 0;
+    const int n = planes ? 3 * 160 * 160 : 160 * 160;
+    g_autofree float *spot = g_new(float, n), *even = g_new(float, n);
+    g_autofree float *rgb = g_new(float, 24 * 20 * 3);
+    guint8 flags[24 * 20], of_red[24 * 20], saturated[160 * 160] = {0};
+    double worst[2] = {0, 0};
+    camera.response = 1000;
+    camera.cx_px = 20; /* far from the spot */
+    camera.cy_px = 140;
+    camera.translation_mm.x += (79.5 - camera.cx_px) * 650 / camera.fx_px;
+    camera.translation_mm.y += (79.5 - camera.cy_px) * 650 / camera.fy_px;
+    for (int i = 0; i < n; i++) {
+        const int x = i % 160, y = i / 160 % 160;
+        const int c = planes ? i / (160 * 160) : colour_at(lateral->cfa, x, y);
+        const double u = camera.cx_px + (x - camera.cx_px) / (1 + lateral->larger[c]);
+        const double v = camera.cy_px + (y - camera.cy_px) / (1 + lateral->larger[c]);
+        spot[i] = (float)(0.2 + exp(-(pow(u - 82, 2) + pow(v - 77, 2)) / (2 * 5 * 5)));
+        even[i] = 0.7f;
+    }
+    for (int corrected = 0; corrected < 2; corrected++) {
+        double middle[3][2];
+        memcpy(camera.lateral_colour, lateral->larger,
+               corrected ? sizeof camera.lateral_colour : 0);
+        g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, lateral->cfa, 0, &grid, NULL);
+        g_assert_nonnull(rectify);
+        g_assert_cmpint(rectify_apply(rectify, spot, rgb, NULL), ==, 0);
+        for (int c = 0; c < 3; c++)
+            middle_of(rgb, c, middle[c]);
+        for (int c = 0; c < 3; c += 2)
+            worst[corrected] = MAX(worst[corrected], 2 * hypot(middle[c][0] - middle[1][0],
+                                                               middle[c][1] - middle[1][1]));
+        /* Values of pixels that agree, whatever their weights. */
+        rectify_apply(rectify, even, rgb, NULL);
+        for (int i = 0; i < 24 * 20 * 3; i++)
+            g_assert_cmpfloat_with_epsilon(rgb[i], 0.7, 1e-5);
+        /* Saturated pixels are so in the texels that they are weighed in, of any plane. */
+        struct rig_camera red = rig_camera_of_colour(&camera, 0);
+        memset(red.lateral_colour, 0, sizeof red.lateral_colour);
+        g_autoptr(Rectify) one = rectify_new(&red, NULL, "rgb", 0, &grid, NULL);
+        for (int x = 60; x < 100; x += 7)
+            saturated[77 * 160 + x] = 1;
+        rectify_flags(rectify, saturated, flags);
+        rectify_flags(one, saturated, of_red);
+        int flagged = 0;
+        for (int i = 0; i < 24 * 20; i++) {
+            flagged += flags[i];
+            g_assert_true(flags[i] >= of_red[i] || !planes);
+        }
+        g_assert_cmpint(flagged, >, 5);
+        g_assert_cmpint(flagged, <, 60);
+    }
+    g_test_message("red and blue are %.4f px off, %.4f px", worst[0], worst[1]);
+    const double most = MAX(fabs(lateral->larger[0] - lateral->larger[1]),
+                            fabs(lateral->larger[2] - lateral->larger[1]));
+    g_assert_cmpfloat_with_epsilon(worst[0], most * hypot(82 - 20, 77 - 140),
+                                   0.1 * most * hypot(82 - 20, 77 - 140));
+    g_assert_cmpfloat(worst[1], <, 0.005 * worst[0]);
+}
+
 /* The picture of a white diffuser under vignetting comes out flat. */
 TEST(vignetting) {
     struct pinhole pinhole = camera_at(30, 1664);
@@ -412,4 +502,9 @@ TEST(some_texels) {
     for (gsize i = 0; i < G_N_ELEMENTS(texels); i++)
         for (int c = 0; c < 3; c++)
             g_assert_true(few[3 * i + (gsize)c] == all[3 * texels[i] + c]);
+}
+
+BEFORE_TESTS {
+    for (gsize i = 0; i < G_N_ELEMENTS(laterals); i++)
+        g_test_add_data_func(laterals[i].path, &laterals[i], test_lateral);
 }
