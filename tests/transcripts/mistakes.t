@@ -125,7 +125,7 @@ same is told.
   rig.conf:20: [axis arc] part: world.conf has no laser "leg"; choose from: turntable, arc, arm, probe, laser30, laser60
   rig.conf:30: [lamps bank] fault_dead: world.conf has no lamp "lamp61"; choose from: lamp30, lamp60
   rig.conf:62: [camera cam60] part: world.conf has no camera "cam61"; choose from: cam30, cam60
-  rig.conf:84: [axis sweep60] home_deg: 20 lies outside min_deg to max_deg, -15 to 15
+  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg, -15 to 15
   rig.conf:95: [laser laser30] world: there is no file welt.conf
   [1]
   $ mesorig plan --offline rig.conf session.conf
@@ -134,7 +134,7 @@ same is told.
   rig.conf:20: [axis arc] part: world.conf has no laser "leg"; choose from: turntable, arc, arm, probe, laser30, laser60
   rig.conf:30: [lamps bank] fault_dead: world.conf has no lamp "lamp61"; choose from: lamp30, lamp60
   rig.conf:62: [camera cam60] part: world.conf has no camera "cam61"; choose from: cam30, cam60
-  rig.conf:84: [axis sweep60] home_deg: 20 lies outside min_deg to max_deg, -15 to 15
+  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg, -15 to 15
   rig.conf:95: [laser laser30] world: there is no file welt.conf
   [1]
 

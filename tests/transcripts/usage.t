@@ -73,46 +73,46 @@ Without a command all commands are listed.
   Usage: mesorig COMMAND …
   
   Capture a session:
-    plan       Check a session, and predict its order and time.
+    plan       Check a session file, and predict order and time of its capture.
     capture    Capture a session and show its progress.
-    resume     Continue a session: exactly the missing frames are taken.
+    resume     Continue a session: capture the frames that are missing.
     status     Show what the rig does.
     watch      Follow a capture until it ends.
     pause      Pause after the shot under way.
     continue   Continue after a pause or a fault.
     abort      End a capture now; it can be resumed.
-    safe       Stop immediately: lamps and lasers off, axes stopped, until “release”.
-    release    Allow light and movement again after “safe”. Look at the rig first.
+    safe       Switch lamps and lasers off and stop all axes, until “release”.
+    release    Allow light and movement again after “safe”.
     close      Make the daemon close its rig, so that another may be opened.
-    queue      Capture sessions one after the other, without an operator at the rig.
+    queue      Capture sessions one after the other, without an operator.
   
   Devices:
     drivers    List the drivers and their options in a rig file.
-    devices    List the devices on the buses, and the rig file sections that would use them.
-    test       Try every device once: interlocks, axes (each moves), cameras, and whether a camera sees each lamp and laser. Fails unless all answer.
-    snap       Take one picture: what it looks like, its histogram, how much is saturated and dark, how sharp it is. Nothing may be captured meanwhile.
-    live       Take pictures one after the other, as snap does, until Ctrl-C: to point and focus.
+    devices    List the devices on the buses, with sections for a rig file.
+    test       Test every device.
+    snap       Take a picture, and measure it.
+    live       Take and show pictures until Ctrl-C, to point and focus a camera.
     lamp       Switch a lamp on until Ctrl-C.
-    laser      Switch a laser on until Ctrl-C, or until an interlock opens. Mind your eyes.
-    move       Move an axis to an angle; “home” comes first. Ctrl-C stops it. Before a negative angle write --.
-    home       Send an axis to its reference. Ctrl-C stops it.
+    laser      Switch a laser on until Ctrl-C or until an interlock opens.
+    move       Move an axis to an angle.
+    home       Move an axis to its reference position.
   
   Calibrate:
     board      Draw a calibration board to print.
     calibrate  Find out where cameras, lamps and lasers are, from pictures.
   
   Process a session:
-    process    Make BTF, MDF and eigen-maps of a session.
-    compress   Compress the BTF of a session, or its MDF.
-    resample   Make a session whose BTF has the same directions for all texels, and report its accuracy.
+    process    Compute the BTF, the MDF and eigen-maps of a session.
+    compress   Compress the BTF or the MDF of a session.
+    resample   Make a session whose BTF has the same directions for all texels.
     synthesize Make a larger material from a sample, as a map of its texels.
   
   Look at results:
-    info       Show the contents of a session or an EXR.
-    verify     Compare every file of a session with its checksum, and show the command that repairs it.
-    check      Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement of views.
-    compare    Compare two materials, or all models of one.
-    report     Write a report of a session as a page, and metadata for an archive.
+    info       Show the contents of a session or of an EXR file.
+    verify     Compare every file of a session with its checksum.
+    check      Check whether the BTF and MDF of a session are plausible.
+    compare    Compare two materials or pictures, or all methods of compression.
+    report     Write a report of a session, and metadata for archives of data.
   
   Exchange data with other programs:
     import     Make a session of data that others have measured.
@@ -126,10 +126,10 @@ Without a command all commands are listed.
   
   Capture a session:
   $ mesorig capture --help | tail -5
-  
   Examples:
     mesorig capture rig.conf session.conf -o weave.session
-    mesorig capture rig.conf session.conf -o weave.session -c rig.calibration --process
+    mesorig capture rig.conf session.conf -o weave.session -c rig.calibration \
+        --process
   
   $ mesorig snap --help | grep -A9 Examples
   Examples:
