@@ -111,9 +111,9 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
 /* Finds the veiling glare of a camera from the n cells. Sorts the cells, with those of this camera
  * first. The dark surface in a cell has an unknown reflectance. Its signal depends on the distance
  * of the lamp, while glare does not, so the two can be separated. Returns FALSE if no cell is dark
- * enough, or if the error of the glare is 0.2 % or more. ret_glare is then 0. ret_error is then 0 as
- * well, unless there certainly is some glare: in that case it holds the size of the glare and its
- * error together. */
+ * enough, or if the error of the glare is 0.2 % or more. ret_glare is then 0. ret_error is then 0
+ * as well, unless there certainly is some glare: in that case it holds the size of the glare and
+ * its error together. */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 

@@ -393,8 +393,8 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
 }
 
 /* Calls func for each axis, bank and laser, each device once. */
-static void foreach (const struct devices *devices,
-                     void (*func)(struct device *device, gpointer data), gpointer data) {
+static void foreach(const struct devices *devices,
+                    void (*func)(struct device *device, gpointer data), gpointer data) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         if (devices->lasers[i] && rig_laser_unit(&devices->timing, i) == i)
             func(&devices->lasers[i]->device, data);
@@ -419,8 +419,7 @@ static void set_permit(struct device *device, gpointer data) {
 }
 
 void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data) {
-    foreach (devices, set_permit, &(struct permit){permit, data})
-        ;
+    foreach(devices, set_permit, &(struct permit){permit, data});
 }
 
 struct watch {
@@ -434,8 +433,7 @@ static void watch_safety(struct device *device, gpointer data) {
 }
 
 void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data) {
-    foreach (devices, watch_safety, &(struct watch){func, data})
-        ;
+    foreach(devices, watch_safety, &(struct watch){func, data});
 }
 
 static void add_identity(struct device *device, gpointer data) {
@@ -445,8 +443,7 @@ static void add_identity(struct device *device, gpointer data) {
 
 GPtrArray *devices_identities(const struct devices *devices) {
     GPtrArray *ret = g_ptr_array_new_with_free_func(g_free);
-    foreach (devices, add_identity, ret)
-        ;
+    foreach(devices, add_identity, ret);
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         if (devices_is_unit(&devices->geometry, i))
             add_identity(&devices->cameras[i]->device, ret);
@@ -461,8 +458,7 @@ static void find_unsafe(struct device *device, gpointer data) {
 
 gboolean devices_any_unsafe(const struct devices *devices) {
     gboolean any = FALSE;
-    foreach (devices, find_unsafe, &any)
-        ;
+    foreach(devices, find_unsafe, &any);
     return any;
 }
 

@@ -377,8 +377,9 @@ int main(int argc, char **argv) {
     const struct command_line command_line = {
         .name = "mesorig-view",
         .summary = "Shows a measured material.",
-        .description = "MATERIAL is the directory of a processed session, or a file that mesorig "
-                       "process or mesorig compress made. Without MATERIAL, woven fabric is shown.\n",
+        .description =
+            "MATERIAL is the directory of a processed session, or a file that mesorig "
+            "process or mesorig compress made. Without MATERIAL, woven fabric is shown.\n",
         .options = table,
         .data = &o,
     };

@@ -38,21 +38,6 @@ CIRCLES = {
         ("causes", "pipeline"),
     ): "Causes are sentences about the result that the pipeline returns.",
     (
-        "renderer/drawing",
-        (
-            "methods/eigenmaps_view",
-            "methods/hsh_view",
-            "methods/lobes_view",
-            "methods/lpca_grid",
-            "methods/lpca_revised",
-            "methods/lpca_texels",
-            "methods/lpca_view",
-            "methods/method",
-            "methods/microfacet",
-            "methods/slices",
-        ),
-    ): "method.h is the interface of a method, and method.c has the table of all methods.",
-    (
         "renderer/scene",
         ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
     ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",
