@@ -154,10 +154,11 @@ static gboolean output_file_is(const char *path, const struct stat *status, cons
 
 static gboolean output_file_exists(const struct OutputFile *file, GError **error) {
     if (file->kind)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "%s exists already, and Mesorig has not written it as “%s”: give another name, "
-                    "or --force to replace it",
-                    file->path, file->kind);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_EXISTS,
+            "%s exists already, and is not a “%s” that Mesorig has written: give another name, "
+            "or --force to replace it",
+            file->path, file->kind);
     else
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
                     "%s exists already: give another name, or --force to replace it", file->path);

@@ -165,11 +165,12 @@ static gboolean refuse(const char *what, pid_t pid, GError **error) {
             "%s is already open: another section names it differently" ERROR_ADVICE
             "write it the same way in both",
             what);
-    return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                            "cannot open %s: %s uses it" ERROR_ADVICE "%s", what, holder,
-                            lock_is_daemon(pid) ? "let that daemon do this (its address is that of "
-                                                  "its --listen), or end it"
-                                                : "end that program");
+    return device_error_set(
+        error, DEVICE_ERROR_BUSY, NULL, "cannot open %s: %s uses it" ERROR_ADVICE "%s", what,
+        holder,
+        lock_is_daemon(pid)
+            ? "use that daemon instead (commands find it by --address or --bus), or end it"
+            : "end that program");
 }
 
 /* Takes the lock of an owner. No other process may hold it, and no process may be making the device

@@ -448,7 +448,8 @@ static gboolean is_exchangeable(const struct board *board) {
     return board->print == BOARD_CHESSBOARD || board->print == BOARD_CIRCLES;
 }
 
-/* GOES_ON: nothing is known. OPEN: the board is at least as large. */
+/* Measures the columns and rows of the board in the picture. ENDS: the board has this size. OPEN:
+ * it has at least this size. GOES_ON: its size was not found. */
 static enum end measure(const struct picture *picture, const struct board *given, int *ret_columns,
                         int *ret_rows) {
     g_autoptr(Picture) small = reduce(picture, max_px(given));

@@ -248,8 +248,9 @@ gboolean cameras_solve(struct cameras_work *work, GError **error) {
     return bundle_solve(&work->bundle, error);
 }
 
-/* Two passes: first only pictures without corners (with a large search radius for cameras without
- * usable pictures), then all pictures with the geometry known by then. */
+/* Two passes. The first searches every picture of cameras with fewer than MIN_PICTURES usable
+ * pictures, within a large radius, and of the other cameras only pictures without corners. The
+ * second searches all pictures with the geometry that is known by then. */
 static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)

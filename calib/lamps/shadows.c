@@ -13,7 +13,7 @@
 #define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, over the lit level */
 #define MIN_PIXELS   30
 #define MAX_HIDDEN   0.35 /* largest share of hidden pixels around the shadow's end */
-#define BODY_LAMP    0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
+#define BODY_LAMP    0.7  /* least cosine of the zenith angle of a lamp that shows bodies */
 #define FLOOR_PX     0.01 /* model error of the shape, added to each sight's error */
 
 /* Intersects each pixel's ray e + t r with the plate: t = (z_plate − e_z) / r_z. */

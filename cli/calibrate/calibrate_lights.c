@@ -413,12 +413,12 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
                     job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name,
                     fit, rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name);
     else
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-                    "%s: the lamps are numbered in another order: what was noted as %s is %s, and "
-                    "so on (%s); correct index of every [lamp …] in the rig file, or for imported "
-                    "pictures the names in the table, and capture or import again",
-                    job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name,
-                    fit);
+        g_set_error(
+            error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+            "%s: the lamps are in another order than was noted: the lamp noted as %s is in "
+            "truth %s, and so on (%s); correct the index of every [lamp …] in the rig file, "
+            "or, for imported pictures, the names in the table, and capture or import again",
+            job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name, fit);
 }
 
 /* Whether the better agreement cannot be chance: much more of what should be visible is seen, or

@@ -223,7 +223,8 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
     if (photos_focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
                                              (first->y_px - ball->y_px) / ball->radius_px, 0));
-    /* The truth is between both directions: part of the highlight's size is blur. */
+    /* The true direction lies between the mean direction and that at the highlight's centroid,
+     * because part of the highlight's size is blur. */
     ret->sigma_rad = hypot(shift_rad / 2, ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px,
                                                                found.y_px, found.sigma_px));
     return NULL;

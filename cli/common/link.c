@@ -40,10 +40,11 @@ static gboolean may_ask(BusRig1 *rig, const char *where, GError **error) {
     if (state)
         return TRUE;
     if (g_error_matches(why, G_DBUS_ERROR, G_DBUS_ERROR_ACCESS_DENIED))
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-                    "the rig %s is for members of the group mesorig: adduser %s mesorig, then log "
-                    "in again",
-                    where, g_get_user_name());
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
+            "only members of the group mesorig may use the rig %s: run “adduser %s mesorig” "
+            "as root, then log in again",
+            where, g_get_user_name());
     else
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
                     "mesorigd %s does not answer: %s; wait until it is ready, or start it again",

@@ -226,15 +226,16 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
     const double min_us = common_us(choice);
     if (brightest->full || brightest->high * MAX(shortest_us, min_us) > FULL_PART)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
-                       "camera %s saturates under %s even at %.0f µs, the shortest that all "
-                       "cameras can: dim the light, close the aperture, or lower [capture] gain_db",
+                       "camera %s saturates under %s even at %.0f µs, the shortest "
+                       "exposure that all cameras have: dim the light, close the aperture, or "
+                       "lower [capture] gain_db",
                        name_of(choice, brightest), brightest->light, min_us);
     else if (needed_us > conf->auto_longest_us)
-        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "auto_longest_us",
-                       "camera %s needs %.0f µs under %s, and %s may choose %g µs at most: raise "
-                       "auto_longest_us, open the aperture, or raise gain_db",
-                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, key,
-                       conf->auto_longest_us);
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, conf, "capture", "auto_longest_us",
+            "camera %s needs %.0f µs under %s, but “%s = auto” may choose %g µs at most: raise "
+            "auto_longest_us, open the aperture, or raise gain_db",
+            name_of(choice, dimmest), ceil(needed_us), dimmest->light, key, conf->auto_longest_us);
     else if (needed_us > max_ratio * shortest_us)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
                        "camera %s saturates above %.0f µs under %s, and camera %s needs %.0f µs "

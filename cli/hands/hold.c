@@ -78,7 +78,8 @@ static void on_devices(GObject *object, GParamSpec *spec, gpointer data) {
     on_end(waiting);
 }
 
-/* Until a signal, the time that was given, or a fault. */
+/* Waits for a signal, the end of the given time, or a fault. Returns the fault, or NULL. g_free()
+ */
 static char *wait_for_end(Link *link) {
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     guint ids[G_N_ELEMENTS(numbers)];

@@ -165,8 +165,8 @@ static int lamp_beside_sweeps(const struct orderer *o) {
 }
 
 /* Takes one lamp in all poses before the next lamp. This is the quickest order if lamps take longer
- * to warm up than axes take to move. Sweeps are taken together with the lamp next to or, if that is
- * −1, at the end. */
+ * to warm up than axes take to move. Sweeps are taken together with the lamp "beside". Sweeps of
+ * poses without that lamp, and all sweeps if beside is −1, come at the end. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     g_autofree int *poses = g_new(int, o->moves->n);
 

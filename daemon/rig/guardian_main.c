@@ -207,7 +207,7 @@ static gboolean begin(struct guarding *guarding) {
     if (!place_take(&guarding->place, guarding->rig_path, &at_work, &other)) {
         g_autofree char *refusal =
             g_strdup_printf("%s is open in another mesorigd (process %d)" ERROR_ADVICE
-                            "let that daemon do this, or end it",
+                            "use that daemon instead, or end it",
                             guarding->rig_path, (int)other);
         answer(refusal);
         return FALSE;

@@ -51,7 +51,8 @@ const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
  * The array is NULL-terminated and owned by the device. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
-/* Returns what Aravis knows, without sending a request to the camera. */
+/* Returns whether this program still controls the camera (GigE), or whether the camera is still
+ * plugged in (USB), as far as Aravis knows. Sends no request to the camera. */
 gboolean aravis_device_has_control(AravisDevice *device);
 
 /* Returns TRUE if the camera has to be opened again after a frame that did not come. The

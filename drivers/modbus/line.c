@@ -174,12 +174,11 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     if (why == EWOULDBLOCK && !is_tcp(line)) {
         g_autofree char *holder = modbus_serial_holder(line->link.bus);
         const gboolean daemon = holder && g_str_has_prefix(holder, "mesorigd ");
-        return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                                "cannot open %s: %s uses it" ERROR_ADVICE "%s", line->link.bus,
-                                holder ? holder : "another program",
-                                daemon ? "let that daemon do this (its address is that of its "
-                                         "--listen), or end it"
-                                       : "end that program");
+        return device_error_set(
+            error, DEVICE_ERROR_BUSY, NULL, "cannot open %s: %s uses it" ERROR_ADVICE "%s",
+            line->link.bus, holder ? holder : "another program",
+            daemon ? "use that daemon instead (commands find it by --address or --bus), or end it"
+                   : "end that program");
     }
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "cannot open %s: %s" ERROR_ADVICE "check %s", line->link.bus,

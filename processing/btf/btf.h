@@ -34,7 +34,7 @@ struct btf_light {
     const struct rig_lamp *lamp;
     const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
-    double turntable_rad; /* while its picture was exposed; else the view's */
+    double turntable_rad; /* of the exposure, or of the view */
     double output;        /* of the lamp in this shot, relative to its calibration */
     double output_error;  /* 0: it was not measured in this shot */
     gboolean missing;     /* the plan left it out; input is empty */

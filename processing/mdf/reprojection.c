@@ -317,7 +317,8 @@ static int spread(const Reprojection *s, int view, const struct look *look, doub
         const float d = eye->distance[texel];
         ret[k] =
             (struct reprojection_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
-        /* These texels are two texels apart, so that the step may be twice as large. */
+        /* The 4 × 4 texels reach up to two texels from the position, the four only one. The
+         * distance may therefore differ by twice as much. */
         one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
     }
     if (one)

@@ -5,7 +5,9 @@
 #include <math.h>
 #include <string.h>
 
-#define FLAT 1e-4 /* flatness of a floor, as a share of the scene's width */
+/* Largest difference of height in a floor, and largest distance of its sides from the scene's,
+ * relative to the diagonal of the scene's base. */
+#define FLAT 1e-4
 
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error) {
     const char *equals = strchr(text, '=');

@@ -61,7 +61,7 @@ static struct vec3 of_floats(const float a[3]) {
     return vec3((double)a[0], (double)a[1], (double)a[2]);
 }
 
-/* Computes the middle of the bounding box, and the radius around it. */
+/* Computes the middle of the bounding box, and half of the diagonal of the box. */
 static void scene_measure(TraceScene *scene) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint k = 0; k < scene->gltf->parts->len; k++) {

@@ -100,8 +100,8 @@ static void test_names(void) {
     delivers(path, "report", FALSE, "# mesorig.kind: report\nfirst\n", NULL);
     holds(path, "# mesorig.kind: report\nfirst\n");
     delivers(path, "report", FALSE, "# mesorig.kind: report\nsecond\n", OWN);
-    refused(path, "board", FALSE, DATA_ERROR_EXISTS, "has not written it as “board”");
-    refused(path, "rep", FALSE, DATA_ERROR_EXISTS, "has not written it as “rep”");
+    refused(path, "board", FALSE, DATA_ERROR_EXISTS, "is not a “board” that Mesorig");
+    refused(path, "rep", FALSE, DATA_ERROR_EXISTS, "is not a “rep” that Mesorig");
     refused(path, NULL, FALSE, DATA_ERROR_EXISTS, "exists already: give another name, or --force");
     holds(path, "# mesorig.kind: report\nsecond\n");
     delivers(path, NULL, TRUE, "third", OTHER);

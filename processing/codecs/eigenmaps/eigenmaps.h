@@ -40,9 +40,9 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
                            double *ret_error, GError **error);
 
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
- * Gram matrix has the squares of the singular values, so that singular values down to 1e-8 of the
- * largest are found; halves need 5e-4. If the columns do not fit into memory, each is requested
- * about n_views/fit/2 + 2 times.
+ * eigenvalues of the Gram matrix are the squares of the singular values, so that singular values
+ * down to 1e-8 of the largest are found. The half floats of the file need only 5e-4. If the columns
+ * do not fit into memory, each is requested about n_views/fit/2 + 2 times.
  *
  * Randomised method: each column is requested twice, or with a target sometimes three times. The
  * range of Aᵀ is that of its sketch (SA)ᵀ of n_views × 16384 (Halko, Martinsson and Tropp 2011,

@@ -425,7 +425,9 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
         what = "there can be 1 to 1024 clusters, and no more than texels";
     else if (options->n_components < 1 || options->n_components > MIN(values, most))
-        what = "there can be 1 to 64 components, and no more than values of a texel";
+        what = options->to_pack
+                   ? "there can be 1 to 512 components, and no more than values of a texel"
+                   : "there can be 1 to 64 components, and no more than values of a texel";
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
     if (what)

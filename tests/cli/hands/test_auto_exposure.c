@@ -146,8 +146,8 @@ TEST(single) {
 TEST(hopeless) {
     static const struct hopeless all[] = {
         {.session = {"[capture]", "auto_longest_us = 400"},
-         .told = {"[capture] auto_longest_us: camera", "under lamp60, and exposures_us may choose "
-                                                       "400 µs at most"}},
+         .told = {"[capture] auto_longest_us: camera",
+                  "under lamp60, but “exposures_us = auto” may choose 400 µs at most"}},
         {.session = {"[capture]", "auto_longest_us = 10000000"},
          .rig = {"[camera cam60]", "response = 6"},
          .told = {"exposures_us: camera cam30 saturates above", "Bring their apertures together"}},

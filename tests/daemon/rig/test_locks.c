@@ -90,7 +90,7 @@ static void assert_refused(struct fixture *fixture, const char *words) {
     g_autofree char *address = g_strdup_printf("unix:path=%s/refused", fixture->folder);
     g_autofree char *rig = g_strconcat("--rig ", fixture->rig, NULL);
     g_autofree char *process =
-        g_strdup_printf(" (process %d) uses it; let that daemon do this", fixture->pid);
+        g_strdup_printf(" (process %d) uses it; use that daemon instead", fixture->pid);
     g_autofree char *said = process_text(
         1, (const char *[]){MESORIGD, "--listen", address, "--rig", fixture->other_rig, NULL});
     g_test_message("%s", said);
