@@ -1,8 +1,9 @@
 /* Converts the numbers in the files of a table to linear light,
- *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
- * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field with the
- * same coding, m: the flat field's mean around the middle of the picture. Floating-point numbers
- * have white at 1. */
+ *   v = T((n − d) / (2^bits − 1 − black)) · m / f,
+ * n: a pixel's number, d: the number of the same pixel in the dark frame (without a dark frame:
+ * black), black: the black level (with a dark frame: the mean of the dark frame), T: the transfer
+ * function (picture_tone_choose()), f: its flat field with the same coding, m: the flat field's
+ * mean around the middle of the picture. Floating-point numbers have white at 1. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -19,6 +20,7 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
     struct import_coding *coding = &row->coding;
     const char *transfer = text_table_text(table, index, text_table_column(table, "transfer"));
     const char *flat = text_table_text(table, index, text_table_column(table, "flat_field"));
+    const char *dark = text_table_text(table, index, text_table_column(table, "dark_frame"));
     double bits;
     if (!text_table_number(table, index, text_table_column(table, "black_level"), 0,
                            &coding->black_level, error) ||
@@ -43,15 +45,24 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
     if (coding->transfer == PICTURE_TONES_UNSAID)
         coding->transfer = set->wish->transfer;
     coding->flat_path = *flat ? g_canonicalize_filename(flat, folder) : NULL;
+    coding->dark_path = *dark ? g_canonicalize_filename(dark, folder) : NULL;
+    if (coding->dark_path && coding->black_level != 0)
+        return data_error_fail(set->table, row->line, error,
+                               "there are a dark_frame and a black_level of %g; leave out one of "
+                               "them",
+                               coding->black_level);
+    if (coding->dark_path && !g_file_test(coding->dark_path, G_FILE_TEST_IS_REGULAR))
+        return data_error_fail(set->table, row->line, error, "there is no dark frame %s",
+                               coding->dark_path);
     return !coding->flat_path || g_file_test(coding->flat_path, G_FILE_TEST_IS_REGULAR) ||
            data_error_fail(set->table, row->line, error, "there is no flat field %s",
                            coding->flat_path);
 }
 
-/* Returns the white of a file with this many bits (0 means floating-point). Returns 0 with an
- * error. */
+/* Returns the white of a file with this many bits (0 means floating-point). black is the number of
+ * a pixel without light. Returns 0 with an error. */
 static double import_coding_white(const struct import_set *set, const struct import_row *row,
-                                  const char *name, int bits, GError **error) {
+                                  const char *name, int bits, double black, GError **error) {
     const struct import_coding *coding = &row->coding;
     if (coding->bits > bits && bits == 0)
         data_error_set(set->table, row->line, error,
@@ -63,12 +74,56 @@ static double import_coding_white(const struct import_set *set, const struct imp
     if (coding->bits > bits)
         return 0;
     const double white = bits ? (double)((1 << (coding->bits ? coding->bits : bits)) - 1) : 1;
-    if (coding->black_level < white)
+    if (black < white)
         return white;
-    data_error_set(set->table, row->line, error,
-                   "black_level is %g, but it must be below white, which is %g in %s",
-                   coding->black_level, white, name);
+    data_error_set(
+        set->table, row->line, error,
+        coding->dark_path
+            ? "the mean of the dark frame is %g, but it must be below white, which is %g "
+              "in %s"
+            : "black_level is %g, but it must be below white, which is %g in %s",
+        black, white, name);
     return 0;
+}
+
+/* Reads the dark frame of a row for the picture. The numbers belong to the set. Returns NULL
+ * without an error if the row has no dark frame. ret_black is the mean of the dark frame, or the
+ * black level. */
+static const struct import_picture *dark_frame(const struct import_set *set,
+                                               const struct import_row *row,
+                                               const struct import_picture *picture,
+                                               const char *name, double *ret_black,
+                                               GError **error) {
+    const char *path = row->coding.dark_path;
+    *ret_black = row->coding.black_level;
+    if (!path)
+        return NULL;
+    struct import_picture *dark = g_hash_table_lookup(set->darks, path);
+    if (!dark) {
+        g_autoptr(GError) found = NULL;
+        dark = import_picture_read_codes(path, &found);
+        if (!dark) {
+            data_error_set(set->table, row->line, error, "%s", found->message);
+            return NULL;
+        }
+        g_hash_table_insert(set->darks, g_strdup(path), dark);
+    }
+    if (dark->width != picture->width || dark->height != picture->height ||
+        dark->grey != picture->grey || dark->bits != picture->bits) {
+        data_error_set(set->table, row->line, error,
+                       "the dark frame %s (%d × %d pixels, %s, %d bits) and %s (%d × %d pixels, "
+                       "%s, %d bits) are not alike",
+                       path, dark->width, dark->height, dark->grey ? "grey" : "colour", dark->bits,
+                       name, picture->width, picture->height, picture->grey ? "grey" : "colour",
+                       picture->bits);
+        return NULL;
+    }
+    const gsize n = 3 * (gsize)dark->width * (gsize)dark->height;
+    double sum = 0;
+    for (gsize i = 0; i < n; i++)
+        sum += (double)dark->rgb[i];
+    *ret_black = sum / (double)n;
+    return dark;
 }
 
 /* Reads a file with the coding of a row. */
@@ -100,13 +155,20 @@ static struct import_picture *decode(const struct import_set *set, const struct 
                        set->wish->cfa, picture->cfa);
         return NULL;
     }
-    const double white = import_coding_white(set, row, name, bits, error);
+    double black;
+    g_autoptr(GError) wrong = NULL;
+    const struct import_picture *dark = dark_frame(set, row, picture, name, &black, &wrong);
+    if (wrong) {
+        g_propagate_error(error, g_steal_pointer(&wrong));
+        return NULL;
+    }
+    const double white = import_coding_white(set, row, name, bits, black, error);
     if (white == 0)
         return NULL;
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++) {
         const double number = (double)picture->rgb[i];
-        const double v = (number - coding->black_level) / (white - coding->black_level);
+        const double v = (number - (dark ? (double)dark->rgb[i] : black)) / (white - black);
         if (bits && number > white) {
             data_error_set(set->table, row->line, error,
                            "%s has a pixel of %g, but the largest number of %d bits is %g", name,
@@ -159,8 +221,9 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
                                "there is a flat_field, but %s also describes the vignetting of "
                                "camera %s; leave out one of them",
                                set->wish->calibration, camera->name);
-    g_autofree char *key = g_strdup_printf("%d %.17g %d %d %s", row->camera, coding->black_level,
-                                           coding->bits, (int)coding->transfer, coding->flat_path);
+    g_autofree char *key = g_strdup_printf(
+        "%d %.17g %d %d %s\n%s", row->camera, coding->black_level, coding->bits,
+        (int)coding->transfer, coding->flat_path, coding->dark_path ? coding->dark_path : "");
     struct import_picture *flat = g_hash_table_lookup(set->flats, key);
     if (!flat) {
         flat = decode(set, row, coding->flat_path, error);

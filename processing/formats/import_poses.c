@@ -14,8 +14,8 @@
 #define MAX_ROWS    1000000
 
 const char *const import_poses_columns[] = {
-    "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg", "exposure_ms",
-    "sweep_deg", "black_level", "bits", "transfer", "flat_field",    NULL};
+    "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg",    "exposure_ms",
+    "sweep_deg", "black_level", "bits", "transfer", "flat_field",    "dark_frame", NULL};
 
 static gint64 steps(double deg) {
     const gint64 turn = (gint64)360 * STEPS_A_DEG;
@@ -90,6 +90,7 @@ static void clear_row(gpointer data) {
     struct import_row *row = data;
     g_free(row->path);
     g_free(row->coding.flat_path);
+    g_free(row->coding.dark_path);
 }
 
 static gboolean read_rows(struct import_set *set, const TextTable *table, GError **error) {
@@ -416,12 +417,25 @@ static void tell_downward(const struct import_set *set) {
     }
 }
 
+/* Dark frames show offsets of columns and pixels, which a black level does not contain. */
+static void tell_dark_frames(const struct import_set *set) {
+    for (guint i = 0; i < set->rows->len; i++)
+        if (g_array_index(set->rows, struct import_row, i).coding.dark_path)
+            return;
+    if (set->wish->notes)
+        g_ptr_array_add(set->wish->notes,
+                        g_strdup("no picture has a dark_frame: offsets of single columns or pixels "
+                                 "of the sensor stay in the values, and are in no error bar"));
+}
+
 gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
                       struct import_poses_result *ret, GError **error) {
     struct import_set set = {.wish = poses,
                              .table = poses->table,
                              .ret = ret,
                              .flats = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
+                                                            (GDestroyNotify)import_picture_free),
+                             .darks = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
                                                             (GDestroyNotify)import_picture_free),
                              .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
                              .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
@@ -433,13 +447,16 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     g_array_set_clear_func(set.rows, clear_row);
     const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&
                         read_rows(&set, table, error) && make(&set, path, work, error);
-    if (ok)
+    if (ok) {
         tell_downward(&set);
+        tell_dark_frames(&set);
+    }
     ret->n_views = (int)set.views->len;
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;
     ret->n_shots = (int)set.shots->len;
     g_hash_table_unref(set.flats);
+    g_hash_table_unref(set.darks);
     g_free(set.first);
     g_free(set.in_colour);
     g_array_unref(set.rows);

@@ -13,6 +13,8 @@
  *   exposure_ms     1 if empty
  *   sweep_deg       for sweeps: the angle of the laser, in even steps
  *   black_level     the number of a pixel without light; 0 if empty
+ *   dark_frame      a picture without light of the same exposure and coding; its numbers are
+ *                   subtracted pixel by pixel instead of black_level
  *   bits            white is 2^bits − 1; if empty, all bits of the file
  *   transfer        linear or srgb; if empty, the file decides (PNG, ICC profile, EXIF), and
  *                   otherwise files of 8 bits are srgb and others are linear

@@ -17,6 +17,7 @@ struct import_coding {
     int bits;                    /* white is 2^bits − 1; 0 means all bits of the file */
     enum picture_tones transfer; /* PICTURE_TONES_UNSAID means as the file states */
     char *flat_path;             /* a picture of an even surface by the same camera, or NULL */
+    char *dark_path;             /* a picture without light by the same camera, or NULL */
 };
 
 struct import_row {
@@ -41,13 +42,14 @@ struct import_set {
     gboolean *in_colour;             /* whether that picture is in colour */
     GArray *shots;                   /* of struct session_shot */
     GHashTable *flats; /* used by import_coding.c: key → struct import_picture of factors */
+    GHashTable *darks; /* used by import_coding.c: path → struct import_picture of numbers */
     struct import_look *look;
     Session *session;
     struct import_poses_result *ret;
 };
 
-/* Reads the columns black_level, bits, transfer and flat_field of a row. folder is the folder of
- * the table. */
+/* Reads the columns black_level, dark_frame, bits, transfer and flat_field of a row. folder is the
+ * folder of the table. */
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error);
 

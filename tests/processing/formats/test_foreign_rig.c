@@ -243,6 +243,7 @@ static const struct coding {
     int bits, file_bits, black;
     gboolean srgb;
     double falls; /* the flat field is 1 − falls · (r / half the width)², r from the middle */
+    int columns_differ; /* every second eight columns have this number more, also without light */
 } codings[] = {
     {"", "", 8, 8, 0, TRUE, 0},
     {"", "", 16, 16, 0, FALSE, 0},
@@ -254,6 +255,10 @@ static const struct coding {
     {",flat_field", ",flat.png", 16, 16, 0, FALSE, 0.4},
     {",flat_field,bits,black_level", ",flat.png,12,200", 12, 16, 200, FALSE, 0.25},
     {",flat_field,transfer", ",flat.png,srgb", 8, 8, 0, TRUE, 0.3},
+    {",dark_frame", ",dark.png", 16, 16, 3000, FALSE, 0, 1200},
+    {",dark_frame,bits", ",dark.png,12", 12, 16, 200, FALSE, 0, 100},
+    {",dark_frame,transfer", ",dark.png,srgb", 16, 16, 2000, TRUE, 0, 900},
+    {",dark_frame,flat_field", ",dark.png,flat.png", 16, 16, 3000, FALSE, 0.4, 1200},
 };
 
 static double fall_off(const struct coding *coding, int pixel) {
@@ -262,18 +267,21 @@ static double fall_off(const struct coding *coding, int pixel) {
     return 1 - coding->falls * (x * x + y * y) / (0.25 * camera.width * camera.width);
 }
 
-/* planes NULL: the flat field, which is half as bright as white in red, and less in the others. */
+/* planes NULL: the flat field, which is light (0.5) times as bright as white in red, and less in
+ * the others. */
 static void write_coded(const struct coding *coding, const char *dir, const char *name,
-                        const float *planes) {
+                        const float *planes, double light) {
     const int n = camera.width * camera.height, white = (1 << coding->bits) - 1;
     g_autofree guint16 *codes = g_new(guint16, 3 * n);
     g_autofree char *path = g_build_filename(dir, name, NULL);
     for (int i = 0; i < 3 * n; i++) {
         const double v = fall_off(coding, i / 3) *
-                         (planes ? (double)planes[i % 3 * n + i / 3] : 0.5 / (1 + i % 3));
+                         (planes ? (double)planes[i % 3 * n + i / 3] : light / (1 + i % 3));
         const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        const int more = i / 3 % camera.width / 8 % 2 == 0 ? 0 : coding->columns_differ;
+        const double mean_black = coding->black + 0.5 * coding->columns_differ;
         codes[i] =
-            (guint16)lround(coding->black + (coding->srgb ? s : v) * (white - coding->black));
+            (guint16)lround(coding->black + more + (coding->srgb ? s : v) * (white - mean_black));
     }
     foreign_write_png(path, codes, camera.width, camera.height, 3, coding->file_bits);
 }
@@ -288,8 +296,9 @@ static void test_coding(gconstpointer data) {
     g_autofree char *rows =
         g_strdup_printf("file,camera,lamp%s\na.png,cam,lamp%s\n", coding->columns, coding->values);
     double sum = 0;
-    write_coded(coding, dir, "a.png", planes);
-    write_coded(coding, dir, "flat.png", NULL);
+    write_coded(coding, dir, "a.png", planes, 0);
+    write_coded(coding, dir, "flat.png", NULL, 0.5);
+    write_coded(coding, dir, "dark.png", NULL, 0);
     g_autoptr(ExrPart) part = btf_of(dir, rows);
     for (int c = 0; c < 3; c++)
         for (int i = 0; i < TEXELS * TEXELS; i++) {
@@ -368,8 +377,8 @@ TEST(coding__bad) {
     const guint16 codes[3] = {1, 2, 3};
     write_exr(dir, "f.exr", planes, 3);
     write_exr(dir, "grey.exr", planes, 1);
-    write_coded(&codings[0], dir, "a.png", planes);
-    write_coded(&codings[1], dir, "b.png", planes);
+    write_coded(&codings[0], dir, "a.png", planes, 0);
+    write_coded(&codings[1], dir, "b.png", planes, 0);
     foreign_write_png(small, codes, 1, 1, 3, 8);
 #define CODED(columns) "file,camera,lamp," columns "\n"
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,-1\n",
@@ -396,6 +405,12 @@ TEST(coding__bad) {
                    "poses.csv:2: there is no flat field /");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,small.png\n",
                    "small.png has 1 × 1 pixels, but camera cam has 96 × 96");
+    assert_refused(dir, CODED("dark_frame") "a.png,cam,lamp,no.png\n",
+                   "poses.csv:2: there is no dark frame /");
+    assert_refused(dir, CODED("dark_frame") "a.png,cam,lamp,b.png\n",
+                   "(96 × 96 pixels, colour, 8 bits) are not alike");
+    assert_refused(dir, CODED("dark_frame,black_level") "a.png,cam,lamp,a.png,10\n",
+                   "there are a dark_frame and a black_level of 10; leave out one of them");
     assert_refused(dir, CODED("flat_field") "grey.exr,cam,lamp,f.exr\n",
                    "grey.exr is grey, but its flat field");
     vignetting = 0.1;
@@ -638,11 +653,11 @@ static void write_tutorial(const char *dir) {
             g_autofree char *name =
                 g_strdup_printf("t%03.0f_l%d.png", tutorial_turns_deg[t], k + 1);
             g_autofree float *planes = foreign_render(&tutorial, &shot);
-            write_coded(&coding, dir, name, planes);
+            write_coded(&coding, dir, name, planes, 0);
             g_string_append_printf(rows, "%s,cam,lamp%d,%g,1,12,256,flat.png\n", name, k + 1,
                                    tutorial_turns_deg[t]);
         }
-    write_coded(&coding, dir, "flat.png", NULL);
+    write_coded(&coding, dir, "flat.png", NULL, 0.5);
     g_assert_true(g_file_set_contents(table, rows->str, -1, NULL));
 }
 
