@@ -292,7 +292,7 @@ static void test_default_method(gconstpointer data) {
         g_assert_nonnull(strstr(said, path));
         g_assert_cmpint(unlink(path), ==, 0);
     }
-    refuses(NULL, argv, "eigenmaps.exr; run “mesorig process”");
+    refuses(NULL, argv, "eigenmaps.exr; “mesorig process” makes it");
     remove_tree(session);
 }
 
