@@ -122,8 +122,9 @@ static void compare_sky(const struct seen *seen, const char *path, Viewer *view,
         if (shown[k + 3] <= 0)
             continue;
         for (int i = 0; i < SKY * SKY; i++) {
+            const int column = i % SKY, row = i / SKY;
             float light[3], rgb[3];
-            direction_grid_direction((i % SKY + 0.5) / SKY, ((double)(i / SKY) + 0.5) / SKY, light);
+            direction_grid_direction((column + 0.5) / SKY, (row + 0.5) / SKY, light);
             g_assert_cmpint(mesorig_material_evaluate(material, 1, at + k, eye, light, NULL, rgb),
                             ==, MESORIG_OK);
             for (gsize c = 0; c < 3; c++)
