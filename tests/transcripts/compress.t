@@ -101,7 +101,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m eigenmaps --mips -o other.exr
-  mesorig compress: --method=eigenmaps has no --mips; leave it out, or choose from: lpca, fields, ptm, lafortune, ward, ashikhmin
+  mesorig compress: --method=eigenmaps has no --mips; leave it out, or choose from: lpca, fields, * (glob)
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m ward -k 2
@@ -141,7 +141,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m wavelets
-  mesorig compress: there is no --method=wavelets; choose from: lpca, eigenmaps, fields, ptm, hsh, lafortune, ward, ashikhmin, mdf, mdf-views
+  mesorig compress: there is no --method=wavelets; choose from: lpca, eigenmaps, *, mdf, mdf-views (glob)
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -m eigenmaps
