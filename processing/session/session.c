@@ -28,8 +28,8 @@ int session_lock(const char *path, GError **error) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
         session_fail(error, SESSION_ERROR_LOCKED,
-                     "%s: another process (%ld) captures into it; end that process first", path,
-                     strtol(who, NULL, 10));
+                     "%s: another process captures into it (process %ld); end that process first",
+                     path, strtol(who, NULL, 10));
     } else {
         session_fail(error,
                      errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
