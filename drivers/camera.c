@@ -64,15 +64,6 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
                             f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
 }
 
-Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
-                    const char *const *also, Clock *clock, GError **error) {
-    Camera *camera = camera_open_begin(driver, section, also, clock, error);
-    if (!camera || camera_open_finish(camera, error))
-        return camera;
-    camera_close(camera);
-    return NULL;
-}
-
 void camera_close(Camera *camera) {
     if (!camera)
         return;

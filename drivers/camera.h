@@ -78,9 +78,6 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
                           const char *const *also, Clock *clock, GError **error);
 gboolean camera_open_finish(Camera *camera, GError **error);
 
-/* Calls camera_open_begin() and camera_open_finish(). */
-Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
-                    const char *const *also, Clock *clock, GError **error);
 void camera_close(Camera *camera); /* disarms the camera; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Camera, camera_close)
 
@@ -96,7 +93,7 @@ void camera_disarm(Camera *camera); /* a trigger that waits ends without an even
  * retake has the number of the frame that it repeats. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
-gboolean camera_is_waiting(const Camera *camera);
+gboolean camera_is_waiting(const Camera *camera); /* for tests: whether a trigger waits */
 
 /* For drivers: these functions are called from the main loop's thread. camera_report_frame() takes
  * the reference. A frame that nobody waits for is dropped. Its id is remembered, so that the frame

@@ -48,9 +48,9 @@ void clock_cancel(Clock *clock, guint *id);
 void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
 
-/* Asks threads that work in parallel to the main loop to hold a virtual clock while they work.
- * Without this call they do not hold it. With it, runs with the same devices have the same events
- * in the same order, and no work overlaps. It serves simulations that are replayed. Call it before
- * such threads begin to work. */
+/* For tests: asks threads that work in parallel to the main loop to hold a virtual clock while they
+ * work. Without this call they do not hold it. With it, runs with the same devices have the same
+ * events in the same order, and no work overlaps. It serves simulations that are replayed. Call it
+ * before such threads begin to work. */
 void clock_set_lockstep(Clock *clock);
 gboolean clock_is_lockstep(const Clock *clock);

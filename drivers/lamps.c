@@ -91,11 +91,6 @@ enum device_safety lamps_safety(const LampBank *bank) {
     return lights_safety(bank->state->lights);
 }
 
-gint64 lamps_on_since_us(const LampBank *bank, int index) {
-    g_return_val_if_fail(index >= 0 && index < bank->n, -1);
-    return lights_since_us(bank->state->lights, index);
-}
-
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
     lights_report(bank->state->lights, index, on != FALSE, owned);

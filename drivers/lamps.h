@@ -65,10 +65,6 @@ enum light lamps_light(const LampBank *bank, int index);
 gboolean lamps_is_on(const LampBank *bank, int index);
 enum device_safety lamps_safety(const LampBank *bank); /* the state of all lamps together */
 
-/* Returns the time at which the device has confirmed that the lamp went on. Returns -1 if the lamp
- * is not on. */
-gint64 lamps_on_since_us(const LampBank *bank, int index);
-
 /* For drivers: answers each set() once. The set() calls for one lamp are answered in order. An
  * answer that comes after the deadline of the class still counts. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);

@@ -22,9 +22,7 @@ struct light_output {
     gboolean dark;   /* the last "off" was confirmed, and no "on" was sent since */
     /* A command has failed, and neither "off" nor a wanted "on" was confirmed since. */
     gboolean failed;
-    gboolean lit;                  /* "on" was confirmed, and "off" was not confirmed since */
     guint64 on_number, off_number; /* the last command of each kind */
-    gint64 since_us;
 };
 
 struct lights {
@@ -105,7 +103,6 @@ static void took_off(struct light_output *output, const struct command *command,
         output->failed |= !on_again;
         return;
     }
-    output->lit = FALSE;
     if (!on_again) {
         output->dark = TRUE;
         output->failed = FALSE;
@@ -113,15 +110,11 @@ static void took_off(struct light_output *output, const struct command *command,
 }
 
 /* Takes a confirmed "on". off_due says that an "off" is under way, whose answer decides. */
-static void took_on(struct light_output *output, const struct command *command, gint64 now,
-                    gboolean failed, gboolean off_due) {
+static void took_on(struct light_output *output, const struct command *command, gboolean failed,
+                    gboolean off_due) {
     const gboolean last = output->on_number == command->number;
-    if (!failed) {
+    if (!failed)
         output->dark = FALSE;
-        if (!output->lit)
-            output->since_us = now;
-        output->lit = TRUE;
-    }
     if (failed && last)
         output->wanted = FALSE;
     if (output->wanted)
@@ -150,8 +143,7 @@ static void settle(struct lights *lights, const GError *error) {
 }
 
 /* Updates the state of the lights from the answer to a command, or from its lack. */
-static void take(struct lights *lights, const struct command *command, gint64 now,
-                 const GError *error) {
+static void take(struct lights *lights, const struct command *command, const GError *error) {
     if (!error || command->on)
         lights->pause_us = 0; /* an "on" that failed is followed by "off" without a pause */
     else
@@ -159,7 +151,7 @@ static void take(struct lights *lights, const struct command *command, gint64 no
             lights->pause_us ? MIN(2 * lights->pause_us, MAX_PAUSE_US) : FIRST_PAUSE_US;
     for (int i = 0; i < lights->n; i++) {
         if (covers(command, i) && command->on)
-            took_on(&lights->list[i], command, now, error != NULL, off_is_due(lights, i));
+            took_on(&lights->list[i], command, error != NULL, off_is_due(lights, i));
         else if (covers(command, i))
             took_off(&lights->list[i], command, error != NULL);
     }
@@ -200,7 +192,7 @@ static void on_deadline(gpointer data) {
     command->overdue = TRUE;
     if (!copy.on)
         forget_older(lights, command);
-    take(lights, &copy, now, error);
+    take(lights, &copy, error);
     if (!copy.retry)
         lights->answer(device, copy.index, copy.on, now, error);
 }
@@ -228,7 +220,7 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     if (!failed)
         failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who, "refused");
     g_queue_remove(&lights->commands, command);
-    take(lights, command, clock_now_us(lights->device->clock), failed);
+    take(lights, command, failed);
     command_free(command);
     g_propagate_error(error, failed);
     return FALSE;
@@ -301,7 +293,7 @@ static void believe(struct lights *lights, int index) {
     g_autoptr(GError) error = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
                                                "it reports light without a command" ERROR_ADVICE
                                                "check what else switches it");
-    take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
+    take(lights, &unknown, NULL);
     settle(lights, error);
 }
 
@@ -316,7 +308,7 @@ void lights_report(struct lights *lights, int index, gboolean on, const GError *
     take_command(lights, command);
     const gboolean heard = !command->retry && !command->overdue;
     if (!command->overdue || !error)
-        take(lights, command, now, error);
+        take(lights, command, error);
     command_free(command);
     if (heard)
         lights->answer(lights->device, index, on, now, error);
@@ -350,8 +342,4 @@ enum device_safety lights_safety(const struct lights *lights) {
            : due              ? DEVICE_TOLD
            : dark             ? DEVICE_SAFE
                               : DEVICE_UNSAFE;
-}
-
-gint64 lights_since_us(const struct lights *lights, int index) {
-    return lights->list[index].lit ? lights->list[index].since_us : -1;
 }

@@ -40,5 +40,3 @@ void lights_lost(struct lights *lights, const GError *error);
 enum light lights_light(const struct lights *lights, int index);
 enum device_safety
 lights_safety(const struct lights *lights); /* the state of all lights together */
-/* Returns the time at which the light was confirmed to have gone on, or -1 if it is not on. */
-gint64 lights_since_us(const struct lights *lights, int index);

@@ -39,8 +39,8 @@ gboolean board_census_before(struct board_census *census, const struct picture *
 gboolean board_census_after(struct board_census *census, const struct picture *picture,
                             const GArray *corners, GError **error);
 
-/* The size of the board in a picture: columns and rows of the given print, in the order of the
- * given ones where they look the same exchanged. FALSE: it is not known, or the board does not end
- * within the picture. */
+/* For tests, which count how often a single picture gives the right size. The size of the board in
+ * a picture: columns and rows of the given print, in the order of the given ones where they look
+ * the same exchanged. FALSE: it is not known, or the board does not end within the picture. */
 gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
                        int *ret_rows);

@@ -296,40 +296,40 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble) {
     return most;
 }
 
-/* Rotates everything that does not turn with the sample by sign · t. For a camera, R Wᵀ replaces R,
- * so each row of its rotation is rotated like a point. */
-static void tilt(struct rig *rig, const double t[2], double sign) {
+/* Rotates everything that does not turn with the sample by −t. For a camera, R Wᵀ replaces R, so
+ * each row of its rotation is rotated like a point. */
+static void tilt_back(struct rig *rig, const double t[2]) {
     if (t[0] == 0 && t[1] == 0)
         return;
     for (int i = 0; i < rig->n_cameras; i++)
         for (int row = 0; row < 3; row++) {
             double *of = rig->cameras[i].rotation.m[row];
-            const struct vec3 v = rig_tilt_point(t, vec3(of[0], of[1], of[2]), sign);
+            const struct vec3 v = rig_tilt_point(t, vec3(of[0], of[1], of[2]), -1);
             of[0] = v.x;
             of[1] = v.y;
             of[2] = v.z;
         }
-    rig->arc.tilt_rad[0] += sign * t[0];
-    rig->arc.tilt_rad[1] += sign * t[1];
+    rig->arc.tilt_rad[0] -= t[0];
+    rig->arc.tilt_rad[1] -= t[1];
     for (int i = 0; i < rig->n_lamps; i++) {
         struct rig_lamp *lamp = &rig->lamps[i];
         if (!lamp->fixed)
             continue;
-        lamp->position_mm = rig_tilt_point(t, lamp->position_mm, sign);
-        lamp->aim = rig_tilt_point(t, lamp->aim, sign);
+        lamp->position_mm = rig_tilt_point(t, lamp->position_mm, -1);
+        lamp->aim = rig_tilt_point(t, lamp->aim, -1);
     }
     for (int i = 0; i < rig->n_lasers; i++) {
         struct rig_laser *laser = &rig->lasers[i];
         if (!laser->fixed)
             continue;
-        laser->position_mm = rig_tilt_point(t, laser->position_mm, sign);
-        laser->axis = rig_tilt_point(t, laser->axis, sign);
-        laser->normal = rig_tilt_point(t, laser->normal, sign);
+        laser->position_mm = rig_tilt_point(t, laser->position_mm, -1);
+        laser->axis = rig_tilt_point(t, laser->axis, -1);
+        laser->normal = rig_tilt_point(t, laser->normal, -1);
     }
     struct rig_swing *const swings[] = {&rig->arm, &rig->probe};
     for (gsize i = 0; i < G_N_ELEMENTS(swings); i++) {
-        swings[i]->axis = rig_tilt_point(t, swings[i]->axis, sign);
-        swings[i]->centre_mm = rig_tilt_point(t, swings[i]->centre_mm, sign);
+        swings[i]->axis = rig_tilt_point(t, swings[i]->axis, -1);
+        swings[i]->centre_mm = rig_tilt_point(t, swings[i]->centre_mm, -1);
     }
 }
 
@@ -338,15 +338,7 @@ void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret) {
     rig_wobble_tilt(&rig->wobble, turntable_rad, t);
     if (ret != rig)
         *ret = *rig;
-    tilt(ret, t, -1);
-}
-
-void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret) {
-    double t[2];
-    rig_wobble_tilt(&rig->wobble, turntable_rad, t);
-    if (ret != rig)
-        *ret = *rig;
-    tilt(ret, t, 1);
+    tilt_back(ret, t);
 }
 
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm) {

@@ -221,8 +221,6 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble);
  * the sample turns only by Rz, and a thing that lies on the turntable is level. The arc's axis is
  * moved to first order. The error of this is below 1 µm for wobbles below 0.1°. ret may be rig. */
 void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
-/* The inverse of rig_at(). */
-void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret);
 
 /* Rotates a point or direction by a tilt: to W v if sign is 1, and to W⁻¹ v if sign is −1. */
 struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign);

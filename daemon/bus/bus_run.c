@@ -125,7 +125,7 @@ static void changed(Capture *capture, gpointer data) {
     struct bus_run *run = data;
     struct capture_status status;
     if (!run->capture)
-        return; /* called from within capture_start() */
+        return; /* called from within capture_begin() */
     capture_get_status(capture, &status);
     show_status(run, &status);
     bus_rig_show_devices(run->rig);

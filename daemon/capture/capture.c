@@ -166,14 +166,6 @@ Capture *capture_begin(struct devices *devices, const char *directory,
     return capture;
 }
 
-Capture *capture_start(struct devices *devices, const struct session_conf *conf,
-                       const char *directory, const struct capture_callbacks *callbacks,
-                       GError **error) {
-    return capture_create(devices, conf, directory, error)
-               ? capture_begin(devices, directory, callbacks, error)
-               : NULL;
-}
-
 /* Returns whether every dark frame that the remaining shots need can be read. */
 static gboolean can_read_darks(Session *session, const GPtrArray *shots,
                                const struct session_conf *conf, const struct rig *rig) {
@@ -271,14 +263,6 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
     capture_lasers_note_all(&capture->lasers);
     capture_begin_soon(capture);
     return capture;
-}
-
-Capture *capture_resume(struct devices *devices, const char *directory,
-                        const struct capture_callbacks *callbacks, GError **error) {
-    g_autofree char *warning = NULL;
-    return capture_examine(devices, directory, &warning, error)
-               ? capture_go_on(devices, directory, warning, callbacks, error)
-               : NULL;
 }
 
 void capture_free(Capture *capture) {

@@ -5,7 +5,7 @@
  * (intake.c) takes accepted frames in one worker lane per camera. It merges brackets to linear
  * radiance, evaluates sweeps, and returns the frames that are to be committed. Any fault makes the
  * rig safe and pauses the session with the reason. Everything that was committed stays.
- * capture_continue(), or capture_resume() in a later run, continues the session.
+ * capture_continue(), or capture_go_on() in a later run, continues the session.
  *
  * A laser may be mounted by hand at several places. Before the first sweep from another place, the
  * session is paused with a prompt until capture_continue() confirms the mounting. The session
@@ -90,14 +90,6 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
  * missing. */
 Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
                        const struct capture_callbacks *callbacks, GError **error);
-
-/* Both steps in one process: capture_create() and capture_begin(), or capture_examine() and
- * capture_go_on(). */
-Capture *capture_start(struct devices *devices, const struct session_conf *conf,
-                       const char *directory, const struct capture_callbacks *callbacks,
-                       GError **error);
-Capture *capture_resume(struct devices *devices, const char *directory,
-                        const struct capture_callbacks *callbacks, GError **error);
 
 /* Makes the rig safe and closes the session. NULL is ignored. */
 void capture_free(Capture *capture);

@@ -27,7 +27,7 @@ struct aravis_raw {
  * the camera no longer answers. */
 GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error);
 
-/* Returns switches and choices that are not off and whose names sound like such a function, but
- * that are not in the table. Each is written as "NAME = VALUE". Free the result with
- * g_strfreev(). */
+/* For genicam_files, which examines files of cameras. Returns switches and choices that are not off
+ * and whose names sound like such a function, but that are not in the table. Each is written as
+ * "NAME = VALUE". Free the result with g_strfreev(). */
 char **aravis_raw_unknown(ArvDevice *device);

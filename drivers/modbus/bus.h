@@ -75,4 +75,5 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
  * skipped. */
 void modbus_bus_cancel(ModbusBus *bus, gpointer data);
 
+/* For tests. A fault that a repetition has made good shows in no answer. */
 void modbus_bus_counts(ModbusBus *bus, struct modbus_counts *ret);

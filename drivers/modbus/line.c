@@ -35,7 +35,6 @@ struct modbus_line {
      * none. */
     int taken;
     gboolean connected;
-    gboolean ever_connected;
     gboolean owed; /* the answer to an earlier request may still come */
     gint64 backoff_us, next_attempt_us;
     enum modbus_effort effort;
@@ -160,8 +159,6 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     errno = 0;
     if ((is_tcp(line) ? modbus_connect(line->context) : open_serial(line)) == 0) {
         line->connected = TRUE;
-        line->counts.reconnects += line->ever_connected;
-        line->ever_connected = TRUE;
         line->backoff_us = FIRST_BACKOFF_US;
         line->n_quick = 0;
         modbus_flush(line->context);
@@ -333,7 +330,6 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
         return ETIMEDOUT;
     set_timeout(line, MIN(left_us, (gint64)(line->link.timeout_ms * 1000)));
     modbus_set_slave(line->context, unit);
-    line->counts.transactions++;
     line->owed = TRUE;
     errno = 0;
     struct modbus_request answer = *request;

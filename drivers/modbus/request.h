@@ -27,7 +27,7 @@ struct modbus_request {
     int coil;
 };
 
-/* Counters of a line since it was opened. */
+/* Faults on a line since it was opened. */
 struct modbus_counts {
-    int transactions, timeouts, damaged, disbelieved, reconnects;
+    int timeouts, damaged, disbelieved;
 };

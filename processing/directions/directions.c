@@ -168,10 +168,6 @@ void directions_free(Directions *d) {
     g_free(d);
 }
 
-gboolean directions_are_rings(const Directions *d) {
-    return d->rings != NULL;
-}
-
 const int *directions_pole(const Directions *d, int *ret_n) {
     *ret_n = d->n_pole;
     return d->pole;

@@ -40,8 +40,6 @@ Directions *directions_new_triangulated(const float *theta_deg, const float *phi
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 
-gboolean directions_are_rings(const Directions *directions);
-
 /* Returns the directions whose mean is the value at the pole (index n). *ret_n is 0 if no weights
  * refer to the pole. The array is owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);

@@ -20,7 +20,7 @@ Checkpoint *checkpoint_new(const char *path);
 void checkpoint_free(Checkpoint *checkpoint); /* The file stays. NULL is ignored. */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 
-/* Sets the time between two saves. The default is 20 s. */
+/* For tests: sets the time between two saves. The default is 20 s. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
 /* Reads the file if it was written with the same inputs. inputs is a text, such as a hash, that

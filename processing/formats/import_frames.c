@@ -322,7 +322,7 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
                                        exr_part_plane(part, "intensity")};
     const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), second_width,
                                         exr_part_plane(part, "second_intensity")};
-    sweep_finish_both(fed->sweep, set->wish->threshold_dn, &first, &second);
+    sweep_finish(fed->sweep, set->wish->threshold_dn, &first, &second);
     forget_missing(run, fed->n, &first);
     forget_missing(run, fed->n, &second);
     return part;

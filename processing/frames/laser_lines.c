@@ -360,7 +360,8 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
-/* more_rad: added to the sweep's angle. */
+/* The plane of light at a fractional frame index, from calibration and lines, without the sheet's
+ * bend. more_rad: added to the sweep's angle. */
 static struct rig_plane sheet_at(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                  double frame, double more_rad) {
     const gboolean has = lines && lines->turn_rad;
@@ -380,11 +381,6 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
                                       vec3_scale(aside, sin(lines->roll_rad))));
     sheet.offset_mm = vec3_dot(sheet.normal, lines->source_mm);
     return sheet;
-}
-
-struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
-                                   double frame) {
-    return sheet_at(lines, sweep, frame, 0);
 }
 
 /* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, the plane is

@@ -74,11 +74,6 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
-/* The plane of light at a fractional frame index, from calibration and lines, without the sheet's
- * bend. */
-struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
-                                   double frame);
-
 /* Distance from eye_mm along a ray (unit) to the sweep's sheet at a fractional frame index, from
  * calibration and lines, bent as it is. NAN if the sine of the angle between ray and sheet is at
  * most least_sine. */

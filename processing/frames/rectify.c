@@ -409,10 +409,6 @@ void rectify_free(Rectify *rectify) {
     g_free(rectify);
 }
 
-int rectify_outside(const Rectify *rectify) {
-    return rectify->n_outside;
-}
-
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic) {
     const gsize plane = rectify->stride * (gsize)rectify->height;
     float *ratio = g_new0(float, 3 * plane);

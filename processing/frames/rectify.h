@@ -30,8 +30,6 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
 void rectify_free(Rectify *rectify); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 
-int rectify_outside(const Rectify *rectify); /* number of texels outside of the picture */
-
 /* Sets the guide: a mosaic as below, of the same camera at the same turntable angle, in any unit.
  * Without a guide each frame is its own. "rgb" needs none and ignores it. */
 void rectify_guide(Rectify *rectify, const float *mosaic);

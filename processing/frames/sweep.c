@@ -78,10 +78,6 @@ void sweep_free(Sweep *sweep) {
     g_free(sweep);
 }
 
-int sweep_count(const Sweep *sweep) {
-    return sweep->count;
-}
-
 gsize sweep_bytes(const Sweep *sweep) {
     return sizeof *sweep + sweep->n_vectors * (2 * LANES * sizeof(guint16) + sizeof(guint32)) +
            sweep->n_records * sizeof(struct record);
@@ -403,8 +399,8 @@ static void write_pulse(const Sweep *sweep, gsize i, const struct sweep_pulse *p
         ret->width[i] = is_line ? (float)pulse->width : 0;
 }
 
-void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
-                       const struct sweep_pulses *ret_second) {
+void sweep_finish(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
+                  const struct sweep_pulses *ret_second) {
     const Sweep *shorter = sweep->shorter;
     gsize n = (gsize)sweep->count + 1, n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
     g_autofree const struct record **longer_records = g_new(const struct record *, n);
@@ -429,10 +425,4 @@ void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_
         if (ret_second)
             write_pulse(sweep, i, found > 1 ? &pulse[1] : NULL, threshold, ret_second);
     }
-}
-
-void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
-                  float *ret_intensity) {
-    const struct sweep_pulses first = {ret_peak, ret_width, ret_intensity};
-    sweep_finish_both(sweep, threshold, &first, NULL);
 }

@@ -24,28 +24,25 @@ void sweep_add(Sweep *sweep, const guint16 *pixels);
 
 /* Adds the next n frames in order; the result is that of adding them one by one, but faster. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
-int sweep_count(const Sweep *sweep);
 
 /* Borrows a second sweep over the same steps; sweep's exposure is ratio times as long. Pulses that
  * saturate sweep are then measured by both. Call it before sweep_finish(); add frames to both. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
-/* Writes arrays of width × height each; time and width are those of the Gaussian that fits the
- * samples of the pulse best, weighted by their noise:
- *   peak       time in frames (0 is the middle of the first); −1: none, since the maximum is below
- *              threshold, or in the first (that is not left out) or last frame
- *   width      standard deviation of the pulse in frames
- *   intensity  maximum above background in DN (as threshold), of the longer exposure of two */
-void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
-                  float *ret_intensity);
-
+/* Arrays of width × height each. Time and width are those of the Gaussian that fits the samples of
+ * the pulse best, weighted by their noise. */
 struct sweep_pulses {
-    float *peak, *width, *intensity; /* as for sweep_finish(); width may be NULL */
+    /* time in frames (0 is the middle of the first); −1: none, since the maximum is below
+     * threshold, or in the first (that is not left out) or last frame */
+    float *peak;
+    float *width;     /* standard deviation of the pulse in frames; may be NULL */
+    float *intensity; /* maximum above background in DN, of the longer exposure of two */
 };
 
-/* As sweep_finish(), with each pixel's second brightest pulse (light reflected by the surroundings,
- * or a surface behind an edge); its intensity is 0 where there is none. Either may be NULL. */
-void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
-                       const struct sweep_pulses *ret_second);
+/* Writes each pixel's brightest pulse, and its second brightest (light reflected by the
+ * surroundings, or a surface behind an edge), whose intensity is 0 where there is none. Either may
+ * be NULL. threshold is in DN. Frames may be added afterwards. */
+void sweep_finish(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
+                  const struct sweep_pulses *ret_second);
 
 gsize sweep_bytes(const Sweep *sweep); /* memory in use */

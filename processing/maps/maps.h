@@ -61,7 +61,7 @@ struct maps {
  * "occlusion" is left. */
 struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
                       const struct work *work, GError **error);
-/* The same without a session, from a BTF. Heights are computed from normals. */
+/* For tests: the same without a session, from a BTF. Heights are computed from normals. */
 struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
                          const struct work *work, GError **error);
 void maps_free(struct maps *maps); /* NULL is ignored */

@@ -199,10 +199,6 @@ void mdf_table_add_grazing(struct mdf_table *t) {
     add_rings(t, raised, MAX(per_tan, 0.0));
 }
 
-void mdf_table_add_grazing_raised(struct mdf_table *t, double raised) {
-    add_rings(t, raised, 0.0);
-}
-
 void mdf_table_trace(struct mdf_table *t) {
     struct relief relief;
     make_relief(t, 0.0, &relief);

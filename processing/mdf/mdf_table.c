@@ -130,16 +130,6 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
     return NULL;
 }
 
-struct mdf_table *mdf_table_copy(const struct mdf_table *t) {
-    const gsize n = (gsize)t->width * t->height * t->n_views;
-    struct mdf_table *copy = g_memdup2(t, sizeof *t);
-    copy->theta_deg = g_memdup2(t->theta_deg, sizeof(float) * t->n_views);
-    copy->phi_deg = g_memdup2(t->phi_deg, sizeof(float) * t->n_views);
-    copy->depth_mm = g_memdup2(t->depth_mm, sizeof(float) * n);
-    copy->seen = t->seen != NULL ? g_memdup2(t->seen, n) : NULL;
-    return copy;
-}
-
 void mdf_table_free(struct mdf_table *t) {
     if (t == NULL)
         return;

@@ -30,12 +30,13 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
 struct mdf_table *mdf_table_read(const char *path, GError **error);
 /* Adds unmeasured views at grazing angles, traced over the steep views' relief (mdf_grazing.c). */
 void mdf_table_add_grazing(struct mdf_table *table);
-/* By how many standard deviations of the depths within a texel the relief must be raised so that it
- * has, traced along the flattest measured views, their mean depth. 0 … 2. */
+/* For tests and benches: by how many standard deviations of the depths within a texel the relief
+ * must be raised so that it has, traced along the flattest measured views, their mean depth. 0 … 2.
+ */
 double mdf_table_raised(const struct mdf_table *table);
-void mdf_table_add_grazing_raised(struct mdf_table *table, double raised); /* to compare */
 
-/* Replaces all views by the picture of one relief, that of the steepest views. */
+/* For tests and benches: replaces all views by the picture of one relief, that of the steepest
+ * views. */
 void mdf_table_trace(struct mdf_table *table);
 
 /* Sets texels below 0 of a periodic tile to their neighbours' mean; at least one must be ≥ 0. */
@@ -46,7 +47,6 @@ void mdf_table_fill(float *depth, int width, int height);
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 
-struct mdf_table *mdf_table_copy(const struct mdf_table *table);
 typedef struct mdf_table MdfTable;
 void mdf_table_free(struct mdf_table *table); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTable, mdf_table_free)

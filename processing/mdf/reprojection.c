@@ -127,13 +127,6 @@ void reprojection_texel_mm(const Reprojection *s, int texel, double ret_mm[2]) {
     ret_mm[1] = (0.5 * s->plane.height - row - 0.5) * s->plane.texel_mm;
 }
 
-struct vec3 reprojection_towards(const Reprojection *s, const struct reprojection_target *target,
-                                 const double at_mm[2]) {
-    if (!target->near)
-        return target->at;
-    return vec3_unit(vec3_sub(target->at, vec3(at_mm[0], at_mm[1], s->plane.reference_mm)));
-}
-
 /* Returns the index of the view among the weights. The view is added if it is missing. Returns −1
  * if the weights are full. */
 static int weight_of(struct reprojection_weights *weights, int view) {

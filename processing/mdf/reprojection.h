@@ -112,14 +112,5 @@ int reprojection_taps(const Reprojection *reprojection, const double at_mm[2], s
                       struct reprojection_hit *ret_hit,
                       struct reprojection_tap ret[REPROJECTION_MAX_TAPS]);
 
-/* A new view: a camera, or a direction that is the same for all texels. */
-struct reprojection_target {
-    gboolean near;
-    struct vec3 at; /* if near, the camera's centre, mm, sample frame; otherwise a unit vector */
-};
-/* Returns the unit vector from a point of the reference plane towards a target. */
-struct vec3 reprojection_towards(const Reprojection *reprojection,
-                                 const struct reprojection_target *target, const double at_mm[2]);
-
 /* Gives the centre of a texel; row 0 is at +y. */
 void reprojection_texel_mm(const Reprojection *reprojection, int texel, double ret_mm[2]);

@@ -97,10 +97,6 @@ void coverage_view_free(CoverageView *view) {
     g_free(view);
 }
 
-gboolean coverage_view_has(const CoverageView *view, int sweep) {
-    return view->seen[sweep] != NULL;
-}
-
 /* Finds the phases of the 2 × 2 colour filter that see the laser. */
 static void phases(const struct exr_part *part, const float *peak, gboolean ret_live[4]) {
     int seen[4] = {0}, most = 0;

@@ -33,7 +33,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageView, coverage_view_free)
  * of input_read(). */
 gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,
                            const struct input *input, GError **error);
-gboolean coverage_view_has(const CoverageView *view, int sweep);
 
 struct coverage_sums {
     int texels; /* texels that were examined and are in the picture */

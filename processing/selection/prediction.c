@@ -299,10 +299,6 @@ Prediction *prediction_new(const struct prediction_pairs *pairs, const float *pr
     return ok ? g_steal_pointer(&prediction) : NULL;
 }
 
-int prediction_n_measured(const Prediction *prediction) {
-    return prediction->n_measured;
-}
-
 gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     int low = 0, high = prediction->n_measured;
     while (low < high) {

@@ -70,7 +70,6 @@ Prediction *prediction_new(const struct prediction_pairs *pairs, const float *pr
 void prediction_free(Prediction *prediction); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Prediction, prediction_free)
 
-int prediction_n_measured(const Prediction *prediction);
 gboolean prediction_is_measured(const Prediction *prediction, int pair);
 
 /* Predicts the missing pairs of n texels, at positions as in prediction_new(). values is n × 3 ×
@@ -113,9 +112,3 @@ struct prediction_choice {
 int prediction_choose(const Prediction *prediction, const struct prediction_shot *shots,
                       int n_shots, const gboolean *taken, int most, struct prediction_choice *ret,
                       const struct work *work, GError **error);
-
-/* Chooses the shots with which the capture of every material begins: the first n that
- * prediction_choose() takes when nothing is measured. The sets are nested: a smaller set is the
- * beginning of a larger one. Returns the number of shots, or −1 as above. */
-int prediction_start(const struct prediction_pairs *pairs, const struct prediction_shot *shots,
-                     int n_shots, int n, int *ret, const struct work *work, GError **error);

@@ -299,15 +299,3 @@ int prediction_choose(const Prediction *prediction, const struct prediction_shot
     choice_clear(&choice);
     return chosen;
 }
-
-int prediction_start(const struct prediction_pairs *pairs, const struct prediction_shot *shots,
-                     int n_shots, int n, int *ret, const struct work *work, GError **error) {
-    g_autoptr(Prediction) prediction = prediction_new(pairs, NULL, NULL, 0, work, error);
-    g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, MAX(n, 1));
-    const int chosen =
-        prediction ? prediction_choose(prediction, shots, n_shots, NULL, n, choices, work, error)
-                   : -1;
-    for (int k = 0; k < chosen; k++)
-        ret[k] = choices[k].shot;
-    return chosen;
-}

@@ -19,7 +19,6 @@ struct output {
 struct outputs {
     struct output *of; /* by shot id, from 1 */
     gint64 n;
-    int measured;
 };
 
 gboolean outputs_store(Session *session, gint64 shot, const char *camera, double output,
@@ -90,11 +89,9 @@ struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **
         return NULL;
     }
     for (gint64 i = 1; i <= outputs->n; i++)
-        if (outputs->of[i].weight > 0) {
+        if (outputs->of[i].weight > 0)
             outputs->of[i].value = outputs->of[i].sum / outputs->of[i].weight;
-            outputs->measured++;
-        }
-    for (gint64 i = 1; i <= outputs->n && outputs->measured > 0; i++)
+    for (gint64 i = 1; i <= outputs->n; i++)
         if (outputs->of[i].weight == 0 && outputs->of[i].lamp >= 0)
             outputs->of[i].value = between(outputs, i);
     return outputs;
@@ -114,8 +111,4 @@ double outputs_of(const struct outputs *outputs, gint64 shot) {
 double outputs_error(const struct outputs *outputs, gint64 shot) {
     const gboolean known = shot >= 1 && shot <= outputs->n && outputs->of[shot].weight > 0;
     return known ? 1 / sqrt(outputs->of[shot].weight) : 0;
-}
-
-int outputs_measured(const struct outputs *outputs) {
-    return outputs->measured;
 }

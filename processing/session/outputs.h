@@ -22,4 +22,3 @@ double outputs_of(const struct outputs *outputs, gint64 shot);
 /* Returns the standard error of a shot's output, or 0 if the output was not measured in this
  * shot. */
 double outputs_error(const struct outputs *outputs, gint64 shot);
-int outputs_measured(const struct outputs *outputs); /* number of shots with a measurement */

@@ -18,8 +18,8 @@ Compose *compose_new(GError **error);
 void compose_free(Compose *compose); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Compose, compose_free)
 
-/* These functions work like viewer_draw() and viewer_render(). With COMPOSE_ONE, second may be
- * NULL. */
+/* These functions work like viewer_draw(). With COMPOSE_ONE, second may be NULL. compose_render()
+ * returns width × height × 3 bytes, sRGB, top row first; free it with g_free(). */
 gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
                       const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error);

@@ -714,11 +714,6 @@ float *reference_render_scene_linear(Reference *const *references, int n, Viewer
     return g_steal_pointer(&picture);
 }
 
-float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
-                               int width, int height, double *ret_error, GError **error) {
-    return reference_render_scene_linear(&r, 1, viewer, settings, width, height, ret_error, error);
-}
-
 guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error) {
@@ -734,9 +729,4 @@ guint8 *reference_render_scene(Reference *const *references, int n, Viewer *view
     g_autofree float *linear = reference_render_scene_linear(
         references, n, viewer, &s, width * s.samples, height * s.samples, ret_error, error);
     return linear != NULL ? viewer_resolve(viewer, &s, linear, width, height, error) : NULL;
-}
-
-guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
-                         int width, int height, double *ret_error, GError **error) {
-    return reference_render_scene(&r, 1, viewer, settings, width, height, ret_error, error);
 }

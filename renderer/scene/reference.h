@@ -49,19 +49,11 @@ struct reference_info reference_info(const Reference *reference);
 /* Reads a view into ret: n_lights × height × width × 3 (R, G, B). */
 gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
 
-/* These functions work like viewer_render() and viewer_render_linear(). The viewer gives mesh,
- * background and tone. *ret_error is ‖view − reference‖ / ‖reference‖ over the samples that show
- * the mesh; ret_error may be NULL. */
-guint8 *reference_render(Reference *reference, Viewer *viewer,
-                         const struct viewer_settings *settings, int width, int height,
-                         double *ret_error, GError **error);
-float *reference_render_linear(Reference *reference, Viewer *viewer,
-                               const struct viewer_settings *settings, int width, int height,
-                               double *ret_error, GError **error);
-
-/* The same for a scene. references has n elements; references[k] belongs to material k of the
- * viewer. Where it is NULL, the picture keeps the viewer's material, and the error does not include
- * it. */
+/* These functions work like viewer_draw() and viewer_render_linear(); the first returns width ×
+ * height × 3 bytes, sRGB, top row first. The viewer gives mesh, background and tone. references has
+ * n elements; references[k] belongs to material k of the viewer. Where it is NULL, the picture
+ * keeps the viewer's material, and the error does not include it. *ret_error is ‖view − reference‖
+ * / ‖reference‖ over the samples that show the mesh; ret_error may be NULL. */
 guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);

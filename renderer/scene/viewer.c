@@ -675,14 +675,6 @@ static float *read_floats(const struct gpu_target *target, GError **error) {
     return g_steal_pointer(&rgba);
 }
 
-guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *s, int width, int height,
-                      GError **error) {
-    if (!gpu_target_resize(&viewer->picture, width, height, GL_RGBA8, FALSE, error) ||
-        !viewer_draw(viewer, s, viewer->picture.framebuffer, width, height, error))
-        return NULL;
-    return gpu_target_read(&viewer->picture, error);
-}
-
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *s, int width, int height,
                             GError **error) {
     if (!viewer_settings_check(s, error) || !draw_scene(viewer, s, width, height, error))

@@ -166,12 +166,8 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
 gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, guint framebuffer,
                      int width, int height, GError **error);
 
-/* Returns a picture of width × height × 3 bytes, sRGB, top row first. Free it with g_free(). */
-guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *settings, int width, int height,
-                      GError **error);
-
-/* Returns the same picture as linear light, width × height × 3 floats, top row first. It is
- * exposed, but the tone curve and rounding are not applied. Free it with g_free(). */
+/* Returns the picture of viewer_draw() as linear light, width × height × 3 floats, top row first.
+ * It is exposed, but the tone curve and rounding are not applied. Free it with g_free(). */
 float *viewer_render_light(Viewer *viewer, const struct viewer_settings *settings, int width,
                            int height, GError **error);
 
@@ -207,7 +203,7 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *settings
                           const float to_view[3], const float to_light[3], int width, int height,
                           GError **error);
 
-/* Does the second half of viewer_render(): applies exposure and tone curve to a linear picture of
+/* Does the second half of viewer_draw(): applies exposure and tone curve to a linear picture of
  * samples × samples per pixel. Returns width × height × 3 bytes. */
 guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *settings, const float *linear,
                        int width, int height, GError **error);

@@ -17,7 +17,7 @@ struct snapshot {
     int n_views, n_planned; /* of a session that is being captured, otherwise 0 */
 };
 
-/* Writes rgb, which comes from viewer_render(), as PNG, or light, which comes from
+/* Writes rgb, which comes from compose_render(), as PNG, or light, which comes from
  * viewer_render_light(), as EXR. The other one is NULL. */
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                         const float *light, int width, int height, GError **error);

@@ -44,8 +44,8 @@ void ui_column(float x); /* the next control is in the same line, at x */
 void ui_gap(void);
 gboolean ui_section(const char *title, gboolean open); /* returns whether it is unfolded */
 
-/* Returns whether the font has a glyph for each letter of the text. Letters without a glyph are
- * drawn as “?”. Needs no window. */
+/* For tests: returns whether the font has a glyph for each letter of the text. Letters without a
+ * glyph are drawn as “?”. Needs no window. */
 gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);

@@ -92,7 +92,6 @@ static gboolean make_rings(struct rings *r, GError **error) {
     r->directions = directions_new(r->theta_deg, r->phi_deg, r->n, error);
     if (r->directions == NULL)
         return FALSE;
-    g_assert_true(directions_are_rings(r->directions));
     const int *pole = directions_pole(r->directions, &n_pole);
     for (int k = 0; k < r->n; k++)
         r->measured[k] = unit((double)r->theta_deg[k], (double)r->phi_deg[k]);

@@ -2,8 +2,8 @@
  * normal mapping, the costs of their Table I, and how far the approximate rotation is from the
  * exact one as the normal tilts. */
 #include "bench.h"
-#include "drawing/methods/microfacet.h"
 #include "frame_time.h"
+#include "lib/microfacet_formula.h"
 #include "microfacet_parts.h"
 #include "shapes/scene.h"
 

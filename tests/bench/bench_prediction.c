@@ -3,7 +3,7 @@
  * simulated world: sessions with all pairs, captured by tests/bench/fast_materials --only lamps,
  * are masked to a part of their shots, and what is missing is made up in several ways:
  *
- *   start        the shots of prediction_start(), predicted (1/16 and 1/4 only)
+ *   start        the shots chosen when nothing is measured, predicted (1/16 and 1/4 only)
  *   chosen       a sixteenth of the shots as in start, then twice as many by prediction_choose(),
  *                from what is measured so far, and so on; predicted
  *   interpolated every so manieth light of each turntable angle; between them
@@ -259,12 +259,15 @@ static Prediction *prediction_bench_learn(const struct prediction_scene *scene,
 /* Marks the first n shots of the start set. */
 static void prediction_bench_start(const struct prediction_scene *scene, int n, gboolean *taken) {
     g_autoptr(GError) error = NULL;
-    g_autofree int *order = g_new(int, n);
+    g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, n);
     memset(taken, 0, sizeof(gboolean) * (gsize)scene->n_shots);
-    prediction_start(&scene->pairs, scene->shots, scene->n_shots, n, order, NULL, &error);
+    g_autoptr(Prediction) nothing = prediction_new(&scene->pairs, NULL, NULL, 0, NULL, &error);
     bench_check(error);
-    for (int k = 0; k < n; k++)
-        taken[order[k]] = TRUE;
+    const int got =
+        prediction_choose(nothing, scene->shots, scene->n_shots, NULL, n, choices, NULL, &error);
+    bench_check(error);
+    for (int k = 0; k < got; k++)
+        taken[choices[k].shot] = TRUE;
 }
 
 /* Adds n shots. */

@@ -310,12 +310,10 @@ static void reprojection_bench_view(int k, gpointer data) {
     struct scene *scene = data;
     const int view = scene->out[k], n = scene->plane.width * scene->plane.height;
     const gsize row = scene->btf->layout.lights.n * 3;
-    struct reprojection_target target = {.near = TRUE};
     double centre[3];
     g_autofree float *mixed = g_new(float, row), *along = g_new(float, row);
     float *shown[3] = {NULL};
     reprojection_bench_centre(scene, view, centre);
-    target.at = vec3(centre[0], centre[1], centre[2]);
     const struct vec3 nominal =
         vec3_unit(vec3(centre[0], centre[1], centre[2] - scene->plane.reference_mm));
     for (int i = 0; i < 3 && pictures; i++)
@@ -327,9 +325,9 @@ static void reprojection_bench_view(int k, gpointer data) {
         int n_taps = reprojection_bench_mixed(scene, nominal, texel, taps);
         reprojection_bench_mix(scene, taps, n_taps, mixed);
         reprojection_texel_mm(scene->reprojection, texel, at_mm);
-        n_taps = reprojection_taps(scene->reprojection, at_mm,
-                                   reprojection_towards(scene->reprojection, &target, at_mm), &hit,
-                                   taps);
+        const struct vec3 towards = vec3_unit(vec3(centre[0] - at_mm[0], centre[1] - at_mm[1],
+                                                   centre[2] - scene->plane.reference_mm));
+        n_taps = reprojection_taps(scene->reprojection, at_mm, towards, &hit, taps);
         reprojection_bench_mix(scene, taps, n_taps, along);
         const float *measured = reprojection_bench_values(scene, texel, view);
         const float *truth = scene->truth ? scene->truth[k] + (gsize)texel * row : measured;

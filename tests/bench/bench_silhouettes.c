@@ -8,10 +8,10 @@
  *   straight   that test, over views that include grazing ones
  *   volume     the viewer's test over a volume of 8 bits
  *   ours       the viewer's; the relief of grazing views is raised as the MDF says
- *   fixed      the same, raised by a fixed number of standard deviations
  *   true       with --true-grazing: the viewer's test, grazing views traced over the true surface
  */
 #include "bench.h"
+#include "lib/mdf_copy.h"
 #include "lib/silhouettes_fixture.h"
 #include "scene/picture.h"
 
@@ -40,8 +40,6 @@ static const double grazing_deg[] = {80.0, 84.0, 87.0};
 #define N_GRAZING   ((int)G_N_ELEMENTS(grazing_deg))
 #define GRAZING_PHI 36
 static char **kinds, **tilings;
-static double *more_raised;
-static gsize n_raised;
 
 /* The presets 12x5 and 12x8 of session files. */
 static double theta_deg(const struct material *m, int ring) {
@@ -107,16 +105,11 @@ static void measure(struct scene *s, const struct mdf_table *table,
     show(s, "btf", 0, NULL, FALSE, FALSE);
     show(s, "published", 0, table, TRUE, TRUE);
     const double own = mdf_table_raised(table);
-    g_autoptr(MdfTable) all = mdf_table_copy(table);
+    g_autoptr(MdfTable) all = mdf_copy(table);
     mdf_table_add_grazing(all);
     show(s, "straight", own, all, TRUE, FALSE);
     show(s, "volume", own, all, FALSE, TRUE);
     show(s, "ours", own, all, FALSE, FALSE);
-    for (gsize k = 0; k < n_raised; k++) {
-        g_autoptr(MdfTable) t = mdf_table_copy(table);
-        mdf_table_add_grazing_raised(t, more_raised[k]);
-        show(s, "fixed", more_raised[k], t, FALSE, FALSE);
-    }
     if (grazing)
         show(s, "true", 0, grazing, FALSE, FALSE);
 }
@@ -142,7 +135,7 @@ static void measure_scene(const struct material *m, const struct silhouettes_sha
 
 /* The table with the views of the other behind its own. */
 static struct mdf_table *joined(const struct mdf_table *table, const struct mdf_table *other) {
-    struct mdf_table *t = mdf_table_copy(table);
+    struct mdf_table *t = mdf_copy(table);
     const gsize n = (gsize)t->width * t->height, all = (gsize)t->n_views + other->n_views;
     t->theta_deg = g_renew(float, t->theta_deg, all);
     t->phi_deg = g_renew(float, t->phi_deg, all);
@@ -197,7 +190,6 @@ static void measure_material(const struct material *m) {
 }
 
 int main(int argc, char **argv) {
-    g_auto(GStrv) values = NULL;
     g_autofree char *size = NULL;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "A JSON array", NULL},
@@ -215,8 +207,6 @@ int main(int argc, char **argv) {
         {"true-grazing", 0, 0, G_OPTION_ARG_NONE, &true_grazing,
          "Also with grazing views of the true surface", NULL},
         {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Pixels, default 400x300", "WxH"},
-        {"raised", 0, 0, G_OPTION_ARG_STRING_ARRAY, &values,
-         "Also raise the relief by so many standard deviations; may be repeated", "N"},
         {NULL}};
     char end;
     bench_parse(&argc, &argv, entries, NULL);
@@ -225,10 +215,6 @@ int main(int argc, char **argv) {
          (sscanf(size, "%4dx%4d%c", &width, &height, &end) != 2 || width < 8 || height < 8)))
         bench_fail(2,
                    "--texels is 4 to 512, --azimuths 3 to 360, --distance 100 or more, --size WxH");
-    n_raised = values ? g_strv_length(values) : 0;
-    more_raised = g_new(double, n_raised + 1);
-    for (gsize k = 0; k < n_raised; k++)
-        more_raised[k] = g_ascii_strtod(values[k], NULL);
     g_autoptr(GError) error = NULL;
     g_autoptr(Gpu) gpu = gpu_new_headless(&error);
     bench_check(error);
@@ -237,7 +223,6 @@ int main(int argc, char **argv) {
         if (!kinds || g_strv_contains((const char *const *)kinds, materials[k].kind))
             measure_material(&materials[k]);
     printf(json ? "]\n" : "");
-    g_free(more_raised);
     g_strfreev(kinds);
     g_strfreev(tilings);
     world_fixture_clean();

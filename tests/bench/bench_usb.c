@@ -14,6 +14,7 @@
  */
 #include "bench.h"
 #include "conformance/conformance.h"
+#include "lib/camera_open.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "usb/usb.h"

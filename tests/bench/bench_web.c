@@ -9,6 +9,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/view_fixture.h"
+#include "lib/view_picture.h"
 #include "scene/picture.h"
 
 #define WIDTH      320
@@ -55,7 +56,7 @@ static guint8 *viewer_picture(Viewer *viewer, const struct bench_web_view *v) {
     s.samples = SAMPLES;
     s.silhouettes = s.shadows = TRUE;
     s.shadow_size = SHADOW_MAP;
-    guint8 *rgb = viewer_render(viewer, &s, WIDTH, HEIGHT, &error);
+    guint8 *rgb = view_picture(viewer, &s, WIDTH, HEIGHT, &error);
     bench_check(error);
     return rgb;
 }

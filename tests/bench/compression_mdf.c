@@ -6,6 +6,7 @@
 #include "codecs/mdf_codecs/mdf_factors.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/methods.h"
+#include "lib/mdf_copy.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 
@@ -118,11 +119,11 @@ static gsize texels(const struct mdf_table *t) {
 static gboolean half_views(const struct subject *s, gboolean json, GError **error) {
     const struct way way = {"views, half", 0, 2 * (gint64)texels(s->table) * s->table->n_views,
                             VIEW_FETCH};
-    return report(s, &way, mdf_table_copy(s->table), json, error);
+    return report(s, &way, mdf_copy(s->table), json, error);
 }
 
 static gboolean byte_views(const struct subject *s, gboolean json, GError **error) {
-    struct mdf_table *t = mdf_table_copy(s->table);
+    struct mdf_table *t = mdf_copy(s->table);
     const gsize n = texels(t);
     const struct way way = {"views, 8 bit", 0, (gint64)(n + 4) * t->n_views, VIEW_FETCH};
     for (int v = 0; v < t->n_views; v++) {
@@ -159,7 +160,7 @@ static gboolean block_views(const struct subject *s, gboolean json, GError **err
 }
 
 static gboolean relief(const struct subject *s, gboolean residual, gboolean json, GError **error) {
-    struct mdf_table *t = mdf_table_copy(s->table);
+    struct mdf_table *t = mdf_copy(s->table);
     const gsize n = texels(t);
     const gint64 blocks = (gint64)(mdf_blocks_bytes(t->width, t->height) + 8) * t->n_views;
     const struct way way = {residual ? "relief, rest 4 bit" : "relief", 0,
@@ -227,7 +228,7 @@ static gboolean measure(struct subject *s, const char *session, gboolean json, G
     for (int scene = 0; scene < N_SCENES; scene++)
         if (!viewer_open(s->viewers[scene], methods[0], material, error))
             return FALSE;
-    s->all = mdf_table_copy(s->table);
+    s->all = mdf_copy(s->table);
     mdf_table_add_grazing(s->all);
     s->outline = draw(s, s->all, error);
     s->smooth = s->outline ? draw(s, NULL, error) : NULL;

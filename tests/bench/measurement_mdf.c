@@ -66,7 +66,7 @@ static void take_sweep(World *world, int camera, double turntable_deg,
     }
     const struct sweep_pulses first = {planes->peak, planes->width, planes->intensity};
     const struct sweep_pulses second = {planes->second_peak, NULL, planes->second_intensity};
-    sweep_finish_both(sweep, THRESHOLD_DN, &first, &second);
+    sweep_finish(sweep, THRESHOLD_DN, &first, &second);
 }
 
 void bench_mdf_init(struct bench_mdf *mdf) {

@@ -52,7 +52,7 @@ struct bench_peaks bench_peaks(double amplitude_dn, double sigma) {
         }
         sweep_add(sweep, frame);
     }
-    sweep_finish(sweep, 0.5 * amplitude_dn, peak, width, intensity);
+    sweep_finish(sweep, 0.5 * amplitude_dn, &(struct sweep_pulses){peak, width, intensity}, NULL);
     for (int i = 0; i < N_PIXELS; i++)
         if (peak[i] >= 0 && fabs(peak[i] - time[i]) < 3 * sigma) {
             squares += (peak[i] - time[i]) * (peak[i] - time[i]);

@@ -3,6 +3,7 @@
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/methods.h"
 #include "drawing/methods/microfacet.h"
+#include "lib/view_picture.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
@@ -47,7 +48,7 @@ gboolean microfacet_fabric(const char *path, GError **error) {
         s.style.rotation = pictures[k].rotation;
         g_autofree guint8 *one =
             viewer_open(viewer, pictures[k].flat ? &flat : fabric_base, NULL, error)
-                ? viewer_render(viewer, &s, WIDTH, HEIGHT, error)
+                ? view_picture(viewer, &s, WIDTH, HEIGHT, error)
                 : NULL;
         good = one != NULL;
         for (gsize y = 0; good && y < HEIGHT; y++)

@@ -1,7 +1,7 @@
 #include "microfacet_parts.h"
 
 #include "bench.h"
-#include "drawing/methods/microfacet.h"
+#include "lib/microfacet_formula.h"
 
 #include <cairo.h>
 #include <math.h>

@@ -138,7 +138,7 @@ struct speed_sweep speed_sweep(void) {
         sweep_free(time_sweep(frames, 1, &single));
         g_autoptr(Sweep) sweep = time_sweep(frames, TOGETHER, &some);
         const gint64 begun_us = speed_now_us();
-        sweep_finish(sweep, THRESHOLD, peak, width, intensity);
+        sweep_finish(sweep, THRESHOLD, &(struct sweep_pulses){peak, width, intensity}, NULL);
         finish = MIN(finish, since_s(begun_us));
     }
     struct speed_sweep ret = {.sweep_mpx_s = rate(some),

@@ -2,6 +2,7 @@
 
 #include "aravis/camera.h"
 #include "conformance/conformance.h"
+#include "lib/camera_open.h"
 #include "virtual/cameras/u3v.h"
 
 #include <libusb.h>

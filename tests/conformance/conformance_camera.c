@@ -1,4 +1,5 @@
 #include "conformance_private.h"
+#include "lib/camera_open.h"
 #include "lib/ok.h"
 
 #include <math.h>

@@ -1,4 +1,5 @@
 /* The camera class: a picture that is not the one asked for is never taken for it. */
+#include "lib/camera_open.h"
 #include "lib/heard.h"
 #include "lib/ok.h"
 

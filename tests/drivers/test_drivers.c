@@ -1,4 +1,5 @@
 /* The conformance suite over every simulated driver. */
+#include "lib/camera_open.h"
 #include "lib/simulated.h"
 
 static const struct conformance slide = {

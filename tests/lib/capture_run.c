@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "exr/exr.h"
+#include "lib/capture_steps.h"
 #include "lib/ok.h"
 #include "remove_tree.h"
 

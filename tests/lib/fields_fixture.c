@@ -1,4 +1,5 @@
 #include "fields_fixture.h"
+#include "codecs/lobes/lobes_levels.h"
 #include "lib/ok.h"
 
 void fields_fixture_write(const char *path, int width, int height) {
@@ -23,7 +24,8 @@ void fields_fixture_write(const char *path, int width, int height) {
     fields.values = g_new(float, texels *G_N_ELEMENTS(texel));
     for (gsize k = 0; k < texels; k++)
         memcpy(fields.values + G_N_ELEMENTS(texel) * k, texel, sizeof texel);
-    g_assert_true(ok(lobes_write(path, &fields, ERR)));
+    struct lobes *const levels[] = {&fields};
+    g_assert_true(ok(lobes_write_levels(path, levels, 1, ERR)));
     g_free(fields.values);
     eigenmaps_free(like);
 }

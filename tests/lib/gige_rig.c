@@ -1,4 +1,5 @@
 #include "gige_rig.h"
+#include "lib/camera_open.h"
 #include "lib/ok.h"
 #include "lib/wait.h"
 

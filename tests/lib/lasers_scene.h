@@ -62,7 +62,7 @@ static inline void sweep_add_points(struct scene *scene, const struct sweep_pose
         world_expose(scene->world, camera, &state, 4000, 0, g_rand_int(scene->rand), pixels);
         sweep_add(sweep, pixels);
     }
-    sweep_finish(sweep, 40, peak, width, intensity);
+    sweep_finish(sweep, 40, &(struct sweep_pulses){peak, width, intensity}, NULL);
     const struct laser_plate_sweep from = {.sweep = 0,
                                            .laser = laser,
                                            .camera = camera,

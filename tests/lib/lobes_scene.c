@@ -1,4 +1,5 @@
 #include "lobes_scene.h"
+#include "lib/microfacet_formula.h"
 #include "lib/ok.h"
 
 #include <string.h>

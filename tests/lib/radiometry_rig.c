@@ -1,4 +1,5 @@
 #include "radiometry_rig.h"
+#include "lib/capture_steps.h"
 
 static void radiometry_rig_axis(GString *text, const char *name, const char *keys) {
     g_string_append_printf(text,

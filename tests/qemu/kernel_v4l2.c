@@ -4,6 +4,7 @@
  * vivid's single-planar node is /dev/video0.
  */
 #include "conformance/conformance.h"
+#include "lib/camera_open.h"
 
 #include "v4l2/controls.h"
 #include "v4l2/v4l2.h"

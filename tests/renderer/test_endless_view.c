@@ -145,10 +145,10 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     s.camera_distance = 1.6;
     s.endless = TRUE;
     g_autofree float *drawn =
-        ok(reference_render_linear(reference, view, &s, 200, 150, &relative, ERR));
+        ok(reference_render_scene_linear(&reference, 1, view, &s, 200, 150, &relative, ERR));
     s.endless = FALSE;
     g_autofree float *plain =
-        reference_render_linear(reference, view, &s, 200, 150, &repeated, &error);
+        reference_render_scene_linear(&reference, 1, view, &s, 200, 150, &repeated, &error);
     double differ = 0, all = 0;
     for (int k = 0; k < 4 * 200 * 150; k++) {
         differ += pow(drawn[k] - plain[k], 2);

@@ -1,7 +1,8 @@
-/* Pictures of hemispherical harmonics against hsh_evaluate(), pixel by pixel. */
+/* Pictures of hemispherical harmonics against hsh_formula(), pixel by pixel. */
 #include "lib/lobes_scene.h"
 
 #include "drawing/methods/hsh_view.h"
+#include "lib/hsh_formula.h"
 #include "lib/ok.h"
 
 #include <glib/gstdio.h>
@@ -16,7 +17,7 @@ static void sky_value(const struct hsh *hsh, int view, int texel, double ret[3])
         const double z = (row + 0.5) / rows, r = sqrt(1 - z * z), phi = 2 * G_PI * k / columns;
         const float l[3] = {(float)(r * cos(phi)), (float)(r * sin(phi)), (float)z};
         float rgb[3];
-        hsh_evaluate(hsh, view, texel, l, rgb);
+        hsh_formula(hsh, view, texel, l, rgb);
         for (int c = 0; c < 3; c++)
             sums[c] += 2.0 * rgb[c] / (rows * columns);
     }
@@ -28,7 +29,7 @@ static void add_view(const struct scene *s, int view, int texel, const float *l,
                      double ret[3]) {
     float rgb[3];
     double sky[3] = {0};
-    hsh_evaluate(s->model, view, texel, l, rgb);
+    hsh_formula(s->model, view, texel, l, rgb);
     if (s->ambient > 0)
         sky_value(s->model, view, texel, sky);
     for (int c = 0; c < 3; c++)

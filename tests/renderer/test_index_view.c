@@ -221,15 +221,15 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     double relative = 1, without = 0;
     g_assert_true(viewer_set_index(view, map, &error));
     g_autofree float *drawn =
-        ok(reference_render_linear(reference, view, &s, 60, 45, &relative, ERR));
+        ok(reference_render_scene_linear(&reference, 1, view, &s, 60, 45, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.02);
     g_autofree float *with = view_fixture_linear(view, &s, 60, 45);
     g_assert_true(viewer_set_index(view, NULL, &error));
     g_autofree float *plain =
-        reference_render_linear(reference, view, &s, 60, 45, &without, &error);
+        reference_render_scene_linear(&reference, 1, view, &s, 60, 45, &without, &error);
     g_assert_cmpint(count_different(plain, with, 60 * 45, 0.05F), >, 60 * 45 / 10);
     g_assert_true(viewer_set_index(view, other, &error));
-    g_assert_null(reference_render_linear(reference, view, &s, 60, 45, NULL, &error));
+    g_assert_null(reference_render_scene_linear(&reference, 1, view, &s, 60, 45, NULL, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
     remove_folder(dir);
 }

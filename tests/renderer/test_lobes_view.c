@@ -70,7 +70,7 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "lobes.exr", NULL);
     struct lobes *made = make_lobes(model, n_lobes);
-    g_assert_true(lobes_write(path, made, &error));
+    g_assert_true(lobes_write_levels(path, &made, 1, &error));
     lobes_free(made);
     struct lobes *lobes = ok(lobes_read(path, ERR));
     struct scene scene = {.lobes = lobes,

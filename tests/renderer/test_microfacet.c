@@ -1,6 +1,6 @@
 /* The rotation of microfacets, and pictures of metal and fabric against microfacet_evaluate(). */
-#include "drawing/methods/microfacet.h"
 #include "lib/formula_fixture.h"
+#include "lib/microfacet_formula.h"
 #include "lib/test.h"
 
 static struct vec3 random_normal(GRand *random) {

@@ -263,7 +263,7 @@ static void test_reference(gconstpointer data) {
                                       .cone_deg = 30,
                                       .inner_deg = 10};
     g_autofree float *whole =
-        ok(reference_render_linear(reference, view, &s, WIDTH, HEIGHT, &relative, ERR));
+        ok(reference_render_scene_linear(&reference, 1, view, &s, WIDTH, HEIGHT, &relative, ERR));
     g_test_message("relative error %.5f", relative);
     g_assert_cmpfloat(relative, <, 0.005);
     /* Not the first lamp only. */

@@ -1,8 +1,8 @@
 /* Normal maps from files, whole and broken, and metal under them against microfacet_evaluate(). */
-#include "drawing/methods/microfacet.h"
 #include "drawing/methods/normal_map.h"
 #include "exr/exr.h"
 #include "lib/formula_fixture.h"
+#include "lib/microfacet_formula.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"

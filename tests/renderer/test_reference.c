@@ -3,6 +3,7 @@
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
+#include "lib/view_picture.h"
 #include "scene/compose.h"
 #include "scene/measured.h"
 #include "session/session.h"
@@ -19,8 +20,8 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
     g_autoptr(Viewer) view = view_fixture_view(kind, 8, 16, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     double relative;
-    g_autofree float *pixels =
-        ok(reference_render_linear(reference, view, s, c.width, c.height, &relative, ERR));
+    g_autofree float *pixels = ok(
+        reference_render_scene_linear(&reference, 1, view, s, c.width, c.height, &relative, ERR));
     c.pixels = pixels;
     view_fixture_compare(&c, tolerance, 1000);
     /* These materials' eigen-maps are exact. */
@@ -47,8 +48,9 @@ static void test_reference_agrees(gconstpointer data) {
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct viewer_settings s = viewer_settings_default;
     double relative = 1.0;
-    g_autofree guint8 *whole = ok(reference_render(reference, view, &s, 60, 40, &relative, ERR));
-    g_autofree guint8 *maps = viewer_render(view, &s, 60, 40, &error);
+    g_autofree guint8 *whole =
+        ok(reference_render_scene(&reference, 1, view, &s, 60, 40, &relative, ERR));
+    g_autofree guint8 *maps = view_picture(view, &s, 60, 40, &error);
     g_assert_cmpfloat(relative, <, 0.005);
     for (int k = 0; k < 60 * 40 * 3; k++)
         g_assert_cmpint(ABS(whole[k] - maps[k]), <=, 3);
@@ -68,7 +70,7 @@ static void test_reference_shadows(gconstpointer data) {
     s.ambient = 0.1;
     double relative = 1.0, dark = 0.0;
     g_autofree float *whole =
-        ok(reference_render_linear(reference, view, &s, 120, 90, &relative, ERR));
+        ok(reference_render_scene_linear(&reference, 1, view, &s, 120, 90, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.005);
     g_autofree float *lit = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, 120, 90, &error);
     for (int k = 0; k < 120 * 90; k++)
@@ -115,7 +117,7 @@ static void test_reference_library(gconstpointer data) {
     s.ambient = 0.0;
     s.style.nearest = FALSE;
     g_autofree float *whole =
-        ok(reference_render_linear(reference, viewer, &s, WIDTH, HEIGHT, NULL, ERR));
+        ok(reference_render_scene_linear(&reference, 1, viewer, &s, WIDTH, HEIGHT, NULL, ERR));
     float *geometry[3];
     const enum viewer_geometry kinds[] = {VIEWER_GEOMETRY_TEXEL, VIEWER_GEOMETRY_VIEW,
                                           VIEWER_GEOMETRY_LIGHT};
@@ -158,7 +160,8 @@ static void test_reference_file(gconstpointer data) {
     struct viewer_settings s = viewer_settings_default;
     g_assert_cmpfloat(s.ambient, >, 0.0);
     double relative = 1.0;
-    g_autofree guint8 *whole = ok(reference_render(reference, viewer, &s, 60, 40, &relative, ERR));
+    g_autofree guint8 *whole =
+        ok(reference_render_scene(&reference, 1, viewer, &s, 60, 40, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.005);
     g_assert_null(reference_open_material(none, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
@@ -235,7 +238,7 @@ static void test_compose(gconstpointer data) {
     const struct compose hows[] = {
         {COMPOSE_ONE, 0.5, 4}, {COMPOSE_SPLIT, 0.25, 4}, {COMPOSE_DIFFERENCE, 0.5, 3}};
     guint8 *pictures[3];
-    g_autofree guint8 *other = viewer_render(b, &s, 80, 60, &error);
+    g_autofree guint8 *other = view_picture(b, &s, 80, 60, &error);
     for (int k = 0; k < 3; k++) {
         pictures[k] = ok(compose_render(compose, a, b, &hows[k], &s, 80, 60, ERR));
     }
@@ -354,7 +357,7 @@ static double deep_error(Reference *reference, Viewer *viewer, const struct view
     enum { WIDTH = 80, HEIGHT = 60 };
     g_autoptr(GError) error = NULL;
     g_autofree float *drawn =
-        ok(reference_render_linear(reference, viewer, s, WIDTH, HEIGHT, NULL, ERR));
+        ok(reference_render_scene_linear(&reference, 1, viewer, s, WIDTH, HEIGHT, NULL, ERR));
     g_autofree float *at =
         viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, WIDTH, HEIGHT, &error);
     g_autofree float *v =

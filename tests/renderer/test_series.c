@@ -3,6 +3,7 @@
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/view_picture.h"
 #include "window/live.h"
 #include "window/series.h"
 
@@ -24,7 +25,7 @@ TEST(parse) {
 
 static int pixels_that_differ(Viewer *view, const struct viewer_settings *s, const guint8 *plain) {
     g_autoptr(GError) error = NULL;
-    g_autofree guint8 *rgb = viewer_render(view, s, 64, 64, &error);
+    g_autofree guint8 *rgb = view_picture(view, s, 64, 64, &error);
     int n = 0;
     g_assert_no_error(error);
     for (int k = 0; k < 64 * 64; k++)
@@ -46,7 +47,7 @@ static void test_stripes(gconstpointer data) {
         s.camera_azimuth_deg = views[k].phi_deg + 20.0;
         s.camera_elevation_deg = 90.0 - views[k].theta_deg + 5.0;
         viewer_set_planned(view, NULL, 0);
-        g_autofree guint8 *plain = ok(viewer_render(view, &s, 64, 64, ERR));
+        g_autofree guint8 *plain = ok(view_picture(view, &s, 64, 64, ERR));
         viewer_set_planned(view, views, N);
         const int n = pixels_that_differ(view, &s, plain);
         g_test_message("view %d: %d pixels striped", k, n);
@@ -57,7 +58,7 @@ static void test_stripes(gconstpointer data) {
     }
     g_autoptr(GError) error = NULL;
     viewer_set_planned(view, NULL, 0);
-    g_autofree guint8 *plain = viewer_render(view, &s, 64, 64, &error);
+    g_autofree guint8 *plain = view_picture(view, &s, 64, 64, &error);
     for (int k = 0; k < N; k++)
         views[k].measured = TRUE;
     viewer_set_planned(view, views, N);

@@ -1,8 +1,10 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
+#include "lib/mdf_copy.h"
 #include "lib/ok.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/test.h"
+#include "lib/view_picture.h"
 #include "shapes/mesh_shape.h"
 
 #include <string.h>
@@ -424,7 +426,7 @@ static void test_volume(gconstpointer data) {
     s.silhouettes = TRUE;
     mdf->phi_deg[5] += 3.0f;
     g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = mdf}, &error));
-    g_assert_null(viewer_render(view, &s, W, H, &unlike));
+    g_assert_null(view_picture(view, &s, W, H, &unlike));
     g_assert_nonnull(strstr(unlike->message, "--mdf-volume"));
 }
 
@@ -600,7 +602,7 @@ TEST(table__raised) {
         waves->depth_mm[k] = 2.0F + 1.5F * sinf((float)(k % 32) * (float)G_PI / 8.0F);
     waves->deepest_mm = 3.5;
     mdf_table_trace(waves);
-    g_autoptr(MdfTable) posts = mdf_table_copy(waves);
+    g_autoptr(MdfTable) posts = mdf_copy(waves);
     for (int k = 12 * n; k < 24 * n; k++)
         posts->depth_mm[k] *= 0.75F;
     g_test_message("raised by %.3f, with posts %.3f", mdf_table_raised(waves),
@@ -621,7 +623,7 @@ static void test_missing(gconstpointer data) {
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
     struct viewer_settings s = viewer_settings_default;
     s.silhouettes = TRUE;
-    g_assert_null(viewer_render(view, &s, 40, 30, &none));
+    g_assert_null(view_picture(view, &s, 40, 30, &none));
     g_assert_nonnull(strstr(none->message, "mdf.exr"));
     g_assert_false(viewer_open_mdf(view, "/nonexistent/mdf.exr", &file));
     g_assert_nonnull(strstr(file->message, "/nonexistent/mdf.exr"));

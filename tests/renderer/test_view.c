@@ -5,6 +5,7 @@
 #include "lib/skip.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
+#include "lib/view_picture.h"
 #include "scene/picture.h"
 
 static struct hit hit_plane(struct vec3 eye, struct vec3 d) {
@@ -117,7 +118,7 @@ static void test_bytes(gconstpointer data) {
             s.light_theta_deg = 20.0;
             s.exposure_ev = cases[k].ev;
             s.samples = samples;
-            g_autofree guint8 *rgb = ok(viewer_render(view, &s, 16, 12, ERR));
+            g_autofree guint8 *rgb = ok(view_picture(view, &s, 16, 12, ERR));
             const double x = cases[k].linear;
             const double srgb = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055;
             for (int b = 0; b < 16 * 12 * 3; b++)
@@ -261,7 +262,7 @@ TEST(bad_settings) {
 static void test_too_large(gconstpointer data) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, 3, 4);
     g_autoptr(GError) error = NULL;
-    g_assert_null(viewer_render(view, &viewer_settings_default, 1000000, 2, &error));
+    g_assert_null(view_picture(view, &viewer_settings_default, 1000000, 2, &error));
     g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 

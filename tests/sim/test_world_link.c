@@ -1,6 +1,7 @@
 /* What virtual devices do to the world, through the real drivers: the world's state is the truth.
  */
 #include "conformance/conformance.h"
+#include "lib/camera_open.h"
 
 #include "lib/ok.h"
 #include "usb/relays.h"

@@ -7,8 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "capture/capture.h"
 #include "exposures.h"
+#include "lib/capture_steps.h"
 #include "pipeline/pipeline.h"
 #include "rig_watch.h"
 #include "session/session.h"

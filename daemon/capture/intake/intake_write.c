@@ -120,7 +120,7 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
                                        exr_part_plane(part, "intensity")};
     const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), NULL,
                                         exr_part_plane(part, "second_intensity")};
-    sweep_finish_both(sweep, file->conf->laser_threshold_dn, &first, &second);
+    sweep_finish(sweep, file->conf->laser_threshold_dn, &first, &second);
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
     return intake_write_frame(file, exr, ret_frame, error);

@@ -77,13 +77,6 @@ static void sum(const float *values, const float *basis, int n_terms, float ret[
             ret[c] += values[COLOURS * i + c] * basis[i];
 }
 
-void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[3],
-                  float ret[COLOURS]) {
-    float basis[HSH_MAX_TERMS];
-    hsh_basis(light, hsh->n_terms, basis);
-    sum(values_of(hsh, view, texel), basis, hsh->n_terms, ret);
-}
-
 struct hsh_at_lights {
     const struct hsh *hsh;
     const float *design;

@@ -72,9 +72,6 @@ struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret);
 
-/* Evaluates R, G, B of a texel of a view under any light. */
-void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[3], float ret[3]);
-
 /* Sets error and luminance_error over all values that are not NaN. Returns error. */
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads);
 

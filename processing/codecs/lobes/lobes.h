@@ -104,5 +104,4 @@ double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_thre
 /* Returns the bytes of all values as halves, as a renderer holds them. */
 gint64 lobes_bytes(const struct lobes *lobes);
 
-gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error);
 struct lobes *lobes_read(const char *path, GError **error);

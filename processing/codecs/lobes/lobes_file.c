@@ -87,13 +87,6 @@ struct exr_file *lobes_to_exr(const struct lobes *lobes) {
     return file;
 }
 
-gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error) {
-    struct exr_file *file = lobes_to_exr(lobes);
-    const gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
-    exr_file_free(file);
-    return ok;
-}
-
 static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: this is not a valid file of a lobe model: %s; compress again", path, what);

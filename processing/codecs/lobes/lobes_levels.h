@@ -14,9 +14,8 @@
 int lobes_compute_levels(const struct btf_matrix *btf, const struct lobes_options *options,
                          struct lobes *ret_levels[LOBES_MAX_LEVELS], GError **error);
 
-/* Writes all levels into one file. Level 0 is written as by lobes_write(), so that lobes_read()
- * reads it. The parts of level n have the names of the parts of level 0 with the prefix
- * "mip<n>.". */
+/* Writes all levels into one file. lobes_read() reads level 0 of it. The parts of level n have the
+ * names of the parts of level 0 with the prefix "mip<n>.". */
 gboolean lobes_write_levels(const char *path, struct lobes *const *levels, int n, GError **error);
 
 /* Reads all levels of a file. Returns the number of levels, or 0 with an error. */

@@ -57,7 +57,7 @@ extern const struct lobes_traits lobes_traits[LOBES_MODELS];
  * part. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
-/* Convert to and from the file of lobes_write() and lobes_read() in memory. path is for
+/* Convert to and from the file of lobes_write_levels() and lobes_read() in memory. path is for
  * messages. */
 struct exr_file *lobes_to_exr(const struct lobes *lobes);
 struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error);

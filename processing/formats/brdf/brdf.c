@@ -60,11 +60,3 @@ void brdf_evaluate(const float light[3], const float view[3], float ret[3], gpoi
     for (int c = 0; c < 3; c++)
         ret[c] = isfinite(ret[c]) ? MAX(ret[c], 0) : 0;
 }
-
-gboolean brdf_is_isotropic(const Brdf *brdf) {
-    return brdf->kind == BRDF_MERL || (brdf->kind == BRDF_RGL && rgl_is_isotropic(brdf->rgl));
-}
-
-const char *brdf_description(const Brdf *brdf) {
-    return brdf->kind == BRDF_RGL ? rgl_description(brdf->rgl) : NULL;
-}

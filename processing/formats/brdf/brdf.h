@@ -25,7 +25,3 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Brdf, brdf_free)
 /* Evaluates a BRDF. The result is never negative, and is 0 if one of the directions is below the
  * surface. This is a BrdfFunction, with the BRDF as data. */
 void brdf_evaluate(const float light[3], const float view[3], float ret[3], gpointer brdf);
-
-gboolean brdf_is_isotropic(const Brdf *brdf);
-/* Returns the description in the file, or NULL; owned by the BRDF. */
-const char *brdf_description(const Brdf *brdf);

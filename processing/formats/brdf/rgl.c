@@ -17,7 +17,6 @@ struct rgl {
     double *colours; /* n_channels × 3: R, G, B of each channel */
     gboolean isotropic, jacobian;
     int reduction; /* 1 for all azimuths; 2 for a half, 4 for a quarter */
-    char *description;
 };
 
 void rgl_free(struct rgl *rgl) {
@@ -26,7 +25,6 @@ void rgl_free(struct rgl *rgl) {
     tensor_file_free(rgl->file);
     warp_free(rgl->vndf);
     g_free(rgl->colours);
-    g_free(rgl->description);
     g_free(rgl);
 }
 
@@ -155,11 +153,6 @@ static gboolean read_fields(struct rgl *rgl, const char *path, GError **error) {
                                    "phi_i covers %.0f degrees; it must cover 360, 180 or 90",
                                    range * 180 / G_PI);
     }
-    const struct tensor_field *text = tensor_file_field(rgl->file, "description");
-    if (text && text->type == TENSOR_UINT8) {
-        g_autofree char *raw = g_strndup(text->values, text->bytes);
-        rgl->description = g_utf8_make_valid(raw, -1);
-    }
     return TRUE;
 }
 
@@ -169,14 +162,6 @@ struct rgl *rgl_read(const char *path, GError **error) {
     if (!rgl->file || !read_fields(rgl, path, error))
         g_clear_pointer(&rgl, rgl_free);
     return rgl;
-}
-
-gboolean rgl_is_isotropic(const struct rgl *rgl) {
-    return rgl->isotropic;
-}
-
-const char *rgl_description(const struct rgl *rgl) {
-    return rgl->description;
 }
 
 /* Returns the angle from the normal without the loss of digits that acos() has near it. */

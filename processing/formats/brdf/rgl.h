@@ -27,8 +27,6 @@ struct rgl *rgl_read(const char *path, GError **error);
 void rgl_free(struct rgl *rgl); /* NULL is ignored */
 
 void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[3], float ret[3]);
-gboolean rgl_is_isotropic(const struct rgl *rgl);
-const char *rgl_description(const struct rgl *rgl);
 
 struct rgl_options {
     gboolean isotropic; /* writes the mean of f over n_turns rotations about the normal */

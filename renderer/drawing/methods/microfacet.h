@@ -1,7 +1,7 @@
 /*
  * Shiny surfaces with anisotropic microfacets, and with normals that differ from the surface's
  * (Kang & Cho 2011). Vectors are in the frame of the surface: z is its normal, x the direction of
- * U. microfacet.glsl is the same code for the graphics card.
+ * U. The formula is in microfacet.glsl.
  */
 #pragma once
 
@@ -17,17 +17,6 @@ struct microfacet {
     float rough[2];                /* roughness along U and V */
 };
 
-/* Returns the unit vector h in the frame of the unit normal n.
- * Exact: Rᵀ h of eq. 4 … 6, with u' = y × n, normalised, or u' = x if n = ±y.
- * Approximate: R̃ᵀ h of eq. 9 with the sign that makes its rows orthogonal, v' = (−n_x n_y, 1 −
- * n_y², −n_y n_z). Two of its rows have the length √(1 − n_y²).
- * None: (h_x, h_y, n·h), eq. 2. */
-struct vec3 microfacet_half(struct vec3 h, struct vec3 n, enum method_rotation rotation);
-
-/* Computes the reflectance for unit vectors to view and light. The factor n·l is included. */
-void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct vec3 view,
-                         struct vec3 light, enum method_rotation rotation, double ret[3]);
-
 /*
  * Two surfaces that need no file, each with both models: brushed metal under a normal map, and a
  * plain weave of yarns whose anisotropy alternates. Their parameters are in microfacet_view.c.
@@ -36,7 +25,8 @@ void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct
  */
 enum microfacet_surface { MICROFACET_METAL, MICROFACET_FABRIC };
 
-/* Computes the material and the normal at texel coordinates x (see method.h), without filtering. */
+/* For tests: computes the material and the normal at texel coordinates x (see method.h), without
+ * filtering. */
 void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
                            const double x[2], struct microfacet *ret_surface,
                            struct vec3 *ret_normal);

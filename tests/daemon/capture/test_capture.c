@@ -9,6 +9,7 @@
 #include "capture/exposure_advice.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/capture_steps.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 

@@ -7,6 +7,7 @@
 
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/capture_steps.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
 #include "plan/adaptive/adaptive.h"

@@ -2,6 +2,7 @@
 #include "conformance/conformance.h"
 
 #include "aravis/camera.h"
+#include "lib/camera_open.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "modbus/devices.h"

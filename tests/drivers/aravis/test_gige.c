@@ -1,3 +1,4 @@
+#include "lib/camera_open.h"
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
 #include "lib/painted.h"

@@ -1,5 +1,6 @@
 #include "conformance/conformance.h"
 
+#include "lib/camera_open.h"
 #include "lib/lock_keeper.h"
 #include "lib/ok.h"
 #include "v4l2/formats.h"

@@ -1,4 +1,5 @@
 #include "conformance/conformance.h"
+#include "lib/camera_open.h"
 
 #include "lib/ok.h"
 #include "v4l2/v4l2.h"

@@ -1,5 +1,5 @@
 #include "base/data_error.h"
-#include "codecs/lobes/lobes.h"
+#include "codecs/lobes/lobes_levels.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 
@@ -456,7 +456,7 @@ TEST(file) {
     for (int model = 0; model < LOBES_MODELS; model++) {
         g_autoptr(GError) error = NULL;
         struct lobes *lobes = compute(btf, (enum lobes_model)model);
-        g_assert_true(lobes_write(path, lobes, &error));
+        g_assert_true(lobes_write_levels(path, &lobes, 1, &error));
         struct lobes *back = ok(lobes_read(path, ERR));
         const gsize size = sizeof(float) * (gsize)(20 * lobes->n_slices * lobes->n_values);
         g_assert_cmpint(back->model, ==, model);
@@ -480,7 +480,7 @@ static void write_small(const char *path) {
     g_autoptr(GError) error = NULL;
     fill(btf, LOBES_FIELDS, 0);
     struct lobes *lobes = compute(btf, LOBES_FIELDS);
-    g_assert_true(lobes_write(path, lobes, &error));
+    g_assert_true(lobes_write_levels(path, &lobes, 1, &error));
     lobes_free(lobes);
     btf_matrix_free(btf);
 }

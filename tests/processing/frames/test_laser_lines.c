@@ -324,16 +324,21 @@ TEST(nothing) {
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};
     g_autoptr(TestSweep) sweep = new_sweep();
     const struct rig rig = rig_of(sweep);
-    const struct laser_sweep seen = seen_by(sweep, &rig);
+    struct laser_sweep seen = seen_by(sweep, &rig);
     shoot(sweep);
     const struct laser_lines *lines = find(sweep, &none, &well);
     g_assert_null(lines->turn_rad);
     find(sweep, &hole, &well);
     g_assert_null(lines->turn_rad);
-    const struct rig_plane sheet = laser_lines_sheet(lines, &seen, 7.5),
-                           same = rig_laser_sheet(NULL, &rig.lasers[0], sweep->arc,
-                                                  (from_deg + 7.5 * step_deg) * DEGREE);
-    g_assert_cmpfloat(sheet.offset_mm, ==, same.offset_mm);
+    const struct vec3 eye_mm = vec3(30, -20, 600), down = vec3(0, 0, -1);
+    const double calibrated_mm = laser_lines_range_mm(&seen, 7.5, eye_mm, down, 0.01);
+    const struct rig_plane sheet =
+        rig_laser_sheet(NULL, &rig.lasers[0], sweep->arc, (from_deg + 7.5 * step_deg) * DEGREE);
+    g_assert_cmpfloat_with_epsilon(
+        calibrated_mm,
+        (sheet.offset_mm - vec3_dot(sheet.normal, eye_mm)) / vec3_dot(sheet.normal, down), 1e-9);
+    seen.lines = lines;
+    g_assert_cmpfloat(laser_lines_range_mm(&seen, 7.5, eye_mm, down, 0.01), ==, calibrated_mm);
     for (guint k = 0; k < G_N_ELEMENTS(bad); k++) {
         for (int i = 0; i < N_PIXELS; i++)
             sweep->peak[i] = bad[k];

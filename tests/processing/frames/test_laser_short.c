@@ -39,7 +39,7 @@ struct planes {
 static void finish(const Sweep *sweep, struct planes *planes) {
     const struct sweep_pulses first = {planes->peak, planes->width, planes->intensity};
     const struct sweep_pulses second = {planes->second_peak, NULL, planes->second_intensity};
-    sweep_finish_both(sweep, THRESHOLD, &first, &second);
+    sweep_finish(sweep, THRESHOLD, &first, &second);
 }
 
 static void expose(World *world, const struct world_state *state, gint64 us, guint64 key,

@@ -62,7 +62,8 @@ static struct laser_sweep take(World *world, const struct rig *rig, int position
         laser_pictures_add(pictures, pixels);
     }
     laser_pictures_finish(pictures, ret_published);
-    sweep_finish(frames, 12, planes->peak, planes->width, planes->intensity);
+    sweep_finish(frames, 12, &(struct sweep_pulses){planes->peak, planes->width, planes->intensity},
+                 NULL);
     return sweep;
 }
 

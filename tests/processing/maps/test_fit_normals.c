@@ -1,7 +1,7 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
 #include "codecs/hsh/hsh.h"
-#include "codecs/lobes/lobes.h"
+#include "codecs/lobes/lobes_levels.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "maps/fit_normals.h"
@@ -96,7 +96,7 @@ static char *write_model(const struct btf_matrix *btf, int terms) {
     } else {
         struct lobes *lobes =
             ok(lobes_compute(btf, &(struct lobes_options){.model = LOBES_PTM}, ERR));
-        g_assert_true(lobes_write(path, lobes, &error));
+        g_assert_true(lobes_write_levels(path, &lobes, 1, &error));
         lobes_free(lobes);
     }
     return path;

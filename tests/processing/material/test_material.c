@@ -1,10 +1,10 @@
 /* What libmesorig-material evaluates, against plain sums over what each codec's own functions give.
  */
 #include "btf/direction_grid.h"
-#include "codecs/hsh/hsh.h"
 #include "codecs/lobes/lobes_levels.h"
 #include "codecs/lpca/lpca.h"
 #include "directions/directions.h"
+#include "lib/hsh_formula.h"
 #include "lib/material_fixture.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
@@ -89,7 +89,7 @@ static void plain_formula(const struct plain *p, int view, int texel, const floa
                           const float *l, float ret[3]) {
     memset(ret, 0, 3 * sizeof(float));
     if (strcmp(p->codec->name, "hsh") == 0) {
-        hsh_evaluate(p->model, view, texel, l, ret);
+        hsh_formula(p->model, view, texel, l, ret);
     } else if (p->codec->read == codecs_find("ptm")->read) { /* all lobes have one reader */
         const struct lobes *lobes = p->model;
         lobes_evaluate(lobes, lobes->n_slices > 1 ? view : 0, texel, v, l, ret);

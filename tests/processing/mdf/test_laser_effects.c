@@ -107,7 +107,7 @@ static void take(World *world, int camera, int laser, int arc, struct planes *re
                      (guint64)(((camera * LASERS + laser) * ARCS + arc) * N_STEPS + k + 1), pixels);
         sweep_add(sweep, pixels);
     }
-    sweep_finish(sweep, 40, ret->peak, ret->width, ret->intensity);
+    sweep_finish(sweep, 40, &(struct sweep_pulses){ret->peak, ret->width, ret->intensity}, NULL);
 }
 
 /* The sweeps of a plate, or of a sample, by all cameras. */

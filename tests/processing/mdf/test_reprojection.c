@@ -216,12 +216,12 @@ TEST(measured) {
     for (int view = 0; view < scene->n; view += 3)
         for (int i = 0; i < N_TEXELS; i += 7) {
             const double *c = scene->views[view].centre_mm;
-            const struct reprojection_target target = {TRUE, vec3(c[0], c[1], c[2])};
             struct reprojection_hit hit;
             double at_mm[2];
             reprojection_texel_mm(scene->reprojection, i, at_mm);
-            const double made = predict(
-                scene, at_mm, reprojection_towards(scene->reprojection, &target, at_mm), &hit);
+            const struct vec3 towards =
+                vec3_unit(vec3(c[0] - at_mm[0], c[1] - at_mm[1], c[2] - plane.reference_mm));
+            const double made = predict(scene, at_mm, towards, &hit);
             g_assert_true(hit.seen);
             g_assert_cmpfloat(fabs(made - (double)scene->colour[view][i]), <, 0.01);
             g_assert_cmpfloat(fabs(hit.mm - (double)scene->distance[view][i]), <, 0.05);

@@ -91,7 +91,7 @@ TEST(missing_pairs) {
     g_test_message("error %.4f, expected %.4f, left out %.4f; within 2 σ %.3f", error,
                    prediction_error(prediction), prediction_left_out_error(prediction),
                    (double)within / missing);
-    g_assert_cmpint(prediction_n_measured(prediction), ==, PAIRS / 2);
+    g_assert_cmpint(missing, ==, n * PAIRS / 2);
     g_assert_cmpfloat(error, <, 0.05);
     g_assert_cmpfloat(error, <, 2 * prediction_error(prediction));
     g_assert_cmpfloat(error, >, 0.5 * prediction_error(prediction));
@@ -185,16 +185,19 @@ TEST(price) {
     shots[first.shot].price_s = 1;
 }
 
-/* Fewer are the first of more, and all views and lights come early. */
+/* Where nothing is measured, fewer are the first of more, and all views and lights come early. */
 TEST(start) {
     g_autoptr(GError) error = NULL;
-    int few[8], more[24], views_seen = 0, lights_seen = 0;
-    g_assert_cmpint(prediction_start(&pairs, shots, 64, 8, few, NULL, &error), ==, 8);
-    g_assert_cmpint(prediction_start(&pairs, shots, 64, 24, more, NULL, &error), ==, 24);
-    g_assert_cmpint(memcmp(few, more, sizeof few), ==, 0);
+    int views_seen = 0, lights_seen = 0;
+    struct prediction_choice few[8], more[24];
+    g_autoptr(Prediction) none = ok(prediction_new(&pairs, NULL, NULL, 0, NULL, ERR));
+    g_assert_cmpint(prediction_choose(none, shots, 64, NULL, 8, few, NULL, &error), ==, 8);
+    g_assert_cmpint(prediction_choose(none, shots, 64, NULL, 24, more, NULL, &error), ==, 24);
+    for (int k = 0; k < 8; k++)
+        g_assert_cmpint(few[k].shot, ==, more[k].shot);
     for (int k = 0; k < 24; k++) {
-        views_seen |= 1 << more[k] / LIGHTS;
-        lights_seen |= 1 << more[k] % LIGHTS;
+        views_seen |= 1 << more[k].shot / LIGHTS;
+        lights_seen |= 1 << more[k].shot % LIGHTS;
     }
     g_assert_cmpint(views_seen, ==, 0xf);
     g_assert_cmpint(lights_seen, ==, 0xffff);
@@ -217,7 +220,8 @@ TEST(refused) {
         probes[p] = NAN;
     g_autoptr(Prediction) none = prediction_new(&pairs, probes, NULL, 1, NULL, &error);
     g_assert_no_error(error);
-    g_assert_cmpint(prediction_n_measured(none), ==, 0);
+    for (int p = 0; p < PAIRS; p++)
+        g_assert_false(prediction_is_measured(none, p));
     g_assert_cmpfloat(prediction_error(none), ==, 1);
 }
 

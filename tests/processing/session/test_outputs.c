@@ -31,9 +31,11 @@ static void store(Session *session, gint64 shot, const char *camera, double outp
 static void assert_outputs(Session *session, const GPtrArray *shots, int measured,
                            const double expected[N]) {
     struct outputs *outputs = ok(outputs_load(session, shots, ERR));
-    g_assert_cmpint(outputs_measured(outputs), ==, measured);
-    for (int i = 0; i < N; i++)
+    for (int i = 0; i < N; i++) {
+        measured -= outputs_error(outputs, i + 1) > 0;
         g_assert_cmpfloat_with_epsilon(outputs_of(outputs, i + 1), expected[i], 1e-9);
+    }
+    g_assert_cmpint(measured, ==, 0);
     g_assert_cmpfloat(outputs_of(outputs, 0), ==, 1);
     g_assert_cmpfloat(outputs_of(outputs, N + 1), ==, 1);
     outputs_free(outputs);

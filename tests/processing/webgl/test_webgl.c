@@ -13,6 +13,7 @@
 #include "lib/skip.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
+#include "lib/view_picture.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
@@ -92,7 +93,7 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     settings.samples = SAMPLES;
     settings.silhouettes = settings.shadows = TRUE;
     settings.shadow_size = SHADOW_MAP;
-    g_autofree guint8 *rgb = ok(viewer_render(viewer, &settings, WIDTH, HEIGHT, ERR));
+    g_autofree guint8 *rgb = ok(view_picture(viewer, &settings, WIDTH, HEIGHT, ERR));
     ok(picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, ERR));
 }
 

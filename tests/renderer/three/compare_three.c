@@ -10,6 +10,7 @@
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/view_fixture.h"
+#include "lib/view_picture.h"
 #include "scene/picture.h"
 
 #define WIDTH    160
@@ -71,7 +72,7 @@ static guint8 *compare_three_view(Viewer *viewer, const int view[4]) {
     s.light_phi_deg = view[3];
     s.camera_distance = DISTANCE;
     s.silhouettes = s.shadows = TRUE;
-    guint8 *rgb = ok(viewer_render(viewer, &s, WIDTH, HEIGHT, ERR));
+    guint8 *rgb = ok(view_picture(viewer, &s, WIDTH, HEIGHT, ERR));
     return rgb;
 }
 

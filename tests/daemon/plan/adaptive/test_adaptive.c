@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/capture_run.h"
+#include "lib/capture_steps.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 

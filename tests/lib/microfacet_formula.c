@@ -1,4 +1,4 @@
-#include "microfacet.h"
+#include "microfacet_formula.h"
 
 #include <math.h>
 
