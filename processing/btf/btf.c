@@ -113,8 +113,7 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
 /* The frame of a light. All members are 0 if the light is missing. */
 struct mosaic {
     guint16 *half; /* n_values half floats */
-    guint8
-        *bound; /* n_pixels: whether a pixel is saturated; NULL if the frame has no such channel */
+    guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
     /* values from here on come from shorter exposures; 0 if no shorter exposures were used */
     float shorter;
     int saturated;  /* number of saturated pixels; −1: unknown */
@@ -128,8 +127,7 @@ struct mosaics {
     double *sum;     /* n_values; sum over all lights in the view's pose: the guide */
     gboolean guided; /* whether any frame was added to sum */
     gsize n_pixels;
-    gsize
-        n_values; /* values of a frame: n_pixels, or 3 n_pixels for "rgb"; set by the first frame */
+    gsize n_values; /* of a frame: n_pixels, or 3 n_pixels for "rgb"; set by the first frame */
     char *cfa;
 };
 

@@ -8,14 +8,16 @@
 
 struct laser_frames {
     int n;
-    double *middle; /* of each frame, rad: measured minus commanded sheet angle; NAN: no line */
-    double *error;  /* its standard error */
+    /* of each frame, rad: measured minus commanded sheet angle; NAN if there is no line */
+    double *middle;
+    double *error; /* its standard error */
     /* Results, n values each: */
-    double *level;               /* running median of the frames around */
-    double *own;                 /* the frame's own deviation from its level beyond its error */
+    double *level; /* running median of the frames around */
+    /* the frame's own deviation from its level, as far as it exceeds its error */
+    double *own;
     double offset, offset_error; /* mean over the sweep, and its standard error */
-    int lines;                   /* frames with a line */
+    int lines;                   /* number of frames with a line */
 };
 
-/* At least one frame must have a line. */
+/* Computes the results. At least one frame must have a line. */
 void laser_frames_settle(struct laser_frames *frames);
