@@ -56,7 +56,7 @@ struct laser_sweep {
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
     /* of the calibration; NULL if it is known exactly */
     const struct rig_sheet_errors *errors;
-    double line_rad; /* width of the line on plates, as a sweep angle; 0 if unknown */
+    double line_rad; /* standard deviation of the line on plates, as a sweep angle; 0 if unknown */
 };
 
 struct laser_lines {
