@@ -116,7 +116,7 @@ struct mosaic {
     guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
     /* values from here on come from shorter exposures; 0 if no shorter exposures were used */
     float shorter;
-    int saturated;  /* number of saturated pixels; −1: unknown */
+    int saturated;  /* number of saturated pixels; −1 if unknown */
     double mean[3]; /* of red, green and blue pixels, before the glare was subtracted */
     struct btf_exposures exposures;
 };

@@ -1,8 +1,9 @@
 /*
- * From the lines seen in a sweep's frames to each frame's angle error of the sheet of light:
- * private to laser_lines.h. A few consecutive frames may show light that the sample reflects onto
- * its surround. Therefore a frame counts only as far as its neighbours confirm it, or as frames are
- * known to deviate singly, and all spreads are medians of absolute deviations. Any thread.
+ * Computes the angle error of the sheet of light in each frame from the lines that were seen in a
+ * sweep's frames: private to laser_lines.h. A few consecutive frames may show light that the sample
+ * reflects onto its surround. Therefore the deviation of a single frame counts only as far as
+ * neighbouring frames confirm it, or as single frames are known to deviate. All spreads are medians
+ * of absolute deviations. Any thread.
  */
 #pragma once
 
@@ -12,7 +13,7 @@ struct laser_frames {
     double *middle;
     double *error; /* its standard error */
     /* Results, n values each: */
-    double *level; /* running median of the frames around */
+    double *level; /* median of all frames, or of near frames if that differs */
     /* the frame's own deviation from its level, as far as it exceeds its error */
     double *own;
     double offset, offset_error; /* mean over the sweep, and its standard error */

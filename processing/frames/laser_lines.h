@@ -1,13 +1,13 @@
 /*
- * The laser's line on the flat face around the sample (Wang et al. 2005 §3.2: the reference
- * region), and from it the plane of light of each frame.
+ * The laser's line on the flat face around the sample (the reference region of Wang et al. 2005
+ * §3.2), and the plane of light of each frame that follows from it.
  *
- * The paper searches each picture for the line. Here only the time of each pixel's own peak is
- * left: the candidates of frame k are the pixels of the region whose peak time rounds to k. A
- * robust fit in sweep angle gives the deviation of the sheet from the calibration, and its roll
- * about the beam. The plane is the mean of lines and calibration, weighted by the inverse
- * variances; where they differ significantly the line is used only, since it was seen in this very
- * sweep. Any thread, one at a time.
+ * The paper searches each picture for the line. Here the pictures are gone, and only the time of
+ * each pixel's peak is known. The candidates of frame k are the pixels of the region whose peak
+ * time rounds to k. A robust fit in sweep angle gives the deviation of the sheet from the
+ * calibration, and the roll of the sheet about the beam. The plane is the mean of lines and
+ * calibration, weighted by their inverse variances. If they differ significantly, only the line is
+ * used, because it was seen in this very sweep. Any thread, one at a time.
  */
 #pragma once
 

@@ -26,7 +26,7 @@ struct mdf_spread {
 };
 
 struct mdf_merged {
-    float mm; /* −1: unknown */
+    float mm; /* −1 if unknown */
     int n;    /* number of sweeps averaged */
     struct mdf_spread spread;
 };

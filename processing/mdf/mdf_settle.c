@@ -19,7 +19,7 @@
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
-    float column, row, mm; /* mm < 0: not visible */
+    float column, row, mm; /* mm < 0 if it is not visible */
 };
 
 struct settling {

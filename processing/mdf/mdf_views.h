@@ -8,7 +8,7 @@
 
 struct mdf_eye {           /* a view */
     double centre_mm[3];   /* camera centre, sample frame */
-    const float *distance; /* n_texels, mm; −1: unknown */
+    const float *distance; /* n_texels, mm; −1 if unknown */
     const float *other;    /* second most likely distance, see mdf_view_other(); may be NULL */
     const float *lasers;   /* number of laser positions that saw each texel; may be NULL */
 };
