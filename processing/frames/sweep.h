@@ -40,8 +40,8 @@ void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
  *              the maximum is below threshold, or is in the first frame that is not left out, or in
  *              the last frame
  *   width      standard deviation of the pulse in frames
- *   intensity  maximum above background in DN (as threshold), of the longer exposure if there are
- * two */
+ *   intensity  maximum above background in DN (as threshold); if there are two exposures, of the
+ *              longer one */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
 
