@@ -94,11 +94,11 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
                      demosaic_mirror(x, rectify->width));
 }
 
-/* Weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). The value is
- * that of the parabola whose means over the pixels equal the pixels' values. This is the
- * derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders, so
- * that means over whole pixels are exact.
- *   w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
+/* Weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within the
+ * middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at each
+ * border it is the mean of the two pixels that meet there. This is the derivative of Keys' cubic
+ * (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3
+ * − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);

@@ -24,7 +24,7 @@
 #define ABOVE      5
 #define BELOW      10
 #define SEEN_SHARE 0.75f /* minimum share of the pixels around a texel that see the line */
-#define LIVE_SHARE 0.25  /* share of the peaks in the best phase of the colour filter */
+#define LIVE_SHARE 0.25  /* minimum peaks of a live phase, relative to the best phase */
 /* relative to the brightest line at a texel; a line of this height has half weight */
 #define FAINT        0.5
 #define CONFIRM      2    /* number of neighbouring texels that must have the same distance */
