@@ -1,6 +1,7 @@
-/* All frames are loaded as half floats first, since their sum is the guide of the rectification
- * (rectify.h); then each is rectified (n_texels × 3), divided by its irradiance and written as one
- * part. Lights that were not captured are predicted from the parts of the others. */
+/* All frames are loaded as half floats first, because their sum is the guide of the
+ * rectification (rectify.h). Then each frame is rectified (n_texels × 3), divided by its
+ * irradiance and written as one part. Pictures of lights that were not captured are predicted
+ * from the parts of other lights. */
 #include "btf.h"
 
 #include <math.h>
@@ -11,12 +12,15 @@
 #include "btf_sigma.h"
 #include "exr/exr_half.h"
 
-/* Frames whose pose moves the sample's corner by more than this neither make nor use the guide. */
+/* A frame is not used for the guide, nor rectified with it, if its pose moves a corner of the
+ * sample by more than this. */
 #define GUIDE_PX 0.25
 
-#define MAX_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
+#define MAX_HOLES                                                                                  \
+    0.5 /* maximum share of the texels that are holes; a frame with more is refused                \
+         */
 
-/* Attributes that count the texels with each flag. */
+/* The attributes with the number of texels that have each flag. */
 static const struct {
     const char *name;
     enum btf_flag flag;
@@ -42,15 +46,16 @@ static gsize btf_texels(const struct btf_view *view) {
     return (gsize)view->grid.width * (gsize)view->grid.height;
 }
 
-/* Sets an attribute to a point of the rig frame, in the sample frame at a turntable angle. */
+/* Sets an attribute to a point. The point is given in the rig frame and stored in the sample
+ * frame at a turntable angle. */
 static void set_point(struct exr_part *part, double turntable_rad, const char *name,
                       struct vec3 rig_mm) {
     const struct vec3 p = rig_turn(rig_mm, -turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
-/* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
- * has a flag, and "sigma" if asked for. */
+/* Makes a part with the attributes of one light's picture. It has a channel "mark" if any texel
+ * has a flag, and a channel "sigma" if requested. */
 static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light,
                                    const guint8 *flags, gboolean sigma) {
     const gsize n = btf_texels(view);
@@ -81,10 +86,12 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
     return part;
 }
 
-/* Reflectance ρ = π L / (o E) relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
- * irradiance of the texel facing the lamp, o what the lamp gives in this colour and shot relative
- * to rig_lamp_irradiance(). The cosine n·l stays in ρ. variance (n × 3; may be NULL): of rgb on
- * input, of ρ on output. */
+/* Converts radiance to reflectance relative to a white Lambertian diffuser, ρ = π L / (o E):
+ *   L   radiance (rgb: n × 3)
+ *   E   irradiance of the texel on a plane that faces the lamp
+ *   o   light of the lamp in this colour and shot, relative to rig_lamp_irradiance()
+ * The cosine n·l stays in ρ. variance (n × 3; may be NULL) is the variance of rgb on input and
+ * of ρ on output. */
 static void to_reflectance(const struct btf_view *view, const struct btf_light *light,
                            const float *rgb, struct exr_part *part, float *variance) {
     const gsize n = btf_texels(view);
@@ -103,27 +110,28 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
     }
 }
 
-/* The frame of a light; all 0 if it is missing. */
+/* The frame of a light. All members are 0 if the light is missing. */
 struct mosaic {
-    guint16 *half;  /* n_values half floats */
-    guint8 *bound;  /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
-    float shorter;  /* values from here on come from shorter exposures; 0: there are none */
-    int saturated;  /* number of saturated pixels; −1: unknown */
-    double mean[3]; /* of red, green and blue pixels, before glare was subtracted */
+    guint16 *half; /* n_values half floats */
+    guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
+    /* values from here on come from shorter exposures; 0 if no shorter exposures were used */
+    float shorter;
+    int saturated;  /* number of saturated pixels; −1 if unknown */
+    double mean[3]; /* of red, green and blue pixels, before the glare was subtracted */
     struct btf_exposures exposures;
 };
 
 /* The frames of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum;     /* n_values, over all lights in the view's pose: the guide */
-    gboolean guided; /* it has some */
+    double *sum;     /* n_values; sum over all lights in the view's pose: the guide */
+    gboolean guided; /* whether any frame was added to sum */
     gsize n_pixels;
-    gsize n_values; /* of a frame: n_pixels, or 3 n_pixels of "rgb"; set by the first frame */
+    gsize n_values; /* of a frame: n_pixels, or 3 n_pixels for "rgb"; set by the first frame */
     char *cfa;
 };
 
-struct posed { /* the rectification of the last light's pose; NULL: none yet */
+struct posed { /* the rectification of the last light's pose; NULL before the first light */
     Rectify *rectify;
     double turntable_rad;
     gboolean guided;
@@ -134,7 +142,7 @@ static void clear_mosaic(struct mosaic *mosaic) {
     g_clear_pointer(&mosaic->bound, g_free);
 }
 
-/* Checks that a frame belongs to the shot, and has the colour filter of the other frames. */
+/* Checks that a frame belongs to its shot and has the same colour filter as the other frames. */
 static gboolean check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
                             GError **error) {
     const char *found = "mono";
@@ -159,7 +167,7 @@ static gboolean check_frame(const struct input *input, const struct exr_part *fr
     return FALSE;
 }
 
-/* Reads which pixels are saturated, and from which value on shorter exposures were used. */
+/* Reads which pixels are saturated, and the value from which shorter exposures were used. */
 static void load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
@@ -174,14 +182,15 @@ static void load_saturation(const struct exr_part *frame, gsize n_pixels, struct
         to->bound[k] = saturated[k] != 0;
 }
 
-/* Whether a picture can share a guide with those in the pose of the view. */
+/* Returns whether a picture can share a guide with the pictures in the pose of the view. */
 static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *light) {
     const double r_mm = hypot(view->grid.width_mm, view->grid.height_mm) / 2;
     const double px_mm = vec3_length(rig_camera_centre_mm(view->camera)) / view->camera->fx_px;
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
-/* Subtracts the camera's glare from a plane of a frame, and keeps the mean light of each colour. */
+/* Subtracts the camera's glare from a plane of a frame, and stores the mean light of each
+ * colour. */
 static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
                            struct mosaic *to) {
     double mean[3];
@@ -200,7 +209,8 @@ static void subtract_glare(const struct btf_view *view, const char *cfa, gsize p
         to->mean[c] = strcmp(cfa, "mono") == 0 ? mean[1] : mean[c];
 }
 
-/* Stores a frame's planes as half floats; if it guides, adds finite values to the guide. */
+/* Stores a frame's planes as half floats. If the frame is in the view's pose, adds its finite
+ * values to the guide. */
 static gboolean store_planes(const struct btf_view *view, const struct input *input,
                              const struct exr_part *frame, guint i, gboolean guides,
                              struct mosaics *to, GError **error) {
@@ -244,7 +254,8 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
     return ok;
 }
 
-/* Sets the flags of n texels: on input whether each is a hole, on output bits of enum btf_flag. */
+/* Sets the flags of n texels. On input, a flag says whether the texel is a hole. On output, it
+ * holds bits of enum btf_flag. */
 static void set_flags(const Rectify *rectify, const struct mosaic *mosaic, const float *values,
                       const struct mosaics *mosaics, gsize n, guint8 *flags) {
     const gsize n_pixels = mosaics->n_pixels;
@@ -260,9 +271,14 @@ static void set_flags(const Rectify *rectify, const struct mosaic *mosaic, const
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* Of the radiance L of each texel and colour: var = noise + detail + ½ δ² · shift + (γ · L̄)² +
- * (ε · L)²; δ: the distance in pixels by which the camera is misregistered (rectify.h); γ: the
- * error of the glare, L̄ the mean of the picture; ε: the tile's residuals in excess of noise. */
+/* Computes the variance of the radiance L of each texel and colour:
+ *   var = noise + detail + ½ δ² · shift + (γ · L̄)² + (ε · L)²
+ *   noise, detail, shift   from rectify_errors()
+ *   δ                      misregistration of the camera in pixels (RMS distance)
+ *   γ                      error of the glare
+ *   L̄                      mean radiance of the picture
+ *   ε                      the white tile's residuals in excess of noise
+ * ret: n_texels × 3. */
 static void add_up_variance(const struct btf_view *view, const Rectify *rectify,
                             const struct mosaic *mosaic, const float *values, gsize n_values,
                             const float *rgb, float *ret) {
@@ -284,7 +300,7 @@ static void add_up_variance(const struct btf_view *view, const Rectify *rectify,
                   excess * excess * rgb[i] * rgb[i];
 }
 
-/* Rectifies one light's frame. An error if most of its texels are holes. */
+/* Rectifies one light's frame. Returns NULL with an error if most of its texels are holes. */
 static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                    const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
@@ -339,7 +355,7 @@ static void predict_missing(const struct btf_view *view, struct exr_part **parts
     }
 }
 
-/* The rectification of the pictures of one pose. guided: it uses the guide. */
+/* Makes the rectification for the pictures of one pose. guided says whether it uses the guide. */
 static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaics *mosaics,
                                 double turntable_rad, gboolean guided, GError **error) {
     Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa, turntable_rad,
@@ -353,7 +369,7 @@ static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaic
     return rectify;
 }
 
-/* Loads all frames, whose sum is the guide of the rectification. */
+/* Loads all frames, and sums them for the guide. */
 static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
                              GCancellable *cancellable, GError **error) {
     for (guint i = 0; i < view->lights->len; i++)
@@ -364,7 +380,7 @@ static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
     return TRUE;
 }
 
-/* Makes a light's part with the rectification of its pose, which is kept for the next light. */
+/* Makes a light's part. The rectification of its pose is kept for the next light. */
 static struct exr_part *make_posed(const struct btf_view *view, guint i,
                                    const struct mosaics *mosaics, struct posed *posed,
                                    GError **error) {
@@ -410,7 +426,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     return ok;
 }
 
-/* Compares the hash of the inputs in every part: only headers are read. */
+/* Compares the hash of the inputs in every part. Only headers are read. */
 gboolean btf_is_made(const struct btf_view *view, const char *path) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;

@@ -3,8 +3,8 @@
 #include <string.h>
 #include <xxhash.h>
 
-/* A hash of the text that describes the work, of the layout, and of all values, or the hashes of
- * the views where the values are in a scratch file. */
+/* Hashes the text that describes the work, the layout, and all values. If the values are in a
+ * scratch file, the hashes of its views stand for them. */
 static char *btf_checkpoint_hash(const struct btf_matrix *btf, const char *what) {
     const struct btf_layout *layout = &btf->layout;
     const struct direction_list *const lists[] = {&layout->views, &layout->lights};

@@ -4,6 +4,7 @@
 #include "btf_matrix.h"
 #include "exr/checkpoint.h"
 
-/* Calls checkpoint_begin() with a hash of the BTF's values, directions and shape, of `what` (a
- * text with everything else that the result depends on), and of the program's version. */
+/* Calls checkpoint_begin() with a hash of the BTF's values, directions and shape, of the
+ * program's version, and of what. what is a text that describes everything else on which the
+ * result depends. */
 void btf_checkpoint_begin(Checkpoint *checkpoint, const struct btf_matrix *btf, const char *what);

@@ -7,7 +7,7 @@
 #include "base/text_table.h"
 
 #define MOST     4096
-#define LOWEST   89.0 /* degrees: steeper directions cannot be measured */
+#define LOWEST   89.0 /* degrees; directions with a larger θ cannot be measured */
 #define SAME_DEG 0.01
 
 void btf_directions_free(struct btf_directions *directions) {
@@ -34,8 +34,9 @@ struct btf_directions *btf_directions_81(void) {
     return ret;
 }
 
-/* Adds a direction to a list with room for MOST, if it is not there yet. Compares by angle: φ wraps
- * around, and counts less near the pole, where its circle has the radius sin θ. */
+/* Adds a direction to a list with room for MOST directions, if the list does not contain it.
+ * Directions are compared by their angle, because φ wraps around, and because a difference in φ
+ * is a smaller angle near the pole. */
 static gboolean add(const TextTable *table, int row, double theta, double phi,
                     struct direction_list *to, GError **error) {
     const char *path = text_table_path(table);

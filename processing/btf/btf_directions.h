@@ -11,11 +11,12 @@ struct btf_directions {
 
 void btf_directions_free(struct btf_directions *directions); /* NULL is ignored */
 
-/* The papers' 81 × 81 (Schneider 2004 §3, Meseth et al. 2003 §2), in Bonn's rings: 0°: 1, 15°: 6,
- * 30°: 12, 45°: 18, 60°: 20, 75°: 24. */
+/* Returns the 81 × 81 directions of the papers (Schneider 2004 §3, Meseth et al. 2003 §2), in
+ * the rings of the Bonn data. Number of directions at each θ: 1 at 0°, 6 at 15°, 12 at 30°, 18
+ * at 45°, 20 at 60°, 24 at 75°. */
 struct btf_directions *btf_directions_81(void);
 
-/* Reads a table (text_table.h) with the columns of, theta_deg and phi_deg; of: "view", "light" or
- * "both". DATA_ERROR_INVALID with file and line: θ is not within 0 … 89°, a direction repeats,
- * there is no view or no light, or there are more than 4096. */
+/* Reads a table (text_table.h) with the columns "of", "theta_deg" and "phi_deg". "of" is "view",
+ * "light" or "both". The error is DATA_ERROR_INVALID, with file and line, if θ is not within 0 …
+ * 89°, if a direction repeats, if there is no view or no light, or if there are more than 4096. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

@@ -2,7 +2,8 @@
 
 #include "btf_matrix.h"
 
-/* Sets a pixel to the mean of its known neighbours among eight. FALSE: it has none. */
+/* Sets a pixel to the mean of the known pixels among its eight neighbours. Returns FALSE if none
+ * is known. */
 static gboolean fill(float *const *planes, int n, int width, int height, const gint8 *known,
                      int pixel) {
     const int x = pixel % width, y = pixel / width;
@@ -21,7 +22,8 @@ static gboolean fill(float *const *planes, int n, int width, int height, const g
     return found > 0;
 }
 
-/* A hole has NaN in any plane. Each round fills the holes at the border of the known area. */
+/* A pixel is a hole if any plane has NaN there. Each round fills the holes at the border of the
+ * known area. */
 int btf_fill_holes(float *const *planes, int n, int width, int height) {
     const int pixels = width * height;
     g_autofree int *holes = g_new(int, pixels);

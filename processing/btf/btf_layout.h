@@ -14,7 +14,7 @@ struct direction_list {
 struct btf_layout {
     gsize width, height; /* texels */
     double texel_mm;     /* width of a texel */
-    double reference_mm; /* of the reference plane above the turntable */
+    double reference_mm; /* height of the reference plane above the turntable */
     struct direction_list views, lights;
 };
 
@@ -23,21 +23,23 @@ struct direction_list direction_list_new(gsize n);
 struct direction_list direction_list_copy(const struct direction_list *from);
 void direction_list_clear(struct direction_list *list);
 float *direction_list_vectors(const struct direction_list *list); /* n × 3, unit; g_free() */
-/* Whether both have the same angles, bit by bit. */
+/* Returns whether two lists have the same angles, bit by bit. */
 gboolean direction_list_equal(const struct direction_list *a, const struct direction_list *b);
 
-/* Directions are copied; btf_layout_clear() frees them. */
+/* Copies a layout with its directions. Free the copy with btf_layout_clear(). */
 struct btf_layout btf_layout_copy(const struct btf_layout *from);
 void btf_layout_clear(struct btf_layout *layout);
 
 gsize btf_layout_texels(const struct btf_layout *layout); /* width × height */
-gsize btf_layout_values(const struct btf_layout *layout); /* of a texel: views × lights × 3 */
+gsize btf_layout_values(
+    const struct btf_layout *layout); /* values of a texel: views × lights × 3 */
 
-/* Files of models hold a layout as the double attributes texel_mm and reference_mm of one part, and
- * as parts "views" and "lights" with float channels "phi_deg" and "theta_deg", width n, height 1.
- * The size in texels is that of the file's other parts. */
+/* Writes a layout to the file of a model. texel_mm and reference_mm are double attributes of one
+ * part. The parts "views" and "lights" have the float channels "phi_deg" and "theta_deg", width
+ * n, height 1. The size in texels is the size of the file's other parts. */
 void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *part);
 void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file);
-/* Reads both; width and height stay as they are. NULL, or what is wrong with the file. */
+/* Reads sizes and directions. width and height are not changed. Returns NULL, or a description
+ * of what is wrong with the file. */
 const char *btf_layout_read(const struct exr_file *file, const struct exr_part *part,
                             struct btf_layout *ret);

@@ -1,5 +1,6 @@
 /* Reads a session's views into values[texel][view][light][colour], or into a scratch file [view]
- * [texel][light][colour]; checks each against the first, and fills its holes (btf_holes.c). */
+ * [texel][light][colour]. Each view is compared with the first one, and its holes are filled
+ * (btf_holes.c). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +35,7 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout) {
     return (gint64)(btf_layout_texels(layout) * btf_layout_values(layout) * sizeof(float));
 }
 
-/* In memory, consecutive texels of one view lie a whole BRDF apart. */
+/* In memory, consecutive texels of one view are one whole row (an apparent BRDF) apart. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error) {
     const gsize row = btf->layout.lights.n * COLOURS;
@@ -104,7 +105,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Allocates memory or a scratch file for all views by the first view's number of lights. */
+/* Allocates memory or a scratch file for all views. The first view gives the number of lights. */
 static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
                       const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -126,7 +127,7 @@ static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_fi
     return btf->values != NULL;
 }
 
-/* Compares a part with the size of the session's grid and with the first view's light. */
+/* Compares a part with the size of the session's grid and with the same light of the first view. */
 static gboolean check_light(const struct btf_matrix *btf, const struct exr_part *part, int light,
                             const char *path, GError **error) {
     float theta, phi;
@@ -141,9 +142,10 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
     return TRUE;
 }
 
-/* Fills a picture's holes and adds their number; whatever else is not finite is an error. Holes are
- * known by the channel "mark"; in imported pictures, which have none but may have a number of
- * holes, every black texel is one. A picture of holes alone becomes black. */
+/* Fills a picture's holes and adds their number. The channel "mark" says which texels are holes.
+ * Imported pictures have no such channel; if they have a number of holes, every black texel is a
+ * hole. Other values that are not finite are an error. A picture that consists of holes only
+ * becomes black. */
 static gboolean fill_holes(const struct exr_part *part, gsize light, float *const planes[COLOURS],
                            const char *path, gint64 *holes, GError **error) {
     const int pixels = part->width * part->height;

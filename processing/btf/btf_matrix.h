@@ -12,54 +12,61 @@
 
 struct btf_scratch;
 
-/* n_texels rows (texels row by row, row 0 first) of n_views × n_lights × 3 (R, G, B). */
+/* The matrix has n_texels rows (row by row of the picture, row 0 first) of n_views × n_lights ×
+ * 3 (R, G, B). */
 struct btf_matrix {
     char *name;
     struct btf_layout layout;
-    float *values;    /* height · width rows; NULL if they are in scratch */
+    float *values;    /* height · width rows; NULL if the values are in scratch */
     gint64 holes;     /* values that no valid pixel of a frame measured */
     gint64 bounds;    /* lower bounds, from saturated pixels */
     gint64 shorter;   /* values from shorter exposures only */
     gint64 predicted; /* values predicted for missing lights */
-    char *directory;  /* of the session */
+    char *directory;  /* the session directory */
     struct btf_scratch *scratch;
 };
 
 void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 
-/* The session directory of a path to it or to its products/btf; g_free() it. */
+/* Returns the session directory for a path to it or to its products/btf; g_free(). */
 char *btf_matrix_session(const char *path);
 
-/* Reads the BTF of a session directory, or of its products/btf. Views without a file are left
- * out. DATA_ERROR_INVALID: a view differs from the first in lights or texels, or has infinite
- * values. A picture of holes alone becomes black. Progress stage "read". */
+/* Reads the BTF of a session. path is the session directory or its products/btf. Views without a
+ * file are left out. The error is DATA_ERROR_INVALID if a view differs from the first one in
+ * lights or texels, or has infinite values. A picture that consists of holes only becomes black.
+ * The progress stage is "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
-/* As btf_matrix_read(). If the values would take more than memory bytes (0: no limit), they are
- * kept in an unnamed file in products/ of the session, or, if that is not writable, in the
- * directory of temporary files. It takes 2 bytes per value and disappears with the matrix. */
+/* The same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values
+ * would exceed the limit, they are kept in an unnamed file in products/ of the session, or in
+ * the directory of temporary files if products/ is not writable. The file takes 2 bytes per
+ * value and disappears with the matrix. */
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
-/* All ranks of a team (base/team.h) call this; values hold only the rows of a rank's own texels.
- * One rank reads each view and distributes its texels. An error of one rank is an error of all. */
+/* The same for a team (base/team.h). All ranks call this function. The values of a rank are only
+ * the rows of its own texels. Each view is read by one rank, which distributes its texels. If
+ * one rank fails, all ranks return an error. */
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error);
 
-/* Texels first … first + n − 1 in a view: n rows of n_lights × 3 floats, *ret_stride floats apart,
- * in memory or read into buffer (n × n_lights × 3). NULL: the file cannot be read. Any thread. */
+/* Returns the rows of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
+ * *ret_stride floats apart. They are in memory, or are read into buffer (n × n_lights × 3).
+ * Returns NULL if the file cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
-/* Copies the same rows, that of texel first + i to row indices[i] of ret (n × n_lights × 3). */
+/* Copies the same rows to ret (n × n_lights × 3). The row of texel first + i becomes row
+ * indices[i]. */
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
                                const int *indices, float *ret, GError **error);
 
-/* Bytes of the values as floats. */
+/* Returns the number of bytes of the values as floats. */
 gint64 btf_matrix_bytes(const struct btf_layout *layout);
 
 /* Fills a picture's holes (NaN) with the mean of their neighbours, from the border of each hole
- * inwards. planes: n of height × width. Returns the number of holes; −1 if all of it is holes. */
+ * inwards. planes: n of height × width. Returns the number of holes, or −1 if every pixel is a
+ * hole. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
 /* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × n_lights × 3. */
@@ -72,5 +79,5 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error);
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const int *indices, float *ret, GError **error);
-/* Hash of a view's values. */
+/* Returns the hash of a view's values. */
 guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view);

@@ -2,12 +2,14 @@
 
 #include <math.h>
 
-#define NEAREST  4    /* the fit's radius is REACH × the distance of this nearest light */
-#define REACH    1.5  /* (see NEAREST) */
-#define FLATNESS 1e-4 /* regularises the slope where the lights lie in a row */
+#define NEAREST                                                                                    \
+    4 /* the radius of the fit is REACH times the distance of the light with this rank */
+#define REACH    1.5  /* see NEAREST */
+#define FLATNESS 1e-4 /* keeps the slope finite if the lights are collinear */
 #define MIN_COS  0.02
 
-/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, from the missing light's. */
+/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, minus the position of the
+ * missing light. */
 struct disc_point {
     guint light;
     double x, y, d;
@@ -17,7 +19,7 @@ static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* cos θ_l, which the light's values contain as a factor. */
+/* Returns cos θ_l, which is a factor of the light's values. */
 static double cosine(const struct btf_light *light) {
     return fmax(cos(radians(light->theta_deg)), MIN_COS);
 }
@@ -27,7 +29,7 @@ static int by_distance(gconstpointer a, gconstpointer b) {
     return p->d < q->d ? -1 : p->d > q->d ? 1 : (p->light > q->light) - (p->light < q->light);
 }
 
-/* The captured lights in order of their distance from light i. */
+/* Returns the captured lights, sorted by their distance from light i. */
 static GArray *around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     const struct btf_light *centre = &g_array_index(view->lights, struct btf_light, i);
     const double b = sin(radians(centre->theta_deg));
@@ -49,10 +51,11 @@ static GArray *around(const struct btf_view *view, struct exr_part *const *taken
 }
 
 /* Weighted least squares of the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
- * y_k), with weights w_k = (1 − d_k / reach)². Its value at the missing light, the origin, is
+ * y_k), with weights w_k = (1 − d_k / reach)², d_k the distance of light k. The missing light is
+ * the origin. The value of the plane there is
  *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,
- * m being the first row of the inverse of the normal matrix Σ w (1, x, y)ᵀ(1, x, y) =
- * [s0 s1 s2; s1 d e; s2 e f]. */
+ * where m is the first row of the inverse of the normal matrix
+ *   Σ_k w_k (1, x_k, y_k)ᵀ (1, x_k, y_k) = [s0 s1 s2; s1 d e; s2 e f]. */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     g_autoptr(GArray) points = around(view, taken, i);
     if (points->len == 0)

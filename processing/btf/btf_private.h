@@ -4,8 +4,8 @@
 #include "btf_matrix.h"
 #include "exr/exr.h"
 
-/* Opens a BTF: everything but lights and values, and the paths of its views. verify: check all
- * files as session_check_products() does; work is for that. */
+/* Opens a BTF: everything except lights and values, and the paths of its views. With verify, all
+ * files are checked as by session_check_products(), which reports to work. */
 struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
                             GPtrArray **ret_paths, GError **error);
 
@@ -13,11 +13,11 @@ struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error);
 
-/* Takes a view's directions, flags and values from its file. Values of consecutive texels are
- * stride floats apart, those of the first texel at first. */
+/* Reads a view's directions, flags and values from its file. first points to the values of the
+ * first texel; values of consecutive texels are stride floats apart. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error);
 
-/* Writes n texels from first on. Any thread, like reading. */
+/* Writes n texels from texel first on. Any thread; also while others read. */
 gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const float *values, GError **error);

@@ -1,5 +1,5 @@
 /* The BTF's values as half floats in an unnamed file (O_TMPFILE), [view][texel][light][colour],
- * for BTFs that exceed the memory. Reading and writing convert PIECE values at a time. */
+ * for BTFs that do not fit into memory. Reading and writing convert PIECE values at a time. */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>
@@ -9,13 +9,13 @@
 #include "btf_private.h"
 #include "exr/exr_half.h"
 
-#define PIECE 16384 /* values converted at a time: they fit into the cache */
+#define PIECE 16384 /* values converted at a time; they fit into the cache */
 
 struct btf_scratch {
     int fd;
     gsize row; /* values */
     gsize n_texels;
-    guint64 *hashes; /* n_views: of the values written */
+    guint64 *hashes; /* n_views: hash of the values written */
 };
 
 static gboolean io_error(GError **error, const char *what) {
@@ -31,7 +31,7 @@ struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, 
     int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0)
         fd = open(g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    /* Reserves the space now, so that a full disk is an error before reading, not at its end. */
+    /* Reserves the space now, so that a full disk is reported before the views are read. */
     if (fd < 0 || (errno = posix_fallocate(fd, 0, bytes)) != 0) {
         g_autofree char *size = g_format_size((guint64)bytes);
         g_autofree char *what = g_strdup_printf("%s in %s", size, folder);

@@ -1,5 +1,5 @@
-/* With R ranks, each round reads R views, one per rank, and then every rank distributes its view:
- * all files are read once, and each rank keeps [own texels][view][light][colour]. */
+/* R ranks read R views in each round, one per rank. Every rank then distributes its view. Each
+ * file is read once, and each rank keeps [own texels][view][light][colour]. */
 #include <string.h>
 
 #include "btf_private.h"
@@ -18,7 +18,7 @@ struct btf_shared {
     float *mine;    /* this rank's values of one view */
 };
 
-/* FALSE on all ranks if ok is FALSE on any. */
+/* Returns FALSE on all ranks if ok is FALSE on any rank. */
 static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
@@ -75,7 +75,7 @@ static gboolean take_part(struct btf_shared *shared, GError **error) {
     return btf->values != NULL;
 }
 
-/* Sums what only the rank that read a view has set; it is 0 on all others. */
+/* Sums what only the rank that read a view has set. These values are 0 on all other ranks. */
 static void share_directions(const struct btf_shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double counts[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,

@@ -1,4 +1,5 @@
-/* Variances of pixels by their exposures, and the channel with the result of rectify_errors(). */
+/* Computes the variances of pixels from their exposures, and the channel "sigma" from the result
+ * of rectify_errors(). */
 #include "btf_sigma.h"
 
 #include <math.h>
@@ -6,7 +7,7 @@
 
 #include "base/data_error.h"
 
-#define SIGNIFICANT_BITS 5 /* of a stored σ */
+#define SIGNIFICANT_BITS 5 /* significant bits of a stored σ */
 
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error) {
@@ -37,8 +38,9 @@ gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
     return TRUE;
 }
 
-/* A pixel was merged of the exposures t_i that it does not saturate: m < shorter · t_n / t_i, of
- * the shortest at least. To its noise comes that of rounding m to a half: (m · 2⁻¹¹)² / 3. */
+/* A pixel's value m was merged from the exposures t_i in which it is not saturated, that is,
+ * those with m < shorter · t_n / t_i, and always from the shortest one. The variance from
+ * rounding m to a half float, (m · 2⁻¹¹)² / 3, is added to its noise. */
 void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
                       const float *values, gsize n, float *ret_variances) {
     float slope[BTF_SIGMA_EXPOSURES] = {0}, floor[BTF_SIGMA_EXPOSURES] = {0},
@@ -70,7 +72,7 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts the values, which may be NULL if there are none: then 0. */
+/* Returns the median and sorts the values. Returns 0 if n is 0; values may then be NULL. */
 static double btf_sigma_median(float *values, gsize n) {
     if (n == 0)
         return 0;
@@ -78,7 +80,8 @@ static double btf_sigma_median(float *values, gsize n) {
     return (double)values[n / 2];
 }
 
-/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²), without holes. */
+/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Sums over texels x
+ * leave out holes. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     float *sigma = exr_part_plane(part, "sigma");
@@ -117,8 +120,9 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
 }
 
-/* ρ_c ∝ 1 / (response · camera colour_c · intensity · output · lamp colour_c): relative variances
- * add. The output differs from shot to shot, and among the pictures of a shot. */
+/* ρ_c ∝ 1 / (response · camera colour_c · intensity · output · lamp colour_c). The relative
+ * variances of the factors are added. The output has two errors: it differs from shot to shot,
+ * and between the pictures of a shot. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double output_error, double ret[3]) {
     const double output =

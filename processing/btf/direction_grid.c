@@ -1,6 +1,7 @@
-/* The operator X (samples × n) from measured values to grid samples: a biharmonic spline S (any
- * direction × n) interpolates the n measured values over the hemisphere; then least squares finds
- * the samples whose bilinear interpolant B X (B: direction × samples) is closest to it,
+/* The operator X (samples × n) maps n measured values to the samples of a grid. First, a
+ * biharmonic spline S(ω) (a row of n weights for any direction ω) interpolates the measured
+ * values over the hemisphere. Then least squares finds the samples whose bilinear interpolant
+ * B(ω) X (B: a row of weights of the samples) is closest to the spline:
  *   min ∫ ‖B(ω) X − S(ω)‖² dω + λ ‖X − S(grid)‖² + w · mean_i ‖B(ω_i) X − e_i‖²,
  * e_i being row i of the identity. */
 #include "direction_grid.h"
@@ -17,9 +18,10 @@
 #define DENSE  3000 /* directions that sample the hemisphere evenly */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* Weight w of the measured directions relative to all others together. Samples would oscillate to
- * fit those midway between them, as many of the papers' 81 are on a grid of 12: w is halved, down
- * to LEAST, until no sample exceeds MOST_GAIN times the values (maximum absolute row sum). */
+/* Weight w of the measured directions relative to all others together. Many measured directions
+ * lie midway between samples, for example many of the papers' 81 on a grid of 12, and fitting
+ * them exactly makes the samples oscillate. Therefore w is halved, down to LEAST, until no
+ * sample exceeds MOST_GAIN times the values (maximum absolute row sum). */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
@@ -112,8 +114,9 @@ static void smooth_clear(struct smooth *smooth) {
     g_free(smooth->inverse);
 }
 
-/* ret (count × n): weight of each measured value in the interpolant at the given directions.
- * Below the lowest measured direction its elevation holds, for lights times z / lowest. */
+/* ret (count × n): the weight of each measured value in the interpolant at the given directions.
+ * A direction below the lowest measured one is raised to the elevation of the lowest one.
+ * Weights of lights are then multiplied by z / lowest. */
 static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
     const int m = smooth->n + LINEAR;
     g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
@@ -228,7 +231,7 @@ static double *solve(const struct equations *smooth, const struct equations *mea
     return ret;
 }
 
-/* Largest absolute row sum: bound of |sample| / max |value|. */
+/* Returns the largest absolute row sum, which is a bound of |sample| / max |value|. */
 static double gain_of(const double *rows, gsize samples, gsize n) {
     double most = 0;
     for (gsize i = 0; i < samples; i++)

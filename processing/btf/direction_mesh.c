@@ -1,4 +1,4 @@
-/* Gradients g_k are linear in the values, so they are stored as weights of differences to the
+/* Gradients g_k are linear in the values. They are stored as weights of the differences to the
  * neighbours: g_k = Σ_i s_ki (f_i − f_k), s_ki ∈ ℝ². */
 #include "direction_mesh.h"
 
@@ -8,15 +8,18 @@
 
 #include "directions/triangulation.h"
 
-#define TOGETHER (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre: closer directions are one */
-#define FLAT     0.02 /* height of a triangle over its longest side: flatter ones are dropped */
+#define TOGETHER                                                                                   \
+    (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre; closer directions count as one */
+#define FLAT                                                                                       \
+    0.02 /* minimum height of a triangle over its longest side; flatter ones are dropped           \
+          */
 #define MAX_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
-#define AROUND   20   /* neighbours in the fit of a slope, at most */
+#define AROUND   20   /* maximum number of neighbours in the fit of a slope */
 #define TERMS    5    /* of a quadric without its constant */
 #define RANK     0.02 /* smaller singular values, relative to the largest, count as 0 */
 #define ROUNDING 1e-9
 
-/* Four values; need not be aligned. */
+/* Four values. They need not be aligned. */
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
 struct triangle {
@@ -85,7 +88,7 @@ static void triangulate(DirectionMesh *mesh) {
     triangulation_free(triangulation);
 }
 
-/* Extends a set of directions by all that share a triangle with one of them. */
+/* Extends a set of directions by all directions that share a triangle with one of them. */
 static void spread(const DirectionMesh *mesh, guint8 *within) {
     g_autofree guint8 *before = g_memdup2(within, (gsize)mesh->n);
     for (guint t = 0; t < mesh->triangles->len; t++) {
@@ -105,10 +108,11 @@ static int by_distance(const void *a, const void *b) {
     return x->distance != y->distance ? (x->distance < y->distance ? -1 : 1) : x->index - y->index;
 }
 
-/* Gradient at direction `at` of the quadric through its own value that fits the differences d_i to
- * its n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
- * distance, with least norm. Of the solution, linear in d, the first two rows are kept. Neighbours
- * are the nearest AROUND of those within two triangles. */
+/* Fits the gradient at direction `at`. The quadric through the direction's own value is fitted
+ * to the differences d_i to its n neighbours at (x, y):
+ *   min Σ_i w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)²,   w_i = 1 / distance,
+ * with the least norm. The solution is linear in d. Only its first two rows, gx and gy, are
+ * stored. The neighbours are the nearest AROUND of the directions within two triangles. */
 static void fit_slope(DirectionMesh *mesh, int at) {
     g_autofree guint8 *within = g_new0(guint8, mesh->n);
     g_autofree struct near *around = g_new(struct near, mesh->n);
@@ -156,7 +160,7 @@ DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip
                             .slopes = g_new0(struct slope, n)};
     for (int i = 0; i < n; i++)
         direction_mesh_point(directions[i], mesh->points + 2 * (gsize)i);
-    /* Directions that repeat an earlier one are not used. */
+    /* Directions that coincide with an earlier one are not used. */
     for (int i = 0; i < n; i++) {
         mesh->used[i] = i != skip;
         for (int k = 0; k < i && mesh->used[i]; k++)
@@ -180,8 +184,8 @@ void direction_mesh_free(DirectionMesh *mesh) {
     g_free(mesh);
 }
 
-/* Barycentric weights of a point. Returns the smallest one: it is negative outside, and −∞ for a
- * triangle that the moved corners have turned over. */
+/* Computes barycentric weights of a point. Returns the smallest one. It is negative outside of
+ * the triangle, and −∞ for a triangle that the moved corners have turned over. */
 static double weigh(const DirectionMesh *mesh, const double *points, int triangle,
                     const double at[2], double ret[3]) {
     const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
@@ -195,7 +199,8 @@ static double weigh(const DirectionMesh *mesh, const double *points, int triangl
     return MIN(ret[0], MIN(ret[1], ret[2]));
 }
 
-/* Triangles in order of the smallest barycentric weight of the direction, most likely first. */
+/* Sorts triangles by the smallest barycentric weight of the direction in each, most likely
+ * triangle first. */
 void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
                           struct direction_guess *ret) {
     const int n = (int)mesh->triangles->len;
@@ -210,7 +215,8 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
         ret->triangle[k] = list[k].index;
 }
 
-/* The triangle that contains a point, else that with the largest smallest weight; −1: none. */
+/* Returns the triangle that contains a point. If there is none, returns the triangle whose
+ * smallest weight is largest, or −1 if there are no triangles. */
 static int find(const DirectionMesh *mesh, const double *points, const double at[2],
                 const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;
@@ -228,8 +234,8 @@ static int find(const DirectionMesh *mesh, const double *points, const double at
     return found;
 }
 
-/* Limits extrapolation: weights below −MAX_AWAY are raised to it and the positive ones scaled so
- * that the sum stays 1. Returns whether it did. */
+/* Limits extrapolation. Weights below −MAX_AWAY are raised to −MAX_AWAY, and the positive ones
+ * are scaled so that the sum stays 1. Returns whether any weight was limited. */
 static gboolean limit_weights(double weights[3]) {
     double positive = 0, negative = 0;
     gboolean clamped = FALSE;
@@ -245,8 +251,9 @@ static gboolean limit_weights(double weights[3]) {
     return clamped;
 }
 
-/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Beyond the extrapolation, f(x)
- * of lights is multiplied by cos θ at the point over cos θ at its end: reflectance contains n·l. */
+/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Beyond the limit of
+ * extrapolation, f(x) of lights is multiplied by cos θ at the point over cos θ at the limit,
+ * because reflectance contains n·l. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
     double weights[3], end[2] = {0}, sum[2] = {0}, best = G_MAXDOUBLE;

@@ -1,17 +1,20 @@
 /*
- * Interpolation over measured directions that differ slightly from texel to texel. They are
- * triangulated once, as seen from the centre of the sample. For a texel the corners move, but which
- * three surround a direction hardly changes; the weights follow from the corners for that texel.
+ * Interpolation over measured directions that differ slightly from texel to texel. The directions
+ * are triangulated once, as seen from the centre of the sample. For another texel the corners move,
+ * but the three corners around a direction hardly change. The weights are computed from the
+ * positions of the corners for that texel.
  *
  * Directions are points x of the stereographic plane, (x, y) / (1 + z). Within a triangle with
- * corners x_k, barycentric weights b_k, values f_k and gradients g_k (of the quadric that fits the
- * values around a corner best), f(x) = Σ b_k (f_k + ½ g_k · (x − x_k)), which is exact for every
- * quadric. Linear interpolation would lower highlights with distance from the nominal direction.
+ * corners x_k, barycentric weights b_k, values f_k and gradients g_k (of the quadric that is fitted
+ * to the values around a corner), f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)). This is exact for every
+ * quadric. Linear interpolation would lower highlights, and more so farther from the nominal
+ * direction.
  *
- * Outside of all triangles the nearest one is extrapolated by up to half its height: near the
- * border half of the texels were seen from less oblique directions than the nominal one. Beyond,
- * the value is constant, and for lights falls with the cosine. Without triangles (fewer than three
- * directions, or all collinear) the nearest direction is used. Any thread; immutable once made.
+ * Outside of all triangles, the nearest triangle is extrapolated by up to half its height, because
+ * near the border half of the texels were seen from less oblique directions than the nominal one.
+ * Beyond that limit the value is constant; for lights it decreases with the cosine. If there are no
+ * triangles (fewer than three directions, or all are collinear), the nearest direction is used. Any
+ * thread; immutable once made.
  */
 #pragma once
 
@@ -20,15 +23,16 @@
 
 typedef struct DirectionMesh DirectionMesh;
 
-/* Leaves out directions within ¼° of an earlier one, and number skip (−1: none). */
+/* Makes a mesh. Directions within ¼° of an earlier one are left out, and also direction number
+ * skip (−1: none). lights says whether the directions are lights. */
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights);
 void direction_mesh_free(DirectionMesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
 
-/* The direction's point in the stereographic plane. */
+/* Gives the direction's point in the stereographic plane. */
 void direction_mesh_point(struct vec3 direction, double ret[2]);
 
-/* Triangles that most likely contain a direction, to search first. */
+/* Number of triangles that most likely contain a direction; they are searched first. */
 #define DIRECTION_MESH_GUESSES 24
 struct direction_guess {
     int n, triangle[DIRECTION_MESH_GUESSES];
@@ -43,12 +47,13 @@ struct direction_share {
     gboolean clamped;             /* beyond the limit of extrapolation */
 };
 
-/* points: n × 2, the directions as seen from this texel; at: the direction asked for, projected. */
+/* Computes the share of each corner. points (n × 2) are the mesh's directions as seen from this
+ * texel, at is the projected direction whose value is wanted. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret);
 
-/* Gradients (d/dx, d/dy) at each direction: ret n × 2 × row, from values n × row. row is a
- * multiple of 4; both are aligned as by GLib. */
+/* Computes the gradients (d/dx, d/dy) at each direction, ret: n × 2 × row, from values: n × row.
+ * row is a multiple of 4. Both arrays are aligned like memory of GLib. */
 void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int row, float *ret);
 
 /* Adds the weight of each of the n values to ret_weights (n), with the gradients expanded. */

@@ -1,6 +1,6 @@
-/* Meseth et al. 2003 §4.1, for luminances B(x, v, l) that contain n·l: reciprocity means B(v, l) /
- * cos θ_l = B(l, v) / cos θ_v, and conservation of energy Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v being
- * the cosine-weighted solid angle of view v over π. */
+/* Meseth et al. 2003 §4.1, for luminances B(x, v, l) that contain n·l. Reciprocity means B(v, l)
+ * / cos θ_l = B(l, v) / cos θ_v. Conservation of energy means Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v
+ * being the cosine-weighted solid angle of view v over π. */
 #include "energy.h"
 
 #include "base/data_error.h"
@@ -23,7 +23,7 @@ static struct vec3 *directions(const struct direction_list *list) {
     return all;
 }
 
-/* Index of the nearest of n directions; −1 if none is within SAME_DEG. */
+/* Returns the index of the nearest of n directions, or −1 if none is within SAME_DEG. */
 static int same(const struct vec3 *all, int n, struct vec3 to) {
     int best = -1;
     double most = cos(SAME_DEG * G_PI / 180);
@@ -35,8 +35,9 @@ static int same(const struct vec3 *all, int n, struct vec3 to) {
     return best;
 }
 
-/* w_v: the cosine-weighted share of the hemisphere nearest to view v. A disc of uniform density
- * is the projection of the hemisphere weighted by cos θ; its points count for the nearest view. */
+/* w_v: the cosine-weighted share of the hemisphere that is nearest to view v. The hemisphere
+ * weighted by cos θ projects to a disc of uniform density. Each point of the disc counts for the
+ * nearest view. */
 static double *weigh_views(const struct vec3 *views, int n) {
     double *weight = g_new0(double, n), total = 0;
     for (int j = 0; j < SAMPLES_ASIDE; j++)
@@ -76,13 +77,14 @@ int *energy_exchanges(const struct btf_layout *layout) {
     return other;
 }
 
-/* Sums over pairs, each counted once: of (a − b)² and ((a + b)/2)². */
+/* Sums of (a − b)² and ((a + b)/2)² over pairs, each pair counted once. */
 struct symmetry {
     double differences, squares;
     int pairs;
 };
 
-/* values: B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged pair. */
+/* values: B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l; b is the same for the exchanged
+ * pair. */
 static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
                          const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
@@ -117,8 +119,8 @@ static void sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
         }
 }
 
-/* In one pass over all texels: the mean BRDF, E_r and E_i of the requested texel, and the
- * asymmetry of all texels taken singly. values: luminance, ROWS × n_views × n_lights. */
+/* Computes in one pass over all texels the mean BRDF, E_r and E_i of the requested texel, and
+ * the asymmetry of the single texels. values: luminance, ROWS × n_views × n_lights. */
 static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
                            const struct vec3 *lights, struct energy *energy, double *ret_mean,
                            GError **error) {

@@ -1,4 +1,4 @@
-/* Files of a far-away setup have no positions, only directions. */
+/* Files of a distant setup have directions only, and no positions. */
 #include "near_field.h"
 
 #include <math.h>
@@ -78,7 +78,7 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
     return TRUE;
 }
 
-/* The first view gives the lights, and whether positions are there. */
+/* The first view gives the lights, and says whether there are positions. */
 static gboolean do_read_views(struct near_field *to, struct btf_matrix *btf, const GPtrArray *paths,
                               GError **error) {
     gboolean ok = TRUE;
@@ -120,7 +120,8 @@ static struct vec3 centre_of(const struct near_field *near_field, int texel) {
     return rectify_point_mm(grid, texel % grid->width + 0.5, (int)(texel / grid->width) + 0.5);
 }
 
-/* Unit vector (camera − from) / |camera − from|; the nominal direction if positions are unknown. */
+/* Returns the unit vector (camera − from) / |camera − from|, or the nominal direction if there
+ * are no positions. */
 static struct vec3 view_from(const struct near_field *n, int view, struct vec3 from) {
     return n->camera_mm ? vec3_unit(vec3_sub(n->camera_mm[view], from))
                         : rig_direction((double)n->views.theta_deg[view] * DEGREE,

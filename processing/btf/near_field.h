@@ -1,8 +1,9 @@
 /*
  * The true directions in which each texel of a BTF was seen and lit. Nominal directions are the
- * same for all texels; for cameras and lamps half a metre away, those of a texel at the edge of a
- * sample differ by degrees. The positions are in the BTF's own files (view.centre_mm and
- * light.position_mm of pipeline.h: as calibrated). Plain data, immutable once read: any thread.
+ * same for all texels. For cameras and lamps half a metre away, the true directions of a texel at
+ * the edge of a sample differ by degrees from them. The positions of cameras and lamps are read
+ * from the files of the BTF (view.centre_mm and light.position_mm of pipeline.h) and are as
+ * calibrated. Plain data, immutable once read. Any thread.
  */
 #pragma once
 
@@ -14,21 +15,24 @@
 struct near_field {
     struct session_grid grid;
     struct direction_list views, lights; /* nominal */
-    /* Sample frame; n_views, and n_views × n_lights, since lamps may move in this frame with the
-     * turntable's angle. If it turned during a view's pictures, the camera's is the mean over them.
-     * Both NULL: the files have no positions, and all texels have the nominal directions. */
+    /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
+     * because lamps move in this frame with the turntable. If the turntable turned during a
+     * view's pictures, the position of the camera is the mean over them. Both are NULL if the
+     * files have no positions; all texels then have the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
 };
 
-/* Reads the headers of a session's BTF. DATA_ERROR_INVALID: the files contradict each other, a
- * position is not finite or not above the reference plane, or only some files have positions. */
+/* Reads the headers of a session's BTF. The error is DATA_ERROR_INVALID if the files contradict
+ * each other, if a position is not finite or not above the reference plane, or if only some
+ * files have positions. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 
-/* Unit vectors from a texel's centre to camera and lamp; texels row by row, row 0 at +y. */
+/* Return the unit vectors from a texel's centre to a camera and to a lamp. Texels are numbered
+ * row by row, row 0 is at +y. */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 
-/* The same from the centre of the sample. */
+/* The same functions for the centre of the sample. */
 struct vec3 near_field_view_centre(const struct near_field *near_field, int view);
 struct vec3 near_field_light_centre(const struct near_field *near_field, int view, int light);

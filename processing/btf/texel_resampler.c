@@ -1,7 +1,8 @@
-/* Interpolation is separable: from B[view][light] over lights to B'[view][target light], then over
- * views to B''[target view][target light]. Three errors are summed: of the round trip back to the
- * measured directions, of leaving out each measured direction, and of using nominal directions
- * without any correction. */
+/* Interpolation is separable. B[view][light] is first interpolated over lights to
+ * B'[view][target light], then over views to B''[target view][target light]. Three errors are
+ * summed: the error of the round trip back to the measured directions, the error of predicting
+ * each measured direction from the others, and the error of using nominal directions without any
+ * correction. */
 #include <math.h>
 #include <string.h>
 
@@ -11,8 +12,8 @@
 #define LANES        RESAMPLER_LANES
 #define COLOURS      3
 #define DEGREE       (G_PI / 180)
-#define MAX_LEFT     1024  /* texels that the leave-one-out test samples, at most */
-#define COUNTS       0.02f /* weight from which a corner passes on its flags */
+#define MAX_LEFT     1024  /* maximum number of texels in the leave-one-out test */
+#define COUNTS       0.02f /* minimum weight of a corner that passes on its flags */
 #define MOSTLY_HOLES 0.5f
 
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
@@ -145,22 +146,24 @@ void resampler_sums_add(const struct resampler *r, const struct resampler_sums *
     to->sampled += more->sampled;
 }
 
-/* Working arrays of one texel. "lanes": RESAMPLER_LANES floats per value. */
+/* Working arrays of one texel. “lanes” means RESAMPLER_LANES floats per value. */
 struct texel_work {
     const struct resampler *r;
     int texel;
-    struct vec3 *views;                   /* n_views */
-    double *view_points;                  /* × 2 */
-    double *light_points;                 /* lights of one view: n_lights × 2 */
-    int lights_of;                        /* the view whose lights those are; −1: none */
-    struct direction_share *view_shares;  /* target views */
-    struct direction_share *light_shares; /* target lights, in measured ones of view lights_of */
-    struct direction_share *back_light_shares; /* measured lights, in the target ones */
-    guint8 *clamped; /* target lights beyond extrapolation, for the first view */
-    float *values;   /* n_views × n_lights × lanes; last lane: 1 for a hole, else 0 */
-    guint8 *flags;   /* flags, n_views × n_lights; NULL: all 0 */
-    float *between;  /* n_views × target lights × lanes */
-    float *slopes;   /* gradients, twice the size of the largest array */
+    struct vec3 *views;   /* n_views */
+    double *view_points;  /* × 2 */
+    double *light_points; /* lights of one view: n_lights × 2 */
+    int lights_of;        /* the view of light_points and light_shares; −1 if there is none */
+    struct direction_share *view_shares; /* for each target view */
+    struct direction_share
+        *light_shares; /* for each target light, in the measured lights of view lights_of */
+    struct direction_share *back_light_shares; /* for each measured light, in the target lights */
+    guint8 *
+        clamped; /* for each target light: whether it is beyond extrapolation, for the first view */
+    float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
+    guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
+    float *between; /* n_views × target lights × lanes */
+    float *slopes;  /* gradients; twice the size of the largest array */
 };
 
 /* ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
@@ -182,7 +185,8 @@ static void combine(const struct direction_share *share, const float *values, co
     }
 }
 
-/* Prepares the shares of a view's lights, unless the present ones have the same lamp positions. */
+/* Prepares the shares of a view's lights, unless the present shares are for the same lamp
+ * positions. */
 static void take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     const struct vec3 *lamps = r->near->lamp_mm;
@@ -217,7 +221,7 @@ static void take_values(struct texel_work *w, const float *values) {
     }
 }
 
-/* Flags of all corners with a noticeable weight. */
+/* Returns the flags of all corners with a noticeable weight. */
 static guint8 flags_of(const struct direction_share *share, const guint8 *flags, gsize step) {
     guint8 flag = 0;
     for (int k = 0; k < 3; k++)
@@ -266,7 +270,8 @@ static void forward(struct texel_work *w, float *ret) {
     }
 }
 
-/* Whether a value was measured: not a hole, and not predicted, which would hide errors. */
+/* Returns whether a value was measured. Holes were not. Predicted values were not either, and
+ * would hide errors. */
 static gboolean was_measured(const struct texel_work *w, gsize i) {
     return w->values[i * LANES + COLOURS] == 0 && !(w->flags && w->flags[i] & BTF_FLAG_PREDICTED);
 }
@@ -279,7 +284,8 @@ static void add_difference(const float *a, const float *b, double *error, double
     }
 }
 
-/* Round trip: interpolates the result back at the measured directions and sums the differences. */
+/* Round trip: interpolates the result back at the measured directions, and sums the squared
+ * differences. */
 static void round_trip(struct texel_work *w, const float *made, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     const int row = r->n_lights * LANES;
@@ -312,7 +318,7 @@ static void add_weighted(const float *weights, int n, const float *values, gsize
             *(lanes *)(ret + c) += weights[i] * *(const lanes *)(values + (gsize)i * step + c);
 }
 
-/* Weights (n) that predict one direction from the others. */
+/* Returns the weights (n) that predict one direction from the others. */
 static float *weights_without(const struct resampler_left_out *left, int n, const double *points,
                               const double *at) {
     struct direction_share share;
@@ -361,7 +367,7 @@ static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* Angle to the nearest of n directions: 2 asin(|a − b| / 2). */
+/* Returns the angle to the nearest of n directions, 2 asin(|a − b| / 2). */
 static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     double best = G_MAXDOUBLE;
     for (int i = 0; i < n; i++) {
@@ -371,7 +377,7 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
 }
 
-/* Angles between target and measured directions, and the share beyond extrapolation. */
+/* Adds the angles between target and measured directions, and the share beyond extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);
@@ -393,7 +399,8 @@ static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* The error of using the nominal directions without correction: measured minus corrected values. */
+/* Adds the error of using the nominal directions without correction: measured minus corrected
+ * values. */
 static void add_nominal(const struct texel_work *w, const float *made,
                         struct resampler_sums *sums) {
     const struct resampler *r = w->r;

@@ -1,4 +1,5 @@
-/* Interpolates each texel's values in directions common to all texels: near_field_correction.h. */
+/* Interpolates each texel's values at directions that are common to all texels, see
+ * near_field_correction.h. */
 #pragma once
 
 #include "btf_directions.h"
@@ -14,22 +15,23 @@ struct resampler_target {
     struct direction_guess guess;
 };
 
-/* A mesh without one of its directions, for predicting that one. */
+/* A mesh without one of its directions, for predicting that direction. */
 struct resampler_left_out {
     DirectionMesh *mesh;
     struct direction_guess guess;
 };
 
-/* What all texels have in common; immutable, any number of threads. */
+/* Data that all texels have in common. Immutable; any number of threads. */
 struct resampler {
     const struct near_field *near; /* borrowed */
-    int n_views, n_lights;         /* targets */
-    gboolean own;                  /* the targets are the nominal directions, one by one */
+    int n_views, n_lights;         /* number of targets */
+    gboolean own;                  /* the targets are the nominal directions, in the same order */
     DirectionMesh *from_views, *from_lights;
-    struct resampler_target *views, *lights; /* in those */
+    struct resampler_target *views, *lights; /* in from_views and from_lights */
     DirectionMesh *to_views, *to_lights;
     double *to_view_points, *to_light_points;
-    struct direction_guess *back_views, *back_lights; /* measured ones, in the target meshes */
+    struct direction_guess *back_views,
+        *back_lights; /* of the measured directions, in the target meshes */
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* the leave-one-out test takes every left_step-th texel */
 };
@@ -38,11 +40,11 @@ void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Sums over texels of squared differences and squared values (norm), R, G, B together. */
-struct resampler_from { /* of a measured view: round trip, and leave-one-out of views and lights */
+/* Sums over texels of squared differences and of squared values (norm), over R, G, B together. */
+struct resampler_from { /* for a measured view: round trip, and leave-one-out of views and lights */
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
-struct resampler_to { /* of a target view */
+struct resampler_to { /* for a target view */
     double moved_deg, max_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
@@ -58,6 +60,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 
-/* values: measured; ret: targets; each n_views × n_lights × lanes. Adds to sums. */
+/* Interpolates one texel. values: measured, ret: targets; each is n_views × n_lights × lanes.
+ * Adds to sums. */
 void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
                      struct resampler_sums *sums);

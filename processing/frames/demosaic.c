@@ -4,12 +4,12 @@
 #include <stdlib.h>
 
 /* Weights of the colour-ratio filter, see find_colours(). */
-#define RADIUS      3      /* pixels: half width of its window */
+#define RADIUS      3      /* pixels: half the width of the window */
 #define SIGMA_PX    1.2f   /* standard deviation of the spatial weight */
-#define LEVEL_SCALE 0.12f  /* of the range weight, in ln(green) */
+#define LEVEL_SCALE 0.12f  /* width of the range weight, in ln(green) */
 #define MIN_WEIGHT  1e-3f  /* floor of the range weight */
-#define DARK        0.002f /* of the mean signal: added to both sides of a ratio */
-#define MAX_RATIO   50.0f  /* bound of a colour ratio */
+#define DARK        0.002f /* share of the mean signal that is added to both sides of a ratio */
+#define MAX_RATIO   50.0f  /* maximum colour ratio */
 
 struct picture {
     const guint8 *colour;
@@ -50,9 +50,10 @@ static float green_at(const struct picture *picture, int x, int y) {
     return (wh * h + wv * v) / (wh + wv);
 }
 
-/* The same where the green light of the pixel's point arrives, X (1 + c_green) / (1 + c_own) from
- * the centre: parabolas in both directions through green at the nearest pixel of that colour and
- * the green pixels next to it. */
+/* The same at the point where the green light of the pixel's point arrives. With lateral colour,
+ * that is X (1 + c_green) / (1 + c_own) from the centre for a pixel at X. Parabolas in both
+ * directions pass through green at the nearest pixel of that colour and at the green pixels next
+ * to it. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];
@@ -79,8 +80,8 @@ static void fill_green(struct picture *picture, const struct demosaic_lateral *l
         }
 }
 
-/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the window's pixels of colour
- * c, with a bilateral weight
+/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the pixels of colour c in
+ * the window, with a bilateral weight
  *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
@@ -98,8 +99,8 @@ static void find_colours(const struct picture *picture, const float *weights, in
         ret[c] = c == DEMOSAIC_GREEN || !(green[c] > 0) ? 1 : sum[c] / green[c];
 }
 
-/* ret[3 i + c] = (green·ratio_c + DARK) / (own + DARK) · scale_c / scale_own: the factor from a
- * pixel's own value to colour c, in the units of the mosaic. ret: height × width × 3. */
+/* ret[3 i + c] = (green·ratio_c + DARK) / (own + DARK) · scale_c / scale_own. This is the factor
+ * from a pixel's own value to colour c, in the units of the mosaic. ret: height × width × 3. */
 static void fill_ratios(const struct picture *picture, const float *scale, float *ret) {
     float weights[RADIUS + 1];
     for (int i = 0; i <= RADIUS; i++)
@@ -122,7 +123,8 @@ static void fill_ratios(const struct picture *picture, const float *scale, float
 void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
                      const struct demosaic_lateral *lateral, float *ret_ratio) {
     gsize n = (gsize)width * (gsize)height;
-    /* Dividing by the mean of each colour's finite pixels brings all colours to one scale. */
+    /* Each colour is divided by the mean of its finite pixels, so that all colours have the same
+     * scale. */
     double sum[DEMOSAIC_COLOURS] = {0}, count[DEMOSAIC_COLOURS] = {0};
     float scale[DEMOSAIC_COLOURS];
     g_autofree float *own = g_new0(float, n), *green = g_new0(float, n);

@@ -10,21 +10,22 @@
 
 enum { DEMOSAIC_RED, DEMOSAIC_GREEN, DEMOSAIC_BLUE, DEMOSAIC_COLOURS };
 
-/* Row or column i of n, mirrored about the outermost ones: this keeps the colour filter's phase. */
+/* Mirrors row or column i of n at the outermost ones. This keeps the phase of the colour filter. */
 static inline int demosaic_mirror(int i, int n) {
     i = i < 0 ? -i : i;
     return i < n ? i : MAX(2 * (n - 1) - i, 0);
 }
 
-/* Lateral colour (rig.h): by how much more the lens magnifies red, green and blue about a point. */
+/* Lateral colour (rig.h): the relative magnification of red, green and blue about a point. */
 struct demosaic_lateral {
     double centre_px[2], larger[DEMOSAIC_COLOURS];
 };
 
-/* mosaic: height × width; values that are not finite count as black. colour: of each pixel one of
- * the constants above, with a Bayer filter's period of two. ret_ratio: height × width × 3, the
- * factors from a pixel's value to red, green and blue, 1 for its own colour: the colours of the
- * point whose light the pixel sees. lateral: NULL if all colours of a point arrive at the same
- * place. */
+/* Estimates the colours of the points whose light the pixels see.
+ *   mosaic      height × width; values that are not finite count as black
+ *   colour      one of the constants above for each pixel, with a Bayer filter's period of two
+ *   lateral     NULL if all colours of a point arrive at the same place
+ *   ret_ratio   height × width × 3: the factors from a pixel's value to red, green and blue;
+ *               1 for the pixel's own colour */
 void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
                      const struct demosaic_lateral *lateral, float *ret_ratio);

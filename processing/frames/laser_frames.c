@@ -5,14 +5,15 @@
 
 #include "base/robust.h"
 
-#define AROUND 21  /* frames of the running median, which follows slips longer than half of them */
-#define MANY   4.0 /* standard errors: larger differences are significant */
+#define AROUND 21  /* frames of the running median; it follows slips longer than half of them */
+#define MANY   4.0 /* in standard errors: larger differences are significant */
 #define ROUNDS 6
 /* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */
 #define MEDIAN_ERROR 1.2533
 #define SPREAD_ERROR 1.17
 
-/* level: the median of all frames, or of the AROUND about it if that differs significantly. */
+/* Sets level to the median of all frames, or to the median of the AROUND nearest frames if that
+ * differs significantly. */
 static void find_levels(struct laser_frames *frames, const int *lines) {
     g_autofree double *all = g_new(double, frames->lines);
     for (int i = 0; i < frames->lines; i++)
@@ -33,8 +34,9 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* Standard deviation u = √(s² − e²) of the frames from their levels beyond their standard errors e,
- * s being the robust spread of middle − level. 0 unless s exceeds e significantly. */
+/* Returns by how much the frames deviate from their levels beyond their standard errors e: the
+ * standard deviation u = √(s² − e²), s being the robust spread of middle − level. Returns 0
+ * unless s is significantly larger than e. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);
@@ -48,7 +50,7 @@ static double find_uneven(const struct laser_frames *frames, const int *lines) {
 }
 
 /* Adds to all levels the mean of r = middle − level, with weights w = biweight(r − mean, e) / e²
- * (Tukey), e² = error² + uneven². Sets offset, the mean level, and its standard error 1 / √Σw. */
+ * (Tukey), e² = error² + uneven². Sets offset to the mean level, and offset_error to 1 / √Σw. */
 static void find_offset(struct laser_frames *frames, const int *lines, double uneven) {
     double shift = 0, weights = 0, levels = 0;
     for (int round = 0; round < ROUNDS; round++) {
@@ -74,7 +76,8 @@ static void find_offset(struct laser_frames *frames, const int *lines, double un
     frames->offset_error = weights > 0 ? 1 / sqrt(weights) : INFINITY;
 }
 
-/* own: the deviation of a frame from its level, shrunk by u² / (u² + error²); 0 for outliers. */
+/* Sets own to the deviation of a frame from its level, shrunk by u² / (u² + error²). It is 0 for
+ * outliers. */
 void laser_frames_settle(struct laser_frames *frames) {
     g_autofree int *lines = g_new0(int, frames->n);
     frames->lines = 0;

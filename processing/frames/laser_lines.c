@@ -7,22 +7,23 @@
 #include "base/robust.h"
 #include "laser_frames.h"
 
-#define MARK_SHARE  0.25 /* of a fiducial's radius: margin around it */
-#define MIN_PIXELS  64   /* least number of pixels with a peak in a sweep */
-#define MIN_FRAME   6    /* and in a frame */
+#define MARK_SHARE  0.25 /* of a fiducial's radius: margin around the fiducial */
+#define MIN_PIXELS  64   /* minimum number of pixels with a peak in a sweep */
+#define MIN_FRAME   6    /* minimum number of pixels with a peak in a frame */
 #define ROUNDS      6
-#define BEND_ROUNDS 4    /* of intersecting a ray with a bent sheet */
-#define MANY        4.0  /* standard errors: larger differences are significant */
-#define OFF_SHARE   0.25 /* of the frames: if more disagree, the sweep as a whole does */
-/* Floors of the calibration's standard errors, since a sheet is only nearly a plane and axes step
- * unevenly: for the whole sweep (15 µm at half a metre), and for single frames. */
+#define BEND_ROUNDS 4    /* rounds in the intersection of a ray with a bent sheet */
+#define MANY        4.0  /* in standard errors: larger differences are significant */
+#define OFF_SHARE   0.25 /* share of the frames; if more disagree, the whole sweep disagrees */
+/* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre)
+ * and for single frames. They are needed because a sheet is not exactly a plane, and because
+ * axes step unevenly. */
 #define MIN_KNOWN_RAD 3e-5
 #define MIN_FRAME_RAD 2e-4
 
 struct pixel {
     guint32 index;
     struct vec3 at_mm;  /* where its ray meets the reference plane, rig frame */
-    struct vec3 per_mm; /* derivative of at_mm by the plane's height */
+    struct vec3 per_mm; /* derivative of at_mm with respect to the plane's height */
 };
 
 struct LaserRegion {
@@ -61,7 +62,8 @@ gboolean laser_reference_from_text(const char *text, struct laser_reference *ret
     return TRUE;
 }
 
-/* Whether the sample's box cuts the segment between two points, sample frame (slab method). */
+/* Returns whether the sample's box cuts the segment between two points in the sample frame (slab
+ * method). */
 static gboolean is_behind(const struct laser_reference *r, struct vec3 point, struct vec3 other) {
     const double from[3] = {point.x, point.y, point.z}, to[3] = {other.x, other.y, other.z};
     const double low[3] = {-r->hole_mm[0] / 2, -r->hole_mm[1] / 2, r->plane_mm};
@@ -81,7 +83,8 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
     return enter < leave;
 }
 
-/* Whether a camera at eye sees the face at a point, not hole, fiducial or sample; sample frame. */
+/* Returns whether a camera at eye sees the face at a point, and not the hole, a fiducial or the
+ * sample; sample frame. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
@@ -141,19 +144,21 @@ guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at
 /* A pixel of the region that saw the line. */
 struct candidate {
     int frame;
-    double off;    /* rad: sweep angle by its position minus commanded sweep angle at its peak */
+    /* rad: sweep angle computed from its position, minus commanded sweep angle at its peak */
+    double off;
     double along;  /* position along the line: tangent of the angle from the beam */
     double weight; /* biweight in the last fit */
 };
 
-/* The line fit of one sweep. The candidates of frame k are numbers first[k] … first[k + 1] − 1. */
+/* The line fit of one sweep. The candidates of frame k have the numbers first[k] … first[k + 1]
+ * − 1. */
 struct search {
     struct candidate *candidates;
     int n, n_frames, *first;
-    double *middle; /* of each frame: robust mean of off; NAN: too few candidates */
+    double *middle; /* of each frame: robust mean of off; NAN if there are too few candidates */
     double *error;  /* its standard error */
     double scale;   /* robust standard deviation of a pixel's residual */
-    double per_mm;  /* rad per mm: mean derivative of off by the plane's height */
+    double per_mm;  /* rad per mm: mean derivative of off with respect to the plane's height */
     double range_mm;
 };
 
@@ -162,8 +167,9 @@ static int by_frame(const void *a, const void *b) {
     return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
 }
 
-/* Candidates: pixels with a peak that light reached past the sample. off = α(x) − (from +
- * peak·step), α(x): sweep angle of the calibrated sheet through the pixel's point x. */
+/* Collects the candidates: pixels with a peak whose light was not blocked by the sample. off =
+ * α(x) − (from + peak·step), where α(x) is the sweep angle of the calibrated sheet through the
+ * pixel's point x. */
 static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
                     struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -199,8 +205,8 @@ static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
     }
 }
 
-/* Robust mean of off − roll·along over the candidates of each frame: starts at the median, then
- * iterates Tukey's biweight mean. Its standard error is scale / √Σw. */
+/* Computes the robust mean of off − roll·along over the candidates of each frame. It starts at
+ * the median and iterates Tukey's biweight mean. The standard error is scale / √Σw. */
 static void fit_frames(struct search *search, double roll) {
     g_autofree double *off = g_new(double, search->n + 1);
     for (int frame = 0; frame < search->n_frames; frame++) {
@@ -230,7 +236,7 @@ static void fit_frames(struct search *search, double roll) {
     }
 }
 
-/* scale: robust standard deviation of the residuals off − roll·along − middle[frame]. */
+/* Sets scale to the robust standard deviation of the residuals off − roll·along − middle[frame]. */
 static void measure_scale(struct search *search, double roll) {
     g_autofree double *off = g_new(double, search->n + 1);
     int n = 0;
@@ -242,9 +248,11 @@ static void measure_scale(struct search *search, double roll) {
     search->scale = n > 0 ? MAX(robust_spread(off, n, 0), 1e-9) : 0;
 }
 
-/* The roll is the slope common to the lines of all frames, with one intercept for each frame:
+/* Fits the roll, the slope that the lines of all frames have in common, with one intercept for
+ * each frame:
  *   roll = Σ w (a − ā_k)(o − ō_k) / Σ w (a − ā_k)²,
- * a: along, o: off, bars: weighted means in frame k, w: residual's biweight. FALSE: unknown. */
+ * with a: along, o: off, bars: weighted means in frame k, w: biweight of the residual. Returns
+ * FALSE if the roll cannot be determined. */
 static gboolean fit_roll(struct search *search, double *roll, double *ret_error) {
     double product = 0, square = 0;
     for (int k = 0; k < search->n_frames; k++) {
@@ -271,13 +279,15 @@ static gboolean fit_roll(struct search *search, double *roll, double *ret_error)
     return TRUE;
 }
 
-/* Whether a measured deviation exceeds its own and the calibration's standard error. */
+/* Returns whether a measured deviation is significant, given its own and the calibration's
+ * standard error. */
 static gboolean disagree(double measured, double error, double known) {
     return fabs(measured) > MANY * hypot(error, known);
 }
 
-/* The offset m ± e of the lines, for a calibration known to ± k, is shrunk to m·k² / (k² + e²); if
- * they disagree the lines alone count. angle_k = offset + (level_k − measured offset) + own_k. */
+/* Combines the offset m ± e of the lines with a calibration known to ± k: the offset is shrunk
+ * to m·k² / (k² + e²). If lines and calibration disagree, only the lines count. The angle of
+ * frame k is offset + (level_k − measured offset) + own_k. */
 static void combine(const struct search *search, const struct laser_known *known,
                     double plane_error_rad, struct laser_lines *lines) {
     const int n = search->n_frames;
@@ -305,8 +315,8 @@ static void combine(const struct search *search, const struct laser_known *known
         lines->turn_rad[k] = (float)(whole + level[k] - lines->offset_rad + own[k]);
 }
 
-/* Alternates between intercepts (middle), scale and roll; then fits all frames once more with the
- * roll combined with the calibration's. FALSE: no frame has a line. */
+/* Alternates between intercepts (middle), scale and roll. Then combines the roll with the
+ * calibration's roll and fits all frames once more. Returns FALSE if no frame has a line. */
 static gboolean do_find(struct search *search, const struct laser_known *known,
                         struct laser_lines *lines) {
     double roll = 0;
@@ -341,7 +351,7 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     search.middle = g_new(double, n_frames);
     search.error = g_new0(double, n_frames);
     collect(region, sweep, &search);
-    /* beam: from the source towards the origin, perpendicular to the sweep's axis. */
+    /* beam points from the source towards the origin, perpendicular to the sweep's axis. */
     const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
     ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 inward = vec3_scale(ret->source_mm, -1);
@@ -360,8 +370,8 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
-/* The plane of light at a fractional frame index, from calibration and lines, without the sheet's
- * bend. more_rad: added to the sweep's angle. */
+/* Returns the plane of light at a fractional frame index, from calibration and lines. The sheet's
+ * bend is ignored. more_rad is added to the sweep's angle. */
 static struct rig_plane sheet_at(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                  double frame, double more_rad) {
     const gboolean has = lines && lines->turn_rad;
@@ -375,7 +385,8 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
     struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
     if (!has || lines->roll_rad == 0)
         return sheet;
-    /* The roll's sign: a larger coordinate along the axis is met at a larger sweep angle. */
+    /* Sign of the roll: points with a larger coordinate along the axis are met at a larger sweep
+     * angle. */
     const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
     sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
                                       vec3_scale(aside, sin(lines->roll_rad))));
@@ -383,9 +394,10 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
     return sheet;
 }
 
-/* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, the plane is
- * turned to where the sheet passes the point found last. That converges at the same time: the bend
- * changes along a ray by some hundredths of a radian a radian. */
+/* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, each round
+ * turns the plane to where the sheet passes the point that the previous round found. The rounds
+ * converge fast, because along a ray the bend changes by only some hundredths of a radian per
+ * radian. */
 double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine) {
     const int rounds = sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;

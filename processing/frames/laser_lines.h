@@ -1,13 +1,13 @@
 /*
- * The laser's line on the flat face around the sample (Wang et al. 2005 §3.2: the reference
- * region), and from it the plane of light of each frame.
+ * The laser's line on the flat face around the sample (the reference region of Wang et al. 2005
+ * §3.2), and the plane of light of each frame that follows from it.
  *
- * The paper searches each picture for the line. Here only the time of each pixel's own peak is
- * left: the candidates of frame k are the pixels of the region whose peak time rounds to k. A
- * robust fit in sweep angle gives the deviation of the sheet from the calibration, and its roll
- * about the beam. The plane is the mean of lines and calibration, weighted by the inverse
- * variances; where they differ significantly the line is used only, since it was seen in this very
- * sweep. Any thread, one at a time.
+ * The paper searches each picture for the line. Here the pictures are gone, and only the time of
+ * each pixel's peak is known. The candidates of frame k are the pixels of the region whose peak
+ * time rounds to k. A robust fit in sweep angle gives the deviation of the sheet from the
+ * calibration, and the roll of the sheet about the beam. The plane is the mean of lines and
+ * calibration, weighted by their inverse variances. If they differ significantly, only the line is
+ * used, because it was seen in this very sweep. Any thread, one at a time.
  */
 #pragma once
 
@@ -16,66 +16,73 @@
 /* A flat, level face around the sample, fixed to the turntable; sample frame. */
 struct laser_reference {
     double plane_mm, plane_error_mm; /* height above the turntable, and its standard error */
-    double hole_mm[2]; /* x and y size of the box about the origin that holds the sample */
-    double top_mm;     /* height of that box: points that it hides are not used */
-    double radius_mm;  /* where the face ends; 0: there is no face */
+    double hole_mm[2]; /* size in x and y of the box about the origin that holds the sample */
+    double top_mm;     /* height of that box; points that the box hides are not used */
+    double radius_mm;  /* radius at which the face ends; 0 if there is no face */
 };
 
-/* Text of one line for session_set_value(), without top_mm; g_free() it. FALSE: not such a line. */
+/* Converts to and from one line of text for session_set_value(), without top_mm. Free the text
+ * with g_free(). Parsing returns FALSE if the line cannot be parsed. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);
 
-/* The pixels of one view that show the face: not behind the sample, not on a fiducial. */
+/* The pixels of one view that show the face. Pixels behind the sample or on a fiducial are left
+ * out. */
 typedef struct LaserRegion LaserRegion;
 LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *camera,
                               double turntable_rad, const struct laser_reference *reference);
 void laser_region_free(LaserRegion *region); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserRegion, laser_region_free)
 int laser_region_pixels(const LaserRegion *region);
-/* Pixel i's index in the picture. ret_at_mm (or NULL): where its ray meets the face, rig frame. */
+/* Returns the index in the picture of the region's pixel i. ret_at_mm (may be NULL) is the point
+ * where the pixel's ray meets the face, in the rig frame. */
 guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at_mm);
 
-/* Standard errors of a laser's calibration: of the zero of the sweep, and of the roll. */
+/* Standard errors of a laser's calibration, for the zero of the sweep and for the roll. */
 struct laser_known {
     double turn_rad, roll_rad;
 };
 
-/* A sweep from sweep_finish() in camera pixels; frame k has the sweep angle from + k·step. */
+/* A sweep from sweep_finish(), in camera pixels. Frame k has the sweep angle from_rad +
+ * k·step_rad. */
 struct laser_sweep {
     const struct rig_laser *laser;
     double arc_rad;
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
-    const struct rig_arc *arc;                   /* NULL: an ideal one */
+    const struct rig_arc *arc;                   /* NULL for an ideal arc */
     const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
-    const struct laser_lines *lines;             /* NULL: use the calibration only */
-    const struct rig_sheet_errors *errors;       /* of the calibration; NULL: known exactly */
-    double line_rad; /* of the line's profile on plates, as a sweep angle; 0: not known */
+    const struct laser_lines *lines;             /* NULL: only the calibration is used */
+    /* of the calibration; NULL if it is known exactly */
+    const struct rig_sheet_errors *errors;
+    double line_rad; /* standard deviation of the line on plates, as a sweep angle; 0 if unknown */
 };
 
 struct laser_lines {
     int n_frames;
-    float *turn_rad;  /* of each frame, added to the sweep's angle; NULL: no line was found */
-    double roll_rad;  /* of all frames' sheets about the beam, left-handed */
+    float *turn_rad;  /* of each frame, added to the sweep's angle; NULL if no line was found */
+    double roll_rad;  /* roll of the sheets of all frames about the beam, left-handed */
     struct vec3 beam; /* unit, from the source */
     struct vec3 source_mm;
-    /* Measured by the lines only: */
+    /* Measured from the lines only, without the calibration: */
     int pixels, frames;                  /* pixels on lines, frames with a line */
-    double offset_rad, offset_error_rad; /* mean over the sweep, minus the calibration */
+    double offset_rad, offset_error_rad; /* mean over the sweep, minus the calibration's value */
     double roll_seen_rad, roll_error_rad;
-    double scatter_mm;  /* RMS distance of pixels from their line, across the sheet */
-    int frames_off;     /* frames whose level contradicts the calibration */
-    gboolean disagrees; /* with the calibration: offset, roll, or a quarter of the frames */
+    double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
+    int frames_off;    /* frames whose level contradicts the calibration */
+    /* whether offset, roll, or more than a quarter of the frames contradict the calibration */
+    gboolean disagrees;
 };
 
-/* n_frames: of the sweep. If too few pixels saw the line, turn_rad is NULL. */
+/* Finds the lines of a sweep with n_frames frames. If too few pixels saw the line, turn_rad is
+ * NULL. */
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
-/* Distance from eye_mm along a ray (unit) to the sweep's sheet at a fractional frame index, from
- * calibration and lines, bent as it is. NAN if the sine of the angle between ray and sheet is at
- * most least_sine. */
+/* Returns the distance from eye_mm along a ray (a unit vector) to the sweep's sheet at a
+ * fractional frame index. The sheet follows from calibration and lines, and includes its bend.
+ * Returns NAN if the sine of the angle between ray and sheet is at most least_sine. */
 double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine);

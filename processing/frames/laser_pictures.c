@@ -5,24 +5,28 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define SIGMA_PX 1.5 /* of the filter: it joins the four pixels of a colour filter's period */
-#define REACH    4   /* pixels: half width of the filter */
-#define FEWEST   6   /* candidates that make a line */
-#define ROUNDS   3 /* of fitting and leaving out what is farther than OUTLIER standard deviations */
-#define OUTLIER  2.5
+/* standard deviation of the filter; it joins the four pixels of a colour filter's period */
+#define SIGMA_PX 1.5
+#define REACH    4 /* pixels: half width of the filter */
+#define FEWEST   6 /* minimum number of candidates of a line */
+/* rounds of fitting; each leaves out candidates farther than OUTLIER standard deviations */
+#define ROUNDS  3
+#define OUTLIER 2.5
 
 struct LaserPictures {
     const LaserRegion *region;
     const struct laser_sweep *sweep;
     int width, height, n_frames, frame;
     double threshold_dn;
-    gboolean along_rows;   /* the line crosses rows: a candidate a row */
-    double *angle, *along; /* of each pixel: where the calibrated sheet passes */
+    gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
+    /* of each pixel: the sweep angle at which the calibrated sheet passes it */
+    double *angle, *along;
     float weights[REACH + 1];
-    float *turn, *roll, *candidates; /* of each frame; candidates 0: no line */
+    float *turn, *roll, *candidates; /* of each frame; candidates is 0 if there is no line */
 };
 
-/* angle: sweep angle at which the calibrated sheet passes a pixel's point of the plane, or NAN. */
+/* Sets angle to the sweep angle at which the calibrated sheet passes a pixel's point of the
+ * plane, or to NAN. */
 static void place(LaserPictures *p) {
     const struct laser_sweep *s = p->sweep;
     const struct vec3 source = rig_laser_position_mm(s->arc, s->laser, s->arc_rad);
@@ -37,7 +41,8 @@ static void place(LaserPictures *p) {
         p->angle[index] = rig_laser_sweep_rad(s->arc, s->laser, s->arc_rad, at);
         p->along[index] = aside / sqrt(MAX(vec3_dot(path, path) - aside * aside, 1e-6));
     }
-    double across = 0, down = 0; /* how much the angle changes from column to column, row to row */
+    /* change of the angle from column to column, and from row to row */
+    double across = 0, down = 0;
     for (int k = 0; k + p->width < p->width * p->height; k++) {
         across += isfinite(p->angle[k + 1]) && isfinite(p->angle[k])
                       ? fabs(p->angle[k + 1] - p->angle[k])
@@ -83,7 +88,8 @@ void laser_pictures_free(LaserPictures *p) {
     g_free(p);
 }
 
-/* One pass along lines of n values, step apart; borders repeat their last value. */
+/* Filters n_lines lines of n values in one pass. Values are step apart; at the borders the last
+ * value is repeated. */
 static void filter_lines(const LaserPictures *p, const float *from, int n_lines, int line_step,
                          int n, int step, float *to) {
     for (int line = 0; line < n_lines; line++)
@@ -130,7 +136,8 @@ static int laser_pictures_candidates(const LaserPictures *p, const float *pictur
     return n;
 }
 
-/* angle = turn + roll · along by least squares without outliers. Returns how many count, or 0. */
+/* Fits angle = turn + roll · along by least squares without outliers. Returns the number of
+ * candidates used, or 0 if there are too few. */
 static int fit_line(struct found *f, int n, double *ret_turn, double *ret_roll) {
     for (int round = 0; round <= ROUNDS && n >= FEWEST; round++) {
         double a = 0, o = 0, aa = 0, ao = 0, squares = 0;

@@ -6,9 +6,9 @@
 #include "base/data_error.h"
 #include "demosaic.h"
 
-#define SPACING_PX  0.25  /* distance of the points that sample a texel */
-#define MIN_WEIGHT  0.3f  /* least sum of a texel's weights with lateral colour */
-#define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
+#define SPACING_PX  0.25  /* distance between the points that sample a texel */
+#define MIN_WEIGHT  0.3f  /* minimum sum of a texel's weights with lateral colour */
+#define FLAG_WEIGHT 0.02f /* minimum share of a texel for a pixel to pass on its flags */
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
     return vec3(grid->width_mm * (column / grid->width - 0.5),
@@ -26,7 +26,8 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
         }
 }
 
-/* Sets each pixel's colour. Those of a mono sensor, and of each plane of "rgb", count as green. */
+/* Sets each pixel's colour. The pixels of a mono sensor and of the planes of "rgb" count as
+ * green. */
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
     static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", "rgb", NULL};
     if (!g_strv_contains(names, cfa)) {
@@ -56,7 +57,7 @@ struct footprint {
     int n;
 };
 
-/* FALSE if any point lies outside of the picture. */
+/* Returns FALSE if any point lies outside of the picture. */
 static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
                               const struct session_grid *grid, int column, int row, int side,
                               struct footprint *ret) {
@@ -73,7 +74,8 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
     return TRUE;
 }
 
-/* Accumulates weights of pixels: a dense array and the list of the pixels that are not 0. */
+/* Accumulates weights of pixels: a dense array, and the list of the pixels whose weight is not
+ * 0. */
 struct weights {
     float *sum;
     gboolean *touched;
@@ -92,23 +94,24 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
                      demosaic_mirror(x, rectify->width));
 }
 
-/* The parabola that has the means of three adjacent pixels, at t in the middle one (0 … 1): the
- * derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. A mean
- * over whole pixels is therefore exact.
- *   w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
+/* Weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within the
+ * middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at each
+ * border it is the mean of the two pixels that meet there. This is the derivative of Keys' cubic
+ * (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3
+ * − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);
     ret[2] = (float)((1.5 * t - 1) * t);
 }
 
-/* Whether pixels of a colour are meant; ANY: all pixels are. */
+/* Returns whether pixels of this colour are used. ANY stands for all colours. */
 #define ANY (-1)
 static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
     return colour == ANY || rectify->colour[pixel] == colour;
 }
 
-/* Weight of pixel p: the mean over the sample points of w(column) · w(row). */
+/* Adds the weight of each pixel: the mean over the sample points of w(column) · w(row). */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
@@ -125,14 +128,14 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
     }
 }
 
-/* Quadratic B-spline B₂(t/2). Its sum over the pixels of one colour, which are two apart, does
- * not depend on the position (partition of unity). */
+/* Quadratic B-spline B₂(t/2). Its sum over the pixels of one colour, which are two pixels apart,
+ * does not depend on the position (partition of unity). */
 static float spline(double t) {
     t = fabs(t) / 2;
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
 }
 
-/* Smooth weights around a texel for the estimate of its colour. */
+/* Computes smooth weights around a texel, for the estimate of the texel's colour. */
 static void weigh_around(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     for (int k = 0; k < footprint->n; k++) {
@@ -159,8 +162,9 @@ static void clear_rows(struct rows *rows) {
     g_clear_pointer(&rows->weight, g_array_unref);
 }
 
-/* Moves the weights from the accumulator, which is 0 again afterwards, to the row of a texel. Its
- * window is the smallest with all pixels of non-zero weight; n_rows is 0 if there is none. */
+/* Moves the weights from the accumulator to the row of a texel; the accumulator is 0 again
+ * afterwards. The window of the row is the smallest one that contains all non-zero weights.
+ * n_rows is 0 if there are none. */
 static void append_row(const Rectify *rectify, struct rows *rows, int texel,
                        struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
@@ -206,8 +210,9 @@ static void balance(Rectify *rectify, int texel) {
         rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
 }
 
-/* Shortest and longest side of a texel in pixels; FALSE if a corner texel is not before the camera.
- * The size varies smoothly over the grid: corners have the extremes. */
+/* Gives the shortest and the longest side of a texel in pixels. Returns FALSE if a corner texel
+ * is not in front of the camera. The size varies smoothly over the grid, so that the corner
+ * texels have the extreme sizes. */
 static gboolean sides_px(const struct rig_camera *camera, double turntable_rad,
                          const struct session_grid *grid, double *ret_shortest,
                          double *ret_longest) {
@@ -230,7 +235,8 @@ static gboolean sides_px(const struct rig_camera *camera, double turntable_rad,
     return TRUE;
 }
 
-/* Sample points per texel and direction, at most spacing_px apart. */
+/* Returns the number of sample points of a texel in each direction, so that they are at most
+ * spacing_px apart. */
 static int points_aside(double longest_px, double spacing_px) {
     return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
@@ -247,7 +253,8 @@ static float sum_weights(const struct weights *weights) {
     return sum;
 }
 
-/* The camera of each colour's pixels, and the colour: one for all pixels without lateral colour. */
+/* The camera that applies to each colour of pixels, and that colour. Without lateral colour, one
+ * camera applies to all pixels. */
 struct sights {
     struct rig_camera camera[3];
     int colour[3], n;
@@ -267,10 +274,11 @@ static struct sights sights_of(const Rectify *rectify, const struct rig_camera *
     return ret;
 }
 
-/* Weighs the pixels of a texel's area. With lateral colour each colour's pixels have the weights of
- * where they see the texel, whose sum is made 1; if nearly no pixel is where its colour would be,
- * since the texel is smaller than a pixel, all are weighed as green. FALSE: the texel lies outside
- * of the picture. */
+/* Computes the weights of the pixels in a texel's area. With lateral colour, the pixels of each
+ * colour are weighted according to where they see the texel, and the weights are scaled to the
+ * sum 1. If a texel is smaller than a pixel, there may be almost no pixel at the place of its
+ * own colour; all pixels are then weighted as if they were green. Returns FALSE if the texel
+ * lies outside of the picture. */
 static gboolean weigh_texel(const Rectify *rectify, const struct sights *sights,
                             double turntable_rad, const struct session_grid *grid, int column,
                             int row, int side, struct footprint *footprint,
@@ -338,7 +346,7 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
                           grid->width * grid->height, error);
 }
 
-/* Of a plane of "rgb", as its colour is drawn. */
+/* Makes the rectification of one plane of "rgb", with the lateral colour of that plane. */
 static Rectify *plane_new(const struct rig_camera *camera, int colour,
                           const struct radiometry_camera *radiometry, double turntable_rad,
                           const struct session_grid *grid, const int *texels, int n_texels,
@@ -436,9 +444,10 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->vary = rectify_find_vary(rectify, rectify->ratio);
 }
 
-/* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others of the
- * texel's surround: its measured colour over the one that the guide's ratios predict. It corrects
- * the guide where the light differs: gloss is white on blue cloth too. */
+/* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others in the
+ * texel's surround. The excess is the measured colour of the surround over the colour that the
+ * guide's ratios predict. It corrects the guide where the light of this frame differs: for
+ * example, gloss is white even on blue cloth. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {
@@ -455,7 +464,8 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
     }
 }
 
-/* value = gain_c · Σ w·m over the texel's area: a plane of "rgb", padded like a mosaic. */
+/* value = gain_c · Σ w·m over the texel's area, for a plane of "rgb" that is padded like a
+ * mosaic. */
 static void apply_plane(const Rectify *rectify, const float *padded, gsize c, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const struct window *window = &rectify->area.window[texel];
@@ -470,7 +480,7 @@ static void apply_plane(const Rectify *rectify, const float *padded, gsize c, fl
     }
 }
 
-/* The dispatch is by hand, see sweep.c. */
+/* The function is dispatched by hand, see sweep.c. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
                                                        const float *ratio, float *ret_rgb) {
@@ -517,7 +527,7 @@ static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int 
     return TRUE;
 }
 
-/* Whether all pixels of a texel, in all planes, are finite. */
+/* Returns whether all pixels of a texel, in all planes, are finite. */
 static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic) {
     gboolean finite = TRUE;
     for (gsize c = 0; c < rectify->planes; c++) {
@@ -529,7 +539,7 @@ static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic
     return finite;
 }
 
-/* Whether a texel lies in the picture, in all planes. */
+/* Returns whether a texel lies in the picture, in all planes. */
 static gboolean is_inside(const Rectify *rectify, int texel) {
     gboolean inside = TRUE;
     for (gsize c = 0; c < rectify->planes; c++)

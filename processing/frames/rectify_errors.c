@@ -7,8 +7,8 @@
 #define MAX_RATIO   100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
- * Without smooth weights (mono) the window is that of the area. Returns the window. */
+/* Copies a texel's area weights into the window of its smooth weights, which contains all of
+ * them. Without smooth weights (mono), the window of the area is used. Returns the window. */
 static const struct window *widen(const Rectify *rectify, int texel, float *ret_area) {
     const struct window *area = &rectify->area.window[texel];
     const struct window *window = &rectify->around.window[texel];
@@ -25,11 +25,12 @@ static const struct window *widen(const Rectify *rectify, int texel, float *ret_
     return window;
 }
 
-/* Of one texel and each colour: the derivatives of its value by its pixels (see apply_all()), with
- * area weights w, smooth ones a, and ratios r; a clamped excess counts as a constant:
+/* For one texel and each colour: the derivatives of its value with respect to its pixels m_p,
+ * see apply_all(). w are the area weights, a the smooth weights, r the ratios. A clamped excess
+ * counts as a constant.
  *   own colour:    ∂/∂m_p = w + own·a,   own = others_c · balance / others of the surround
- *   other colours: ∂/∂m_p = excess·r·(w − other·a),   other = others_c / others of the surround.
- * chroma: how much ln excess differs between adjacent texels, as a mean square. */
+ *   other colours: ∂/∂m_p = excess·r·(w − other·a),   other = others_c / others of the surround
+ * chroma is the mean square of the difference of ln excess between adjacent texels. */
 struct rectify_slopes {
     float own[3], excess[3], other[3], log_excess[3], chroma[3];
 };
@@ -55,7 +56,8 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
     return ret;
 }
 
-/* Squared differences of ln excess from a texel to texel + step; FALSE: either is outside. */
+/* Adds the squared differences of ln excess between a texel and texel + step. Returns FALSE if
+ * either texel is outside. */
 static gboolean chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes, int texel,
                             int step, float ret[3]) {
     if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
@@ -67,7 +69,8 @@ static gboolean chroma_step(const Rectify *rectify, const struct rectify_slopes 
     return TRUE;
 }
 
-/* chroma of each texel: the mean over the adjacent pairs among the 3 × 3 texels around it. */
+/* Sets chroma of each texel to the mean over the adjacent pairs among the 3 × 3 texels around
+ * it. */
 static void find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
     const int width = rectify->columns, height = rectify->n_texels / width;
     for (int texel = 0; texel < rectify->n_texels; texel++) {
@@ -90,8 +93,9 @@ static void find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
     }
 }
 
-/* (l − the mean l of the four nearest pixels behind the same colour filter)² / 1.25: the variance
- * of l, the logarithm of green over a pixel's own colour, if l varies at random. */
+/* Returns (l − mean of l over the four nearest pixels behind the same colour filter)² / 1.25,
+ * where l is the logarithm of green over a pixel's own colour. This is the variance of l if l
+ * varies at random. */
 static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
@@ -105,9 +109,9 @@ static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     return off * off / 1.25f;
 }
 
-/* Where red or blue, which one pixel in four measures, changes relative to green from one such
- * pixel to the next, the ratios of the pixels between them are off by about as much. This is the
- * mean over the pixels of a texel that see red or blue; 0 for green. */
+/* Red or blue is measured by one pixel in four. If its ratio to green changes from one such
+ * pixel to the next, the ratios of the pixels between them have errors of about that size. The
+ * result is the mean over the pixels of a texel that see red or blue, and 0 for green. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -130,14 +134,16 @@ float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     return ret;
 }
 
-/* A frame in the form needed for errors: padded planes of values, of their variances, and of the
- * picture in red, green and blue, as the guide predicts it from the pixels of other colours. */
+/* A frame in the form that the errors need: padded planes of its values, of their variances, and
+ * of the picture in red, green and blue that the guide predicts from the pixels of other
+ * colours. */
 struct rectify_frame {
     const float *values, *variances, *colours, *ratio, *vary;
     const struct rectify_slopes *slopes;
 };
 
-/* noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area: room for the weights of one texel; none: 0s. */
+/* noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area has room for the weights of one texel. none is
+ * an array of zeros. */
 static inline __attribute__((always_inline)) void rectify_noise(const Rectify *rectify, int texel,
                                                                 const struct rectify_frame *frame,
                                                                 float *area, const float *none,
@@ -171,7 +177,8 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
         ret[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * rectify_sum_of(&sum[c]);
 }
 
-/* A texel's area weights, 0 in the picture's first and last column. copy: room for them. */
+/* Copies a texel's area weights with 0 in the picture's first and last column. copy has room for
+ * them. */
 static const float *inner_weights(const Rectify *rectify, int texel, float *copy) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);
@@ -185,15 +192,18 @@ static const float *inner_weights(const Rectify *rectify, int texel, float *copy
     return copy;
 }
 
-/* One colour's sums over a texel: of u², of squares of other colours' predictions, of slopes. */
+/* One colour's sums over a texel: of u², of the squares of predictions from other colours, and
+ * of slopes. */
 struct rectify_sums {
     wide squares, others, dx, dy;
 };
 
-/* LANES pixels of one row in one colour: m is the plane times a factor (here; aside: in the row;
- * below: above and below), 1 for the colour's own pixels and the texel's excess for others. Λ_p =
- * m_p − mean of the four neighbours is what they do not predict of p; half their differences are
- * the slopes. other: 0 for the colour's own pixels, otherwise 1. ret: u_p = w_p Λ_p. */
+/* Adds LANES pixels of one row for one colour. m is the plane times a factor: here at the
+ * pixels, aside at their neighbours in the row, below at their neighbours above and below. The
+ * factor is 1 for pixels of the colour itself, and the texel's excess for other pixels. Λ_p =
+ * m_p − mean of the four neighbours is the part of p that they do not predict. Half the
+ * differences of the neighbours are the slopes. other is 0 for pixels of the colour itself,
+ * otherwise 1. ret: u_p = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {
@@ -209,16 +219,18 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
     *ret = u;
 }
 
-/* Errors are alike along an edge, and it is not known where edges run: with u_p = w_p Λ_p,
+/* Errors are similar along an edge, but the direction of an edge is not known. Therefore the
+ * largest of four sums is used, with u_p = w_p Λ_p:
  *   max_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
  *   coherence_c = max_c / Σ_p u_p².
- * Where in a pixel an edge lies gives a variance of κ² max_c. A pixel's colours deviate from its
- * texel's as adjacent texels' do if that is CHROMA_PX across, more if it is smaller:
+ * The unknown position of an edge within a pixel gives a variance of κ² max_c. The colours of
+ * the pixels in a texel differ from the texel's colour. If the texel is CHROMA_PX pixels across,
+ * they differ as much as the colours of adjacent texels do; in a smaller texel they differ more.
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
  *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
  *   detail_c = max(0, κ² (gain_c² max_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),
  *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²).
- * down: room for 3 × columns of the window. */
+ * down has room for 3 × columns of the window. */
 static inline __attribute__((always_inline)) void
 rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame *frame,
                   const float *weight, float *down, const float noise[3], float ret_detail[3],
@@ -320,7 +332,7 @@ rectify_errors_avx2(const Rectify *rectify, const float *mosaic, const float *pi
 }
 #endif
 
-/* Of one plane of a frame, as if all of its pixels saw the three colours. */
+/* Computes the errors of one plane of a frame as if all of its pixels saw the three colours. */
 static void plane_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                          float *ret_noise, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)
@@ -332,7 +344,7 @@ static void plane_errors(const Rectify *rectify, const float *mosaic, const floa
     rectify_do_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
 }
 
-/* Of "rgb" each colour's values come from its own plane. */
+/* Copies one colour. For "rgb", the values of each colour come from its own plane. */
 static void take_colour(const Rectify *rectify, const float *found, gsize c, float *ret) {
     for (gsize i = c; i < 3 * (gsize)rectify->n_texels; i += 3)
         ret[i] = found[i];

@@ -6,16 +6,17 @@
 #include "demosaic.h"
 #include "rectify.h"
 
-#define MAX_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
+#define MAX_EXCESS 10.0f /* maximum ratio of measured to predicted colour */
 #define CHROMA_PX  4.0   /* see rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Adjacent pixels that one vector instruction sums. */
+/* Number of adjacent pixels that one vector instruction sums. */
 #define LANES 8
 typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
-/* Pixels that a texel has weights for. x is even: a lane has the same filter in every window. */
+/* The pixels for which a texel has weights. x is even, so that a lane has the same colour filter
+ * in every window. */
 struct window {
-    guint32 start; /* index of its first weight; there are n_rows × n_wide × LANES */
+    guint32 start; /* index of the first weight; there are n_rows × n_wide × LANES weights */
     guint16 x, y, n_rows, n_wide;
 };
 
@@ -27,25 +28,32 @@ struct rows {
 struct Rectify {
     int n_texels, columns, n_outside; /* columns: of texels */
     int width, height;                /* of the mosaic */
-    gsize stride;                     /* of padded rows: windows may reach beyond the border */
+    gsize stride;                     /* of padded rows; windows may reach beyond the border */
     gsize n_pixels;
-    guint8 *colour;      /* of each pixel, as in demosaic.h */
-    int phase[4];        /* colours of the 2 × 2 filter cell, row by row */
-    gboolean mono;       /* all pixels see the same: one colour, or (planes is 3) all three */
-    gsize planes;        /* of a frame: 1, or 3 of "rgb" */
-    struct rows area;    /* each pixel's share of the texel's area, times its gain */
-    struct rows around;  /* smooth weights, for the colour of a texel */
-    float (*balance)[3]; /* n_texels: the other colours' weight over its own, in around; 0: none */
+    guint8 *colour;     /* of each pixel, as in demosaic.h */
+    int phase[4];       /* colours of the 2 × 2 filter cell, row by row */
+    gboolean mono;      /* all pixels see the same: one colour, or all three (if planes is 3) */
+    gsize planes;       /* planes of a frame: 1, or 3 for "rgb" */
+    struct rows area;   /* each pixel's share of the texel's area, times its gain */
+    struct rows around; /* smooth weights, for estimating the colour of a texel */
+    /* n_texels: sum of the smooth weights of other colours over the sum of those of the own
+     * colour; 0 if there are none */
+    float (*balance)[3];
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
-    struct demosaic_lateral lateral; /* of the camera; "rgb" has it in red and blue below */
-    gboolean is_lateral;             /* it is not 0 */
-    Rectify *red, *blue;             /* "rgb" with lateral colour: of these planes; NULL: as all */
-    float *ratio; /* planes: factors to R, G and B, 0 for a pixel's own; NULL: no guide */
-    float *vary;  /* n_texels × 3, of ratio: rectify_find_vary(); NULL: no guide */
+    /* of the camera; for "rgb" it is applied in red and blue below */
+    struct demosaic_lateral lateral;
+    gboolean is_lateral; /* whether lateral is not 0 */
+    /* rectifications of the red and blue planes of "rgb" with lateral colour; NULL if all planes
+     * use this one */
+    Rectify *red, *blue;
+    /* planes of factors to R, G and B, 0 for a pixel's own colour; NULL if there is no guide */
+    float *ratio;
+    /* n_texels × 3: rectify_find_vary() of ratio; NULL if there is no guide */
+    float *vary;
 };
 
-/* That of a plane of "rgb". */
+/* Returns the rectification that applies to a plane of "rgb". */
 static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plane) {
     const Rectify *own = plane == DEMOSAIC_RED    ? rectify->red
                          : plane == DEMOSAIC_BLUE ? rectify->blue
@@ -53,21 +61,25 @@ static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plan
     return own ? own : rectify;
 }
 
-/* Demosaicing factors of a mosaic as three padded planes (height × stride each), 0 for a pixel's
- * own colour, so that own and estimated values are summed separately. g_free() */
+/* Returns the demosaicing factors of a mosaic as three padded planes (height × stride each). The
+ * factor of a pixel's own colour is 0, so that own and estimated values are summed separately.
+ * g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
 
-/* Variances of the ratios' logarithms from pixel to pixel in each texel: n_texels × 3. g_free() */
+/* Returns the variances from pixel to pixel of the logarithms of the ratios, for each texel:
+ * n_texels × 3. g_free() */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
-/* Copies a mosaic to padded rows (height × stride), 0 where not finite; FALSE: it is somewhere. */
+/* Copies a mosaic to padded rows (height × stride). Values that are not finite become 0; returns
+ * FALSE if there are any. */
 gboolean rectify_pad(const Rectify *rectify, const float *mosaic, float *ret);
 
 static inline const float *rectify_weights_of(const struct rows *rows, int texel) {
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* Weighted sums over a window: of a colour's pixels, and of what others predict for it. */
+/* Weighted sums over a window: of the pixels of a colour, and of the predictions for this colour
+ * from other pixels. */
 struct tally {
     float own[3], others[3];
 };
@@ -77,8 +89,8 @@ static inline float rectify_sum_of(const wide *value) {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
-/* own_c = Σ w·m over pixels of colour c, others_c = Σ w·m·ratio_c over the other pixels. mosaic
- * is padded: its rows have the stride of the ratios. */
+/* own_c = Σ w·m over the pixels of colour c, others_c = Σ w·m·ratio_c over the other pixels.
+ * mosaic is padded: its rows have the stride of the ratios. */
 static inline __attribute__((always_inline)) void
 rectify_add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
                const float *ratio, struct tally *ret) {

@@ -5,25 +5,29 @@
 
 #include "sweep_pulse.h"
 
-#define MIN_MARGIN   4    /* DN: lower bound of the margin */
-#define MAX_MARGIN   64   /* the margin grows to saturation / this at most */
-#define FEW_PIXELS   256  /* fewer pixels do not measure noise: a line may light them all */
+#define MIN_MARGIN   4    /* DN: minimum margin */
+#define MAX_MARGIN   64   /* the margin grows to at most saturation / this */
+#define FEW_PIXELS   256  /* fewer pixels do not measure noise, because a line may light them all */
 #define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
 #define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
 #define DARKEST      2.5 /* expected distance of the minimum of many samples from their mean, in σ */
-#define NOISE_FRAMES 5   /* first frames of a sweep, whose successive pairs measure noise */
-#define ODD_RATIO    2   /* a pair of frames is odd if it differs this many times */
-#define ODD_DN       2   /* and this many DN more than a later pair */
-#define CROWDED      8   /* records per vector that are expected without noise */
+/* number of frames at the start of a sweep whose successive pairs measure noise */
+#define NOISE_FRAMES 5
+/* a pair of frames is odd if its difference exceeds ODD_RATIO times that of a later pair plus
+ * ODD_DN */
+#define ODD_RATIO 2
+#define ODD_DN    2 /* see ODD_RATIO */
+#define CROWDED   8 /* number of records per vector that is expected without noise */
 
-/* Pixels per SIMD vector; if one is lit, all are recorded. GCC vectors compare to −1 or 0. */
+/* Pixels per SIMD vector. If one of them is lit, all are recorded. Comparisons of GCC vectors
+ * give −1 or 0. */
 #define LANES   16
 #define GROUP   4 /* vectors tested together */
 #define NOTHING G_MAXUINT32
 
 #define TOGETHER 4    /* frames per pass over the backgrounds */
-#define AHEAD    2048 /* pixels: one page, where hardware prefetching stops */
+#define AHEAD    2048 /* pixels of one page, at whose end hardware prefetching stops */
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));
 
@@ -36,17 +40,19 @@ struct record {
 struct Sweep {
     gsize n_pixels, n_vectors;
     int n_frames, count;
-    int first; /* first frame that the backgrounds include */
+    int first; /* first frame that is included in the backgrounds */
     guint16 saturation, margin;
     guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
     int difference;               /* median difference of the pair that set the margin */
-    float pedestal;   /* expected mean − minimum of a pixel's samples without a line */
+    /* expected difference between the mean and the minimum of a pixel's samples without a line */
+    float pedestal;
     guint16 *darkest; /* minimum of each pixel; n_vectors × LANES */
-    guint16 *opening; /* the frame `first`, same size: tested only when the pulses are found */
-    guint32 *last;    /* newest record of each vector, or NOTHING */
+    /* the frame `first`, same size; it is tested only when the pulses are found */
+    guint16 *opening;
+    guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
-    const Sweep *shorter; /* or NULL */
+    const Sweep *shorter; /* may be NULL */
     float ratio;
 };
 
@@ -100,7 +106,7 @@ static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsiz
     sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
-/* Updates the backgrounds of n vectors (a compile-time constant) and records those that are lit. */
+/* Updates the backgrounds of n vectors (a compile-time constant) and records the lit ones. */
 static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
                                                               gsize vector, int n, int frame) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -115,14 +121,15 @@ static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, cons
         keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
 }
 
-/* Adds a pixel's next sample to its minimum; returns sample − minimum. */
+/* Includes a pixel's next sample in its minimum. Returns sample − minimum. */
 static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
     guint16 value = MIN(sample, saturation);
     *darkest = MIN(value, *darkest);
     return (guint16)(value - *darkest);
 }
 
-/* As absorb_some() for GROUP vectors, TOGETHER frames. FALSE, nothing changed: some may be lit. */
+/* The same as absorb_some() for GROUP vectors and TOGETHER frames. Returns FALSE, and changes
+ * nothing, if any vector may be lit. */
 static inline __attribute__((always_inline)) gboolean
 absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -156,7 +163,7 @@ static inline void reserve(Sweep *sweep, gsize n_records) {
     sweep->records = g_renew(struct record, sweep->records, sweep->room);
 }
 
-/* n: number of frames, TOGETHER or 1, a compile-time constant. */
+/* n is the number of frames, TOGETHER or 1. It is a compile-time constant. */
 static inline __attribute__((always_inline)) void
 sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize n_vectors = sweep->n_pixels / LANES;
@@ -174,7 +181,8 @@ sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
             absorb_some(sweep, frames[k] + v * LANES, v, 1, sweep->count + k);
 }
 
-/* Dispatched by hand: the resolvers of target_clones run before the sanitizers' start-up. */
+/* The function is dispatched by hand, because the resolvers of target_clones run before the
+ * sanitizers have started. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *const *frames,
                                                         int n) {
@@ -197,8 +205,9 @@ static int by_size(const void *a, const void *b) {
 }
 
 /* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels. If a
- * later pair differs much less, one of the earlier frames was lit differently as a whole: the sweep
- * begins again with this frame, the first that the backgrounds then include. */
+ * later pair differs much less, the whole picture of an earlier frame was lit differently. The
+ * sweep then starts again with the current frame, which becomes the first frame of the
+ * backgrounds. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
     int size[NOISE_PIXELS];
@@ -226,8 +235,9 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     }
 }
 
-/* There are more records than lines explain: noise, or flickering light. The margin grows by half
- * until the records take half of the limit, but not so far that lines are lost. */
+/* There are more records than lines can explain, because of noise or flickering light. The
+ * margin grows by half until the records take half of the limit, but not so far that lines are
+ * lost. */
 static void make_room(Sweep *sweep) {
     int most = MAX(MIN_MARGIN, sweep->saturation / MAX_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
@@ -238,7 +248,8 @@ static void make_room(Sweep *sweep) {
             guint32 from = sweep->last[vector], *to = &sweep->last[vector];
             for (; from != NOTHING; from = sweep->records[from].previous) {
                 const struct record *record = &sweep->records[from];
-                gboolean lit = FALSE; /* still, above the margin over the present background */
+                /* whether it still exceeds the margin over the present background */
+                gboolean lit = FALSE;
                 for (gsize i = 0; i < LANES; i++)
                     lit |= record->value[i] - (int)sweep->darkest[vector * LANES + i] >
                            (int)sweep->margin;
@@ -261,7 +272,7 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
     g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
     for (int k = 0, some = 0; k < n; k += some) {
-        /* The margin has to grow after the same frame however the calls split the frames. */
+        /* The margin must grow after the same frame, no matter how the calls split the frames. */
         const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
         const gboolean many = n - k >= TOGETHER && sweep->count >= NOISE_FRAMES;
         some = many && most <= sweep->crowded ? TOGETHER : 1;
@@ -325,7 +336,7 @@ static float full_of(const Sweep *sweep, gsize i) {
     return (float)(sweep->saturation - sweep->darkest[i]);
 }
 
-/* Collects a pixel's samples above the margin, and those just before and after. */
+/* Collects a pixel's samples above the margin, and the samples just before and after them. */
 static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     int n = 0;
     const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);
@@ -359,7 +370,8 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
                                             .pedestal = sweep->pedestal};
 }
 
-/* Replaces saturated samples by ratio × those of the shorter exposure, if that has all of them. */
+/* Replaces saturated samples by ratio × the samples of the shorter exposure, if that has all of
+ * them. */
 static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) {
     const Sweep *shorter = sweep->shorter;
     struct sweep_samples *samples = &pixel->samples;

@@ -1,12 +1,14 @@
 /*
- * A laser sweep seen by one camera, analysed while the frames arrive (space-time analysis, Wang et
- * al. 2005 §3.2): for every pixel the time of its peak to a fraction of a frame.
+ * A laser sweep seen by one camera. It is analysed while the frames arrive (space-time analysis,
+ * Wang et al. 2005 §3.2). The result is the time of the peak of every pixel, to a fraction of a
+ * frame.
  *
- * A line lights each pixel in a few frames only: those samples are kept, with those just before and
- * after, and of all others only each pixel's minimum, its background. A sample belongs to a line if
- * it exceeds the background by the noise margin. The noise is measured in the first two frames; the
- * margin is at least 4 DN. If one of those was lit differently as a whole, as the next pairs show,
- * the frames up to it are left out. Feed frames in order, each once. One thread at a time.
+ * A line lights each pixel in a few frames only. Those samples are kept, together with the samples
+ * just before and after them. Of all other samples only the minimum of each pixel is kept, as its
+ * background. A sample belongs to a line if it exceeds the background by the noise margin. The
+ * noise is measured in the first two frames; the margin is at least 4 DN. If the next pairs show
+ * that the whole picture of an early frame was lit differently, the frames up to that one are left
+ * out. Feed the frames in order, each once. One thread at a time.
  */
 #pragma once
 
@@ -14,7 +16,7 @@
 
 typedef struct Sweep Sweep;
 
-/* At most 32767 frames. */
+/* Creates a sweep of at most 32767 frames. saturation is in DN. */
 Sweep *sweep_new(int width, int height, int n_frames, int saturation);
 void sweep_free(Sweep *sweep); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
@@ -22,26 +24,29 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 /* Adds the next frame, width × height values. */
 void sweep_add(Sweep *sweep, const guint16 *pixels);
 
-/* Adds the next n frames in order; the result is that of adding them one by one, but faster. */
+/* Adds the next n frames in order. The result is the same as adding them one by one, but this is
+ * faster. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 
-/* Borrows a second sweep over the same steps; sweep's exposure is ratio times as long. Pulses that
- * saturate sweep are then measured by both. Call it before sweep_finish(); add frames to both. */
+/* Sets a second sweep over the same steps with a shorter exposure; the exposure of the first is
+ * ratio times as long. Both sweeps are used for pulses that saturate the first one. The second
+ * sweep is borrowed. Call this function before sweep_finish(), and add frames to both sweeps. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
-/* Arrays of width × height each. Time and width are those of the Gaussian that fits the samples of
- * the pulse best, weighted by their noise. */
+/* Arrays of width × height each. Time and width are those of the Gaussian that best fits the
+ * samples of the pulse, weighted by their noise. */
 struct sweep_pulses {
-    /* time in frames (0 is the middle of the first); −1: none, since the maximum is below
-     * threshold, or in the first (that is not left out) or last frame */
+    /* time in frames (0 is the middle of the first frame); −1 if there is no peak, because the
+     * maximum is below threshold, or is in the first frame that is not left out, or in the last
+     * frame */
     float *peak;
     float *width;     /* standard deviation of the pulse in frames; may be NULL */
-    float *intensity; /* maximum above background in DN, of the longer exposure of two */
+    float *intensity; /* maximum above background in DN; of the longer of two exposures */
 };
 
-/* Writes each pixel's brightest pulse, and its second brightest (light reflected by the
- * surroundings, or a surface behind an edge), whose intensity is 0 where there is none. Either may
- * be NULL. threshold is in DN. Frames may be added afterwards. */
+/* Writes each pixel's brightest pulse and its second brightest pulse (light that the surroundings
+ * reflected, or a surface behind an edge). The intensity of the second is 0 if there is none.
+ * Either result may be NULL. threshold is in DN. Frames may be added afterwards. */
 void sweep_finish(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                   const struct sweep_pulses *ret_second);
 

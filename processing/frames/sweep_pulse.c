@@ -2,21 +2,23 @@
 
 #include <math.h>
 
-#define VALLEY  0.6f  /* of the fainter of two peaks: a lower minimum between separates them */
-#define WINGS   0.12f /* of the maximum: fainter samples may belong to another line */
-#define FAINT   0.6f  /* of the margin: mean of the samples below it next to a pulse */
-#define READ_DN 5.0f  /* DN: where shot noise equals read noise */
-#define MAX_LOG 20    /* upper bound of ln(height in DN) */
-#define DOUBT   1.3   /* of the margin: the fit leaves out samples that should be fainter, */
-#define KNOWN   0.4   /* or this, where the adjacent samples are known, too */
+#define VALLEY 0.6f  /* share of the fainter of two peaks; a minimum below this separates them */
+#define WINGS  0.12f /* share of the maximum; fainter samples may belong to another line */
+/* share of the margin: mean of the samples below the margin next to a pulse */
+#define FAINT   0.6f
+#define READ_DN 5.0f /* level at which shot noise equals read noise */
+#define MAX_LOG 20   /* upper bound of ln(height in DN) */
+/* share of the margin: the fit leaves out samples whose fitted value is smaller than this */
+#define DOUBT 1.3
+#define KNOWN 0.4 /* the same limit if the adjacent samples are known as well */
 
-/* The samples of one pulse: first … last; top is the first of the brightest. */
+/* The samples of one pulse, first … last. top is the first one of the brightest samples. */
 struct span {
     int first, last, top;
 };
 
-/* The pulse that begins at a sample: it ends where the frames are not consecutive, or at the
- * minimum before a rise, if that is below VALLEY of both peaks. */
+/* Returns the pulse that begins at a sample. It ends where the frames are not consecutive, or at
+ * the minimum before a rise if that minimum is below VALLEY of both peaks. */
 static struct span span_from(const struct sweep_samples *s, int first) {
     struct span span = {first, first, first};
     int low = first;
@@ -49,7 +51,7 @@ static void add_sample(struct sums *sums, double t, double y, double weight) {
     }
 }
 
-/* Solves M c = v, M_ij = m[i + j] (3 × 3), by Cramer's rule. FALSE: M is singular. */
+/* Solves M c = v, M_ij = m[i + j] (3 × 3), by Cramer's rule. Returns FALSE if M is singular. */
 static gboolean solve(const struct sums *sums, double c[3]) {
     const double *m = sums->m, *v = sums->v;
     double a = m[2] * m[4] - m[3] * m[3], b = m[2] * m[3] - m[1] * m[4];
@@ -70,17 +72,19 @@ struct gaussian {
     double time, width, c[3];
 };
 
-/* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance of
- * its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise. */
+/* The logarithm of a Gaussian is a parabola (Guo 2011). The weight of a sample is the inverse
+ * variance of its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read
+ * noise. */
 static double weight_of(const struct sweep_samples *s, int k, double value) {
     const double gain = s->gain ? s->gain[k] : 1;
     return value * value / (gain * (value + gain * READ_DN));
 }
 
-/* Fits the unsaturated samples of a pulse. old == NULL: the parabola through the logarithms of
- * those above the margin. Else one Gauss-Newton step about the first fit f, y' = ln f + (y − f) /
- * f. Noise does not bias y' as it biases ln y, and dark samples count as well, except those so dark
- * that noise decides whether they are recorded. FALSE: no fit, or its time is outside of part. */
+/* Fits the unsaturated samples of a pulse. If old is NULL, fits the parabola through the
+ * logarithms of the samples above the margin. Otherwise makes one Gauss-Newton step from the
+ * first fit f, with y' = ln f + (y − f) / f. Noise biases ln y but not y', so that dark samples
+ * can be used as well, except samples so dark that noise decides whether they are recorded.
+ * Returns FALSE if there is no fit, or if its time is outside of part. */
 static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
                     const struct gaussian *old, struct gaussian *ret) {
     const double height =
@@ -116,14 +120,16 @@ static gboolean fit(const struct sweep_samples *s, const struct span *part, doub
            middle + ret->time <= s->frame[part->last] + 1;
 }
 
-/* Value of sample k; outside of the pulse the expected value below the margin, which is not 0. */
+/* Returns the value of sample k. Outside of the pulse, this is the expected value below the
+ * margin, which is not 0. */
 static double value_at(const struct sweep_samples *s, const struct span *span, int k) {
     return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
                                                                           : FAINT * s->margin;
 }
 
-/* Pulses of one or two samples: the Gaussian through three samples, some of them background. With
- * a, b, c the logarithms at −1, 0, 1: time = ½ (a − c) / (a − 2b + c), σ² = −1 / (a − 2b + c). */
+/* Fits pulses of one or two samples: the Gaussian through three samples, of which some are
+ * background. With the logarithms a, b, c at the times −1, 0, 1: time = ½ (a − c) / (a − 2b +
+ * c), σ² = −1 / (a − 2b + c). */
 static void between_few(const struct sweep_samples *s, const struct span *span, int length,
                         struct sweep_pulse *ret) {
     double a = log(value_at(s, span, span->top - 1)), b = log((double)s->value[span->top]);
@@ -136,9 +142,10 @@ static void between_few(const struct sweep_samples *s, const struct span *span, 
     ret->width = 1 / sqrt(-curvature);
 }
 
-/* A saturated plateau of length n frames. The pulse crosses the plateau's value on average half a
- * frame beyond its ends; with the geometric mean g of the neighbours at h = (n + 1)/2 this gives
- * σ² = (h² − n²/4) / (2 ln(top / g)), and the neighbours' ratio gives the centre. */
+/* Fits a saturated plateau of n frames. On average, the pulse crosses the plateau's value half a
+ * frame beyond the ends of the plateau. With the geometric mean g of the neighbours, which are
+ * at h = (n + 1)/2 from the centre, σ² = (h² − n²/4) / (2 ln(top / g)). The ratio of the
+ * neighbours gives the centre. */
 static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
                            struct sweep_pulse *ret) {
     double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
@@ -151,7 +158,8 @@ static void across_plateau(const struct sweep_samples *s, const struct span *spa
         ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
 }
 
-/* The plateau with the samples above WINGS of the maximum, and at least one on each side. */
+/* Returns the plateau with the samples above WINGS of the maximum, and with at least one sample
+ * on each side. */
 static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
     struct span part = {span->top, span->top + length - 1, span->top};
     double least = WINGS * s->value[span->top];
@@ -166,7 +174,7 @@ static struct span bright_part(const struct sweep_samples *s, const struct span 
 
 static void measure(const struct sweep_samples *s, const struct span *span,
                     struct sweep_pulse *ret) {
-    int length = 1; /* consecutive frames at the maximum */
+    int length = 1; /* number of consecutive frames at the maximum */
     while (span->top + length <= span->last && s->value[span->top + length] >= s->value[span->top])
         length++;
     int begin = s->frame[span->top], end = begin + length - 1;
@@ -183,7 +191,8 @@ static void measure(const struct sweep_samples *s, const struct span *span,
         ret->width = better.width;
         return;
     }
-    /* Values below the first frame's were taken for background: a flank is missing. */
+    /* Values below that of the first frame were counted as background, so that a flank is
+     * missing. */
     if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)

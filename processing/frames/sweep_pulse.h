@@ -5,23 +5,25 @@
 
 #include <glib.h>
 
-/* A pixel's samples above its background in order of time, and those next to them where known. */
+/* A pixel's samples above its background in order of time, and the samples next to them where
+ * known. */
 struct sweep_samples {
     const int *frame;
     const float *value;  /* DN above background */
-    const float *gain;   /* factor that was applied to each; NULL: none */
+    const float *gain;   /* factor that was applied to each value; NULL if none was */
     int n, first, count; /* first frame of the backgrounds; number of frames */
     float full;          /* values from here on are saturated */
     float margin;        /* values up to here do not belong to a line */
-    float pedestal;      /* mean background in these values */
+    float pedestal;      /* mean background, in units of value */
 };
 
 struct sweep_pulse {
-    double time, width; /* frames; time < 0: the maximum is in the first or last frame */
-    double height;      /* DN: its brightest sample */
+    double time, width; /* frames; time < 0 if the maximum is in the first or last frame */
+    double height;      /* DN: value of the brightest sample */
 };
 
-/* Finds the brightest and second brightest pulse (either may be NULL); returns their number, 0 … 2.
- * Between two pulses the signal falls below VALLEY (sweep_pulse.c) of the fainter one. */
+/* Finds the brightest and the second brightest pulse; either result may be NULL. Returns the
+ * number of pulses, 0 … 2. Between two pulses the signal falls below VALLEY (sweep_pulse.c) of
+ * the fainter one. */
 int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
                      struct sweep_pulse *ret_second);

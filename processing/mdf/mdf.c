@@ -1,6 +1,7 @@
-/* A pixel's ray c + t r meets the sheet of light of its peak time at t (laser_lines_range_mm());
- * the MDF value is its distance t − t₀ along the ray behind the reference plane, t₀ = (z_ref − c_z)
- * / r_z. Each sweep gives up to two candidates a texel, which mdf_merge.c combines. */
+/* A pixel's ray c + t r meets the sheet of light of its peak time at t (laser_lines_range_mm()).
+ * The MDF value is the distance along the ray behind the reference plane, t − t₀ with t₀ =
+ * (z_ref − c_z) / r_z. Each sweep gives up to two candidates per texel, which mdf_merge.c
+ * combines. */
 #include "mdf.h"
 
 #include <math.h>
@@ -11,39 +12,47 @@
 #include "frames/rectify.h"
 #include "mdf_errors.h"
 
-#define MIN_ANGLE 0.03 /* least sine of the angle between ray and sheet: below it, noise */
-/* Two sweeps' distances this close agree: a share of a texel, since the surface varies within it,
- * or of the depth of a sweep's frame, to a tenth of which the faintest lines' peaks are known. */
+/* minimum sine of the angle between ray and sheet; below it, depths are noise */
+#define MIN_ANGLE 0.03
+/* Distances of two sweeps agree if they differ by at most a share of a texel, because the
+ * surface varies within a texel, or by at most a share of the depth of one frame, because the
+ * peaks of the faintest lines are only known to a tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In these tolerances: how far points may lie above the reference plane and below the structure. */
-#define ABOVE         5
-#define BELOW         10
-#define SEEN_SHARE    0.75f /* share of the pixels around a texel that must see the line */
-#define LIVE_SHARE    0.25  /* of the peaks in the best phase of the colour filter */
-#define FAINT         0.5   /* of the brightest line at a texel: such a line has half weight */
-#define CONFIRM       2     /* neighbouring texels that must have the same distance */
-#define CLOSE         0.2f  /* factor of the agreement tolerance for smooth continuation */
-#define MIN_TEXEL_PX  0.1   /* for errors' sake */
-#define HIDDEN_REACH  2     /* of mdf_shown(); chosen: docs/lab/accuracy.md */
-#define HIDDEN_SWEEPS 8     /* least for add_hidden_errors(): of fewer, shadows say too little */
-#define MANY_SWEEPS   4     /* from this number of sweeps on, one is not believed against others */
-#define OVER          (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
-#define LIGHT_DN      100.0   /* least height of a pulse whose time noise does not spoil, and */
-#define LIGHT_FRAMES  0.7     /* least line width that frames sample, for mdf_view_light() */
-#define WIDTHS        50000   /* pixels of which a line's width is the median */
-#define EVERY         3       /* texel of which mdf_view_light() looks at the scatter */
+/* In units of these tolerances: maximum distance of points above the reference plane and below
+ * the structure. */
+#define ABOVE      5
+#define BELOW      10
+#define SEEN_SHARE 0.75f /* minimum share of the pixels around a texel that see the line */
+#define LIVE_SHARE 0.25  /* minimum peaks of a live phase, relative to the best phase */
+/* relative to the brightest line at a texel; a line of this height has half weight */
+#define FAINT        0.5
+#define CONFIRM      2    /* number of neighbouring texels that must have the same distance */
+#define CLOSE        0.2f /* factor of the agreement tolerance for smooth continuation */
+#define MIN_TEXEL_PX 0.1  /* px; lower bound of the size of a texel, for the errors */
+#define HIDDEN_REACH 2    /* of mdf_shown(); chosen: docs/lab/accuracy.md */
+/* minimum for add_hidden_errors(); of fewer sweeps, shadows say too little */
+#define HIDDEN_SWEEPS 8
+/* from this number of sweeps on, a single sweep is not believed against others */
+#define MANY_SWEEPS 4
+#define OVER        (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
+#define LIGHT_DN    100.0   /* minimum height of a pulse whose time is not dominated by noise */
+/* minimum line width that the frames sample well; both for mdf_view_light() */
+#define LIGHT_FRAMES 0.7
+#define WIDTHS       50000 /* number of pixels for the median of a line's width */
+#define EVERY        3     /* mdf_view_light() examines the scatter of every third texel */
 
-/* What a sweep saw of a texel. */
+/* The data that a sweep has of a texel. */
 struct seen {
-    float mm, dn; /* mm < 0: nothing */
+    float mm, dn; /* mm < 0 if it saw nothing */
     float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };
 
-/* What the calibration knows of a sweep's sheet. */
+/* The calibration's knowledge of a sweep's sheet. */
 struct known {
-    const struct rig_laser *laser; /* identifies the laser, whose sweeps' errors are the same */
+    /* identifies the laser; all sweeps of a laser have the same errors */
+    const struct rig_laser *laser;
     struct rig_laser copy;
     struct rig_arc arc;
     gboolean has_arc, has_errors;
@@ -56,21 +65,25 @@ struct MdfView {
     struct vec3 centre_mm;
     struct session_grid grid;
     int n_texels, n_sweeps;
-    float agreement_mm; /* adjacent pixels whose distances differ more see different surfaces */
+    float agreement_mm; /* adjacent pixels whose distances differ by more see different surfaces */
     float *ray;         /* n_pixels × 3: unit vectors, rig frame */
     float *onset_mm; /* n_pixels: distance along the ray from the centre to the reference plane */
-    float *x_px, *y_px; /* n_texels: projected centres; x < 0: outside of the picture */
-    float *pixel_mm[2]; /* n_pixels, one sweep: by the brightest, second pulse; −1: none, or OVER */
-    guint8 *over;       /* n_texels: number of sweeps whose line lies above the reference plane */
+    float *x_px, *y_px; /* n_texels: projected centres; x < 0 if outside of the picture */
+    /* n_pixels, of one sweep: from the brightest and from the second pulse; −1 if there is none,
+     * or OVER */
+    float *pixel_mm[2];
+    guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
-    double line_frames[MDF_MAX_SWEEPS]; /* standard deviation of the line, median; 0: unknown */
-    double line_ratio[MDF_MAX_SWEEPS];  /* of the line's width to that on plates; 0: unknown */
+    double line_frames[MDF_MAX_SWEEPS]; /* standard deviation of the line, median; 0 if unknown */
+    /* width of the line relative to its width on plates; 0 if unknown */
+    double line_ratio[MDF_MAX_SWEEPS];
     double turntable_rad;
-    double sight[2][2]; /* covariance of where the camera sees the sample, in texels² */
+    /* covariance of the position at which the camera sees the sample, in texels² */
+    double sight[2][2];
     double texel_mm;
-    double texel_px[2]; /* from a texel to the next one, along rows and columns */
+    double texel_px[2]; /* pixels from one texel to the next, along rows and columns */
     int spacing_px;     /* of pixels that see the laser */
 };
 
@@ -118,14 +131,14 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
             const struct vec3 p = rectify_point_mm(grid, column + k * !axis, row + k * axis);
             shown &= rig_project(camera, rig_turn(p, turntable_rad), &x[k], &y[k]);
         }
-        /* Texels far smaller than pixels are not worth more. */
+        /* A minimum applies, because texels far smaller than pixels do not give more accuracy. */
         view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), MIN_TEXEL_PX) : 1;
     }
     return view;
 }
 
-/* K V Kᵀ, with K the inverse of the derivative of a texel's position in the picture by its column
- * and row, at the grid's middle. */
+/* K V Kᵀ, where K is the inverse of the derivative of a texel's position in the picture with
+ * respect to its column and row, in the middle of the grid. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]) {
     const double middle[2] = {0.5 * view->grid.width, 0.5 * view->grid.height};
     double at[3][2], k[2][2];
@@ -178,8 +191,9 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-/* Depth of a frame: at a range R from the source the sheet moves by step · R, which is returned,
- * and by step · R / |n·r| along a ray r (ret_along_mm), here that through the texels' middle. */
+/* Returns the distance by which the sheet moves in one frame, step · R, at the range R from the
+ * source. ret_along_mm is the depth of a frame along a ray r, step · R / |n·r|; here the ray
+ * passes through the middle of the texels. */
 static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
                            double *ret_along_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
@@ -195,8 +209,9 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
     return frame_mm;
 }
 
-/* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
- * a grazing intersection, or a point below the volume; OVER: a point above it. */
+/* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time.
+ * Returns −1 if there is no line, if the intersection is grazing, or if the point is below the
+ * volume. Returns OVER if the point is above the volume. */
 static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -214,17 +229,18 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* The phases of the 2 × 2 colour filter that see the laser: all, or those of its colour. */
+/* The phases of the 2 × 2 colour filter that see the laser: all phases, or those of its colour. */
 struct phases {
     gboolean live[4];
-    int radius; /* largest distance in pixels to the next live one */
+    int radius; /* maximum distance in pixels from a pixel to the next live one */
 };
 
 static int phase_of(int x, int y) {
     return 2 * (y & 1) + (x & 1);
 }
 
-/* Intersects the pixels' rays with their peaks' sheets (pixel_mm), and finds the live phases. */
+/* Intersects the rays of all pixels with the sheets of their peaks (pixel_mm), and finds the
+ * live phases. */
 static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep, double height_mm) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
@@ -243,7 +259,8 @@ static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep,
     return phases;
 }
 
-/* A pixel near a texel: distances and heights of its brightest and second pulse; mm < 0: none. */
+/* A pixel near a texel, with distances and heights of its brightest and its second pulse. mm < 0
+ * if there is no pulse. */
 struct near {
     int x, y;
     float mm[2], dn[2];
@@ -254,7 +271,8 @@ struct near {
 struct nears {
     struct near near[16];
     int n;
-    float all, seen, over; /* summed weights: live pixels, those with a peak, with one above */
+    /* sums of weights: of all live pixels, of those with a peak, and of those with a point above */
+    float all, seen, over;
 };
 
 static float brightness(const float *dn, gsize pixel) {
@@ -287,7 +305,8 @@ static void find_near(const MdfView *view, const struct phases *phases,
         }
 }
 
-/* Index of the pixel's distance closest to mm within the tolerance; −1: none, or already taken. */
+/* Returns the index of the pixel's pulse whose distance is closest to mm within the tolerance.
+ * Returns −1 if there is none, or if it is already taken. */
 static int next_to(const MdfView *view, const struct near *near, float mm) {
     int next = -1;
     float least = view->agreement_mm;
@@ -306,8 +325,9 @@ struct side {
     float mm, dn, share;
 };
 
-/* Takes the surface with the largest weight of near pixels out of the set; on a tie, that of the
- * brightest pulses. It is the weighted mean of the near pixels that agree with one of them. */
+/* Takes the surface with the largest weight of near pixels out of the set; on a tie, the one
+ * with the brightest pulses. Its distance is the weighted mean of the near pixels that agree
+ * with one of them. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -339,7 +359,8 @@ static struct side take_side(const MdfView *view, struct nears *all) {
     return best;
 }
 
-/* The distance of a pixel's pulse that is the closest to mm; NAN: it has none. */
+/* Returns the distance of the pixel's pulse that is closest to mm, or NAN if the pixel has no
+ * pulse. */
 static float closest_to(const MdfView *view, const struct laser_sweep *sweep, int x, int y,
                         float mm) {
     if (x < 0 || y < 0 || x >= view->camera.width || y >= view->camera.height)
@@ -352,7 +373,8 @@ static float closest_to(const MdfView *view, const struct laser_sweep *sweep, in
     return found >= 0 ? found : NAN;
 }
 
-/* Bends of the surface at mm around the pixel of most weight, over one and two live spacings. */
+/* Computes the bends of the surface at mm around the pixel with the largest weight, over one and
+ * two live spacings. */
 static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int spacing_px,
                        const struct nears *nears, float mm, float ret_mm[MDF_BENDS]) {
     const struct near *middle = &nears->near[0];
@@ -368,8 +390,8 @@ static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int
     }
 }
 
-/* Share of the live pixels around (x, y) that saw a line. Their weight is that of a tent which
- * reaches HIDDEN_REACH times as far as that of the interpolation. */
+/* Returns the share of the live pixels around (x, y) that saw a line. Their weights are a tent
+ * that reaches HIDDEN_REACH times as far as the tent of the interpolation. */
 static float mdf_shown(const MdfView *view, const struct phases *phases, float x, float y) {
     const int r = HIDDEN_REACH * phases->radius, i = (int)floorf(x), j = (int)floorf(y);
     const int width = view->camera.width, height = view->camera.height;
@@ -385,9 +407,10 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
     return all > 0 ? seen / all : 0;
 }
 
-/* Takes over what the calibration knows of the sheet. Where the laser's line was found in the
- * reference region, it has measured the sheet's turn and its roll once more: each error is that of
- * the mean, 1 / √(1 / k² + 1 / e²), or the line's own if it contradicts the calibration. */
+/* Stores the calibration's knowledge of the sheet. If the laser's line was found in the
+ * reference region, that is a second measurement of the sheet's turn and roll. The error is then
+ * the error of the weighted mean, 1 / √(1 / k² + 1 / e²), or the error e of the line if it
+ * contradicts the calibration. */
 static void take_known(struct known *known, const struct laser_sweep *sweep) {
     const struct laser_lines *lines = sweep->lines;
     *known = (struct known){.laser = sweep->laser,
@@ -418,8 +441,8 @@ static void take_known(struct known *known, const struct laser_sweep *sweep) {
             c[i][k] *= factor[i] * factor[k];
 }
 
-/* Median of the line's standard deviation in frames, over pixels that see the sample; 0: unknown.
- */
+/* Returns the median of the line's standard deviation in frames, over pixels that see the
+ * sample, or 0 if it is unknown. */
 static double mdf_line_frames(const MdfView *view, const struct laser_sweep *sweep) {
     const int n = view->camera.width * view->camera.height, step = 1 + n / WIDTHS;
     g_autofree double *frames = g_new(double, n / step + 1);
@@ -435,7 +458,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     double along_mm;
     const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
     const double texel_mm = TEXEL_SHARE * view->texel_mm;
-    /* Not along the ray, or sweeps of low height resolution put points far outside the sample. */
+    /* Not the depth along the ray: sweeps with a low height resolution would then put points far
+     * outside of the sample. */
     struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
     struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;
@@ -445,9 +469,10 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         if (view->x_px[i] >= 0)
             find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
         view->over[i] += near.over > SEEN_SHARE * near.all;
-        /* At a depth edge the near pixels see two surfaces. The texel lies on the one with more
-         * weight, whose pixels alone are averaged; the other is a second candidate: other laser
-         * positions decide. If too few pixels saw the laser, it has none. */
+        /* At a depth edge, the near pixels see two surfaces. The texel lies on the one with more
+         * weight, and only the pixels of that surface are averaged. The other surface is a
+         * second candidate, about which other laser positions decide. If too few pixels saw the
+         * laser, there is no candidate. */
         if (near.n > 0 && !(near.seen < SEEN_SHARE * near.all))
             for (int k = 0; k < 2; k++)
                 side[k] = take_side(view, &near);
@@ -478,8 +503,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     return seen;
 }
 
-/* Candidates of a texel from all laser positions, of weight mdf_weight · b² / (b² + FAINT²), b:
- * pulse height over the brightest. Much fainter lines graze the surface, or are reflections. */
+/* Collects the candidates of a texel from all laser positions. The weight of a candidate is
+ * mdf_weight · b² / (b² + FAINT²), b being its pulse height over that of the brightest. Much
+ * fainter lines graze the surface, or are reflections. */
 static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
@@ -505,8 +531,9 @@ static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     return n;
 }
 
-/* Σ ((a + b) / 2 − m)² of a texel's distance m and opposite neighbours' a and b, over the (up to
- * four) pairs that have both. ret_pairs: how many have both; how many in the grid do not. */
+/* Returns Σ ((a + b) / 2 − m)², where m is a texel's distance and a and b are the distances of
+ * opposite neighbours, over the (up to four) pairs of which both are known. ret_pairs has the
+ * number of these pairs, and the number of other pairs within the grid. */
 static double bends_mm2(const MdfView *view, const float *distance, int texel, int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const int width = view->grid.width, height = view->grid.height;
@@ -527,16 +554,18 @@ static double bends_mm2(const MdfView *view, const float *distance, int texel, i
     return squares;
 }
 
-/* Their mean: on a plane 1.5 σ² of a texel's noise, at a step about (step / 2)²; −1: no pair. */
+/* Returns the mean of these squares. It is 1.5 σ² on a plane, σ being the noise of a texel, and
+ * about (step / 2)² at a step. Returns −1 if there is no pair. */
 static double roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
     const double squares = bends_mm2(view, distance, texel, pairs);
     return pairs[0] > 0 ? squares / pairs[0] : -1;
 }
 
-/* Standard errors of what one sweep alone saw: their squares are (r² + median r² of the view) /
- * 1.5, r² being a texel's roughness, which may be small by chance. Without neighbours it is the
- * largest step from texel to texel that one surface takes. */
+/* Sets the standard errors of texels that only one sweep saw. The squared error is (r² + median
+ * of r² over the view) / 1.5. r² is the texel's roughness; the median is added because r² may be
+ * small by chance. Without neighbours, the error is agreement_mm, the largest step between
+ * texels of one surface. */
 static void find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
                              float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);
@@ -554,9 +583,9 @@ static void find_lone_errors(const MdfView *view, const float *distance, const f
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
 }
 
-/* mdf_errors.h, 3. A step next to a texel bends the line through opposite neighbours by half of its
- * height, so s² is 4 b² of their bends b; where a neighbour is not known, (deepest − m)² / 3, as it
- * may lie as deep as the deepest texel, or anywhere between. */
+/* Adds part 3 of mdf_errors.h. A step next to a texel bends the line through opposite neighbours
+ * by half of its height, so that s² is 4 b² for their bends b. If a neighbour is unknown, it may
+ * have any depth down to that of the deepest texel, so that s² is (deepest − m)² / 3. */
 static void add_hidden_errors(const MdfView *view, const float *distance,
                               const struct mdf_spread *spreads, float *error_mm) {
     float deepest = 0;
@@ -575,22 +604,25 @@ static void add_hidden_errors(const MdfView *view, const float *distance,
     }
 }
 
-/* Share of the calibration in a texel's error. */
+/* The part of a texel's error that comes from the calibration. */
 struct known_share {
-    double sheets_mm2;  /* variance by errors of the sheets */
-    double by_texel[2]; /* Σ w dt/dx: how the ranges t to the sheets grow by a column, and a row */
+    double sheets_mm2; /* variance caused by errors of the sheets */
+    /* Σ w dt/dx: change of the ranges t to the sheets from one column, and from one row, to the
+     * next */
+    double by_texel[2];
 };
 
-/* From the camera to the reference plane through a texel's centre, rig frame. */
+/* Returns the vector from the camera to the reference plane at a texel's position, rig frame. */
 static struct vec3 way_to(const MdfView *view, double column, double row) {
     const struct vec3 p = rectify_point_mm(&view->grid, column + 0.5, row + 0.5);
     return vec3_sub(rig_turn(p, view->turntable_rad), view->centre_mm);
 }
 
-/* A sheet that is displaced by δ across itself moves the point on a ray r by δ / (n·r) along it,
- * and the merged distance by Σ w δ / (n·r), w: shares of the weight. All sweeps of a laser have the
- * same errors e, δ = j·e: their levers j add up, g = Σ w j / (n·r), and the variance is the sum of
- * gᵀ C g over lasers. samples: n sweeps' that were merged, at the distance mm. */
+/* If a sheet is displaced by δ across itself, the point on a ray r moves by δ / (n·r) along the
+ * ray, and the merged distance by Σ w δ / (n·r), where w are the normalised weights. All sweeps
+ * of a laser have the same errors e, with δ = j·e. Their levers j add up to g = Σ w j / (n·r),
+ * and the variance is the sum of gᵀ C g over lasers. samples are the n sweeps that were merged
+ * to the distance mm. */
 static struct known_share share_known(const MdfView *view, int texel,
                                       const struct mdf_candidate *samples, int n, double mm) {
     struct known_share share = {0};
@@ -648,7 +680,7 @@ static struct known_share share_known(const MdfView *view, int texel,
     return share;
 }
 
-/* Range of the surface along a texel's ray; NAN: unknown. */
+/* Returns the range of the surface along a texel's ray, or NAN if it is unknown. */
 static double mdf_range_mm(const MdfView *view, const float *distance, int column, int row) {
     if (column < 0 || row < 0 || column >= view->grid.width || row >= view->grid.height ||
         !(distance[row * view->grid.width + column] >= 0))
@@ -657,9 +689,10 @@ static double mdf_range_mm(const MdfView *view, const float *distance, int colum
            (double)distance[row * view->grid.width + column];
 }
 
-/* Adds the calibration's share to the standard errors. Where the camera sees the sample x texels
- * from where it is thought to, the sheets' ranges change by x dt/dx, while those of the surface
- * along the ray that is thought change by x ds/dx: the distance is off by the difference. */
+/* Adds the calibration's part to the standard errors. If the camera sees the sample x texels
+ * away from the assumed position, the ranges of the sheets change by x dt/dx, and the range of
+ * the surface along the assumed ray changes by x ds/dx. The error of the distance is the
+ * difference. */
 static void add_known_errors(const MdfView *view, const float *distance,
                              const struct known_share *shares, float *error_mm) {
     for (int i = 0; i < view->n_texels; i++) {
@@ -685,7 +718,8 @@ static void add_known_errors(const MdfView *view, const float *distance,
     }
 }
 
-/* Keeps candidates that continue the surface of CONFIRM neighbours or more. Returns how many. */
+/* Keeps the candidates that continue the surface of at least CONFIRM neighbours. Returns their
+ * number. */
 static int keep_continuing(const MdfView *view, const float *sure, int texel,
                            struct mdf_candidate *candidates, int n) {
     const int width = view->grid.width, height = view->grid.height;
@@ -721,8 +755,9 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_error[i] = -1;
         spreads[i] = merged.spread;
     }
-    /* Where too few laser positions agree, candidates that continue the surface around count. If
-     * there are none, a single sweep's brightest is believed, as nothing contradicts it. */
+    /* If too few laser positions agree, candidates that continue the surface around are used. If
+     * there are none and only one sweep saw the texel, its brightest pulse is used, because
+     * nothing contradicts it. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
@@ -749,7 +784,7 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     add_known_errors(view, ret_distance, shares, ret_error);
 }
 
-/* The scatter is √u of mdf_errors.h over the line's width. */
+/* The scatter is √u of mdf_errors.h divided by the line's width. */
 void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     g_autofree double *scatter = g_new(double, view->n_texels / EVERY + 1);

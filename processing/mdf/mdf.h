@@ -1,8 +1,9 @@
 /*
- * The mesostructure distance function (MDF) of one view from laser sweeps (Wang et al. 2005 §3.2):
- * each sweep gives a displacement image, and those of all laser positions are merged. A pixel's
- * peak time is a sweep angle, hence a sheet of light; the surface lies where the pixel's ray
- * intersects it. Sheets are as calibrated, neither parallel nor from afar. One thread per MdfView.
+ * The mesostructure distance function (MDF) of one view, from laser sweeps (Wang et al. 2005 §3.2).
+ * Each sweep gives a displacement image; the images of all laser positions are merged. The peak
+ * time of a pixel is a sweep angle, and hence a sheet of light. The surface lies where the pixel's
+ * ray intersects that sheet. Sheets are used as calibrated; they are neither parallel nor from
+ * infinity. One thread per MdfView.
  */
 #pragma once
 
@@ -12,7 +13,8 @@
 
 #define MDF_MAX_SWEEPS 128
 
-/* Version of the method: rises if the same sweeps give other values; older products are remade. */
+/* Version of the method. It increases when the same sweeps give other values; older products are
+ * then remade. */
 #define MDF_METHOD 14
 
 typedef struct MdfView MdfView;
@@ -22,36 +24,45 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
 void mdf_view_free(MdfView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 
-/* Adds a sweep, at most MDF_MAX_SWEEPS. Returns the number of texels that it saw. */
+/* Adds a sweep. At most MDF_MAX_SWEEPS can be added. Returns the number of texels that the sweep
+ * saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Gives the covariance of where the calibrated camera sees the sample, in px², for the errors. */
+/* Sets the covariance, in px², of the position at which the calibrated camera sees the sample.
+ * It is used for the errors. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
 
-/* Merges all sweeps; n_texels each: distance in mm (−1: unknown: no sweep saw the texel; or, with
- * four sweeps or more, those that did contradict each other, and none continues the surface
- * around), number of laser positions averaged, standard error in mm (−1: unknown texels) by
- * mdf_errors.h; of what one position alone saw, by the roughness of the surface around. */
+/* Merges all sweeps. Results have n_texels values each.
+ *   ret_distance   mm; −1 if unknown: no sweep saw the texel; or, with four sweeps or more, the
+ *                  sweeps that saw it contradict each other, and none of them continues the
+ *                  surface around
+ *   ret_n          number of laser positions whose distances were averaged
+ *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If only one
+ *                  position saw the texel, it follows from the roughness of the surface around */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
-/* How the laser's light lies on the sample: speckle makes the sweeps' times scatter, and light that
- * comes out of the material elsewhere makes lines wider. */
+/* How the laser's light behaves on the sample. Speckle makes the times of the sweeps scatter.
+ * Light that leaves the material at another place makes lines wider. */
 struct mdf_light {
-    double width; /* of lines, over that on plates: median of pixels, mean of sweeps; 0: unknown */
-    double scatter; /* standard deviation of a sweep's time at a texel, from what the sweeps of the
-                       texel agree on, in standard deviations of the line: median; 0: unknown */
+    /* width of lines relative to plates: median over pixels, mean over sweeps; 0 if unknown */
+    double width;
+    /* standard deviation of a sweep's time at a texel from the mean of the agreeing sweeps, in
+     * standard deviations of the line; median over texels; 0 if unknown */
+    double scatter;
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* The second most likely distance of each texel: one that a single position saw and that was not
- * accepted, else what most of the remaining candidates agree on. −1: none. */
+/* Gives the second most likely distance of each texel: a distance that only one position saw and
+ * that was not accepted, otherwise the distance on which most of the remaining candidates agree.
+ * −1 if there is none. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
-/* Number of texels without a distance whose surface, according to two sweeps (one, if there are
- * fewer than four), lies above the reference plane. */
+/* Returns the number of texels that have no distance and whose surface lies above the reference
+ * plane according to two sweeps (one sweep if there are fewer than four). */
 int mdf_view_above(const MdfView *view, const float *distance);
 
-/* A sweep's depth resolution: the volume in mm³ of the tetrahedron of laser source, camera centre
- * and two points 2 mm apart on the line that the laser draws through the turntable's centre. */
+/* Returns the depth resolution of a sweep: the volume in mm³ of a tetrahedron. Its corners are
+ * the laser source, the camera centre, and two points 2 mm apart on the line that the laser
+ * draws through the turntable's centre. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm);

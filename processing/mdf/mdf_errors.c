@@ -2,10 +2,11 @@
 
 #include <math.h>
 
-#define AROUND 2  /* texels on each side whose scatter counts */
-#define CELLS  16 /* points of a cell, each way, for q(p) */
+#define AROUND 2  /* texels on each side whose scatter is used */
+#define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
-/* Mean of a bend over the samples that have it, and its variance by their scatter. */
+/* Computes the mean of a bend over the samples that have it, and the variance of the mean from
+ * their scatter. */
 static void mdf_errors_bend(const struct mdf_candidate *samples, int n, int bend, double *ret_mm,
                             double *ret_noise_mm2) {
     double weights = 0, sum = 0, scatter = 0;
@@ -53,7 +54,8 @@ void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean,
         mdf_errors_bend(samples, n, k, &ret->bend_mm[k], &ret->noise_mm2[k]);
 }
 
-/* ū: mean of u over the texels around, weighted by degrees of freedom; without any, its own. */
+/* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If there are
+ * none, returns the texel's own u. */
 static double mdf_errors_around(const struct mdf_errors_grid *grid,
                                 const struct mdf_spread *spreads, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
@@ -69,8 +71,9 @@ static double mdf_errors_around(const struct mdf_errors_grid *grid,
     return freedom > 0 ? sum / freedom : spreads[texel].frames2;
 }
 
-/* Logarithm of the likelihood of u, without what k does not change: u / ū has ν degrees of freedom
- * about a variance of an inverse χ² of k + 2 degrees and mean 1. */
+/* Returns the logarithm of the likelihood of u, without terms that do not depend on k. u / ū has
+ * ν degrees of freedom about a variance that follows an inverse χ² distribution with k + 2
+ * degrees of freedom and mean 1. */
 static double likelihood(double k, double freedom, double u, double mean) {
     const double d = k + 2;
     return lgamma((freedom + d) / 2) - lgamma(d / 2) + d / 2 * log(k * mean) -
@@ -93,12 +96,13 @@ static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_
     return best;
 }
 
-/* The error of Σ w z(corners) at a point, by E (z(x) − z(y))² = |x − y|^p: Σ w D − ½ Σ Σ w w D. For
- * p above 2, D is a generalised covariance, as w reproduces planes. */
+/* The mean square error of Σ w z(corners) at a point is Σ w D − ½ Σ Σ w w D, from E (z(x) −
+ * z(y))² = D(|x − y|) = |x − y|^p. For p above 2, D is a generalised covariance, because w
+ * reproduces planes. */
 double mdf_errors_between(double p) {
     static const double corner[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
     double sum = 0;
-    p = fabs(p - 2) < 0.02 ? 2.02 : p; /* at 2 both are 0 */
+    p = fabs(p - 2) < 0.02 ? 2.02 : p; /* at p = 2, numerator and denominator are 0 */
     for (int point = 0; point < CELLS * CELLS; point++) {
         const double u = (point % CELLS + 0.5) / CELLS, v = ((int)(point / CELLS) + 0.5) / CELLS;
         const double w[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
@@ -113,7 +117,7 @@ double mdf_errors_between(double p) {
     return sum / (CELLS * CELLS) / (2 * (1 - pow(2, p - 2)));
 }
 
-/* p, from the bends over one and over two spacings, where both are known. */
+/* Returns p from the bends over one and over two spacings, where both are known. */
 static double exponent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads) {
     double squares[2] = {0};
     for (int i = 0; i < grid->width * grid->height; i++)
@@ -129,8 +133,9 @@ static double exponent(const struct mdf_errors_grid *grid, const struct mdf_spre
     return squares[1] > 0 ? CLAMP(log2(squares[1] / squares[0]), 0, 4) : 0;
 }
 
-/* b_x² + b_y² without noise, the mean over texels whose bends overlap with the texel's: those of
- * spacing h reach h to both sides, and two of them overlap by 1 − distance / 2h. */
+/* Returns b_x² + b_y² without noise: the mean over texels whose bends overlap with the bend of
+ * this texel. Bends of spacing h reach h to both sides; two of them overlap by 1 − distance /
+ * 2h. */
 static double mdf_errors_bent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
                               int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
@@ -151,8 +156,9 @@ static double mdf_errors_bent(const struct mdf_errors_grid *grid, const struct m
     return weights > 0 ? sum / weights : 0;
 }
 
-/* Where noise is all there is, bends without it are above 0 as often as below, and those above
- * alone would have a mean: they are scaled to the mean of both over the texels around. */
+/* If there is only noise, squared bends without noise are as often above 0 as below. The mean of
+ * only the positive ones would be too large. Therefore positive values are scaled so that the
+ * mean over the texels around is the mean of all values. */
 static double unbiased(const struct mdf_errors_grid *grid, const double *bent, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
     double sum = 0, above = 0;

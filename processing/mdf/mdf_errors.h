@@ -1,30 +1,33 @@
 /*
  * Standard errors of merged distances: private to mdf.h. Any thread.
  *
- * A distance m = Σ w x is the mean of n sweeps' distances x with shares w of their weight. Its
+ * A distance m = Σ w x is the mean of the distances x of n sweeps with weights w, Σ w = 1. Its
  * variance has three parts.
  *
- * 1. Times of pulses. They are off by alike numbers of frames in all sweeps, and a frame of a sweep
- * is g deep along the ray. So m has the variance u V with V = Σ w² g², and u, in frames², follows
- * from the sweeps' scatter:
+ * 1. Errors of the times of pulses. They are about the same number of frames in all sweeps. One
+ * frame of a sweep corresponds to a depth g along the ray. Therefore m has the variance u V with V
+ * = Σ w² g². u, in frames², follows from the scatter of the sweeps:
  *   S = Σ a (x − m)²,  a = w² / (1 − w),  E = Σ a (g² (1 − 2 w) + V),  u = S / E,
  *   ν = max(1, (Σ a g²)² / Σ (a g²)² − 1) degrees of freedom.
- * By u alone two sweeps' errors in units of σ would follow Student's t of one degree of freedom,
- * whose variance is infinite. So u is mixed with ū, the mean of the 5 × 5 texels around, which
- * counts as k more degrees: û = (ν u + k ū) / (ν + k). That is the expectation of u if true values
- * follow an inverse χ² of k + 2 degrees about ū; k is the view's likeliest (Smyth 2004; ū: local).
+ * If only u were used, the errors of two sweeps in units of σ would follow Student's t with one
+ * degree of freedom, whose variance is infinite. Therefore u is mixed with ū, the mean over the 5 ×
+ * 5 texels around, which counts as k further degrees of freedom: û = (ν u + k ū) / (ν + k). This is
+ * the expectation of u if true values follow an inverse χ² distribution with k + 2 degrees of
+ * freedom about ū. k is the most likely value for the view (Smyth 2004; here ū is local).
  *
- * 2. What all sweeps share: they read the surface at the same pixels, and interpolate. With b =
- * (z(−h) + z(h)) / 2 − z(0) the bend of the surface over the spacing h of the pixels, V_b = E b²
- * and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² + b_y²), for a surface whose squared
- * differences grow with the p-th power of distance (Mandelbrot & Van Ness 1968; p = 4 is smooth, 3
- * has creases, 1 steps, 0 is rough in every pixel). b: mean over sweeps, without the times' noise.
+ * 2. An error that all sweeps have in common, because they sample the surface at the same pixels
+ * and interpolate. The bend of the surface over the spacing h of the pixels is b = (z(−h) + z(h)) /
+ * 2 − z(0). With V_b = E b² and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² + b_y²), for a
+ * surface whose squared differences grow with the p-th power of distance (Mandelbrot & Van Ness
+ * 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough in every pixel. b is the
+ * mean over sweeps, without the noise of the times.
  *
- * 3. What no sweep shows. Pixels around that see no line in sweeps that light others may see
- * another side of an edge, in shadow or too dark. The texel lies there as well, with the
- * probability h, the mean over sweeps of such pixels' share (weights fall linearly to 0 two
- * spacings of pixels away). The step s between the sides adds h s², s² from the texels around
- * (mdf.c). With few sweeps the shadow of one is a large part of h, and nothing is added.
+ * 3. An error that no sweep shows. Some pixels around a texel see no line in a sweep that lights
+ * others. They may see another side of an edge, which is in shadow or too dark. The texel lies on
+ * that side with the probability h, which is the mean over sweeps of the share of such pixels
+ * (their weights decrease linearly to 0 at two pixel spacings). The step s between the sides adds h
+ * s²; s² is computed from the texels around (mdf.c). With few sweeps, the shadow of one sweep is a
+ * large part of h, and nothing is added.
  */
 #pragma once
 
@@ -32,18 +35,19 @@
 
 #include <glib.h>
 
-/* samples: n agreeing ones; mean: their weighted mean. */
+/* Computes the spread of n agreeing samples. mean is their weighted mean. */
 void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean, struct mdf_spread *ret);
 
 struct mdf_errors_grid {
     int width, height;
-    double spacing[2]; /* of pixels that see the laser, in texels, along rows and columns */
+    double spacing[2]; /* spacing of pixels that see the laser, in texels, along rows and columns */
 };
 
-/* spreads: width × height, 0: unknown. Sets errors where two or more sweeps saw; others stay. */
+/* Computes errors of texels that at least two sweeps saw; other errors are not changed. spreads
+ * is width × height, all 0 for unknown texels. */
 void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads,
                      float *ret_error_mm);
 
-/* q(p): the mean square error of bilinear interpolation in a square cell over the sum of its two
- * squared bends. p: 0 … 4. */
+/* Returns q(p): the mean square error of bilinear interpolation in a square cell, divided by the
+ * sum of its two squared bends. p: 0 … 4. */
 double mdf_errors_between(double p);

@@ -1,5 +1,5 @@
-/* Views at grazing angles, which no camera of a rig has but silhouettes need: the points of the
- * steep views form a height field (relief), which is traced along flat rays. */
+/* Views at grazing angles. No camera of a rig has such views, but silhouettes need them. The
+ * points of the steep views form a height field (relief), which is traced along flat rays. */
 #include "mdf_table.h"
 
 #include <math.h>
@@ -9,14 +9,15 @@
 #define N_PHI        36   /* views in an added ring */
 #define GAP_DEG      2.5  /* between rings */
 #define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
-#define MAX_RAISED   2.0  /* standard deviations */
-#define MIN_NEXT_DEG 20.0 /* steeper views tell nothing of flat rays */
-#define HALVINGS     8    /* of that, until it is found */
+#define MAX_RAISED   2.0  /* maximum, in standard deviations */
+#define MIN_NEXT_DEG 20.0 /* degrees; views with a smaller θ tell nothing about flat rays */
+#define HALVINGS     8    /* number of bisections in the search for raised */
 #define STEP         0.5  /* of a texel */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
-/* Depth below the reference plane, periodic both ways; h × w each. square, weight: for spreads. */
+/* Depth below the reference plane, periodic in both dimensions, h × w values each. square and
+ * weight are for spreads. */
 struct relief {
     int w, h;
     float *depth_mm, *square, *weight;
@@ -27,7 +28,8 @@ static int wrap(int i, int n) {
     return (i % n + n) % n;
 }
 
-/* The four texels around (x, y), texels from the first's centre, and their bilinear weights. */
+/* Gives the four texels around (x, y), in texels from the centre of the first one, and their
+ * bilinear weights. */
 static void around(const struct relief *r, double x, double y, gsize ret_at[4],
                    double ret_weight[4]) {
     double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
@@ -37,15 +39,17 @@ static void around(const struct relief *r, double x, double y, gsize ret_at[4],
     }
 }
 
-/* Columns and rows per mm of depth of a ray from the viewer: −tan θ (cos φ, −sin φ) / texel_mm. */
+/* Gives the columns and rows per mm of depth of a ray that comes from the viewer: −tan θ (cos φ,
+ * −sin φ) / texel_mm. */
 static void direction(const struct mdf_table *t, double theta_deg, double phi_deg, double ret[2]) {
     double slant = tan(theta_deg * DEG) / t->texel_mm;
     ret[0] = -slant * cos(phi_deg * DEG);
     ret[1] = slant * sin(phi_deg * DEG);
 }
 
-/* Splats the steep views' points: (column, row) + z·step of a texel with depth z. Depth = mean −
- * raised · standard deviation of the points in a texel; holes are filled. */
+/* Makes the relief from the points of the steep views: a texel with depth z has its point at
+ * (column, row) + z·step, where it is added to the texels around. The depth of the relief is
+ * mean − raised · standard deviation of the points in a texel. Holes are filled. */
 static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double steepest = 90.0, step[2], share[4];
@@ -74,8 +78,8 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
 
-/* Depths at which the rays from the texels of the reference plane first meet the relief: steps of
- * STEP texels, then linear interpolation between the last two. */
+/* Finds the depths at which the rays from the texels of the reference plane first meet the
+ * relief: in steps of STEP texels, then by linear interpolation between the last two points. */
 static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double step[2], weight[4];
@@ -108,7 +112,8 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
-/* Mean traced − measured depth of views at theta_deg or up to GAP_DEG steeper, over seen texels. */
+/* Returns the mean of traced minus measured depth over the seen texels of all views whose polar
+ * angle is theta_deg or up to GAP_DEG less. */
 static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;
@@ -133,7 +138,8 @@ static double ring_error_mm(const struct mdf_table *t, double theta_deg, double 
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* The height at which that mean is 0, by bisection: traced depths shrink as the relief rises. */
+/* Returns the value of raised at which that mean is 0, by bisection. Traced depths decrease when
+ * the relief rises. */
 static double ring_raised(const struct mdf_table *t, double theta_deg) {
     double low = 0.0, high = MAX_RAISED;
     if (ring_error_mm(t, theta_deg, low) <= 0.0)
@@ -148,7 +154,7 @@ static double ring_raised(const struct mdf_table *t, double theta_deg) {
     return 0.5 * (low + high);
 }
 
-/* The flattest view that is not flatter than theta_deg. */
+/* Returns the θ of the flattest view that is not flatter than theta_deg. */
 static double flattest_deg(const struct mdf_table *t, double theta_deg) {
     double flattest = 0.0;
     for (int k = 0; k < t->n_views; k++)
@@ -161,7 +167,8 @@ double mdf_table_raised(const struct mdf_table *t) {
     return ring_raised(t, flattest_deg(t, 90.0));
 }
 
-/* raised + per_tan · (tan θ − tan θ of the flattest measured views), 0 … MAX_RAISED. */
+/* The relief of a ring is raised by raised + per_tan · (tan θ − tan θ of the flattest measured
+ * views), limited to 0 … MAX_RAISED. */
 static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     const double flattest = flattest_deg(t, 90.0);
     gsize n = (gsize)t->width * t->height;
@@ -188,8 +195,9 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     }
 }
 
-/* A ray's way through the structure, and so the number of points of which it meets the highest, is
- * proportional to tan θ: the height is extrapolated over tan θ through the two flattest rings. */
+/* The path of a ray through the structure is proportional to tan θ. So is the number of points
+ * of which the ray meets the highest one. Therefore raised is extrapolated over tan θ through
+ * the two flattest rings. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

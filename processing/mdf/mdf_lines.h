@@ -1,24 +1,32 @@
-/* Statistics of the laser's lines in the reference region against the calibration, over sweeps. */
+/* Compares the laser's lines in the reference region with the calibration: statistics over
+ * sweeps. */
 #pragma once
 
 #include "exr/exr.h"
 
 struct mdf_lines {
-    int sweeps, found, disagree; /* all; with a line; with one that contradicts the calibration */
-    double squares_deg2;         /* sum of squared angle errors of the sheets, over found */
-    double worst_deg;   /* largest signed error, of those that disagree, or of all if none does */
-    int worst_position; /* its laser position; −1: no line was found */
-    /* Means over views of struct mdf_light (mdf.h), and numbers of views that know it. */
+    /* number of all sweeps, of sweeps with a line, and of sweeps whose line contradicts the
+     * calibration */
+    int sweeps, found, disagree;
+    /* sum of squared angle errors of the sheets, over the found sweeps */
+    double squares_deg2;
+    /* largest signed error of the sweeps that disagree, or of all sweeps if none disagrees */
+    double worst_deg;
+    int worst_position; /* laser position of worst_deg; −1 if no line was found */
+    /* Means over views of struct mdf_light (mdf.h), and the numbers of views for which they are
+     * known. */
     double width, scatter;
     int widths, scatters;
 };
-/* Writes, reads the attributes lines.* of a part of products/mdf.exr; FALSE: they are missing. */
+/* Write and read the attributes lines.* of a part of products/mdf.exr. Reading returns FALSE if
+ * they are missing. */
 void mdf_lines_write(struct exr_part *part, const struct mdf_lines *lines);
 gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret);
 
-/* A sentence for the user, or NULL, about how the laser's light lies on the sample, with the causes
- * that fit: lines that are much wider than on plates, or times that scatter by much of the line's
- * width. width, scatter: of struct mdf_lines; 0: not known. g_free(). */
+/* Returns a sentence for the user if the laser's light is unusual on the sample, with the
+ * possible causes, or NULL. It is unusual if lines are much wider than on plates, or if times
+ * scatter by much of the line's width. width and scatter are those of struct mdf_lines; 0 means
+ * unknown. g_free() */
 char *mdf_lines_warning(double width, double scatter);
 
 /* Adds the statistics of further views. */

@@ -6,9 +6,10 @@
 
 #include "mdf_errors.h"
 
-#define MOST 256 /* candidates */
+#define MOST 256 /* maximum number of candidates */
 
-/* Σ over sweeps of max over its candidates i of weight_i · exp(−½ ((mm_i − mm) / tolerance_i)²). */
+/* Σ over sweeps of the maximum over the sweep's candidates i of weight_i · exp(−½ ((mm_i − mm) /
+ * tolerance_i)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {
@@ -61,7 +62,7 @@ static struct mdf_merged mean_of(const struct mdf_candidate *samples, int n) {
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
     const struct mdf_merged nothing = {.mm = -1};
     struct mdf_candidate deviation[MOST];
-    double most = -1, mode = 0; /* the candidate with the largest support */
+    double most = -1, mode = 0; /* mode is the candidate with the largest support */
     int one_each = 0, kept = 0;
     g_return_val_if_fail(n <= MOST, nothing);
     if (n == 0)
@@ -73,7 +74,7 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
             mode = candidates[i].mm;
         }
     }
-    /* Keep only the candidate of each sweep that is closest to the mode. */
+    /* Keeps only the candidate of each sweep that is closest to the mode. */
     for (int i = 0; i < n; i++) {
         if (one_each == 0 || candidates[i].sweep != candidates[one_each - 1].sweep)
             candidates[one_each++] = candidates[i];

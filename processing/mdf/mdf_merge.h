@@ -5,34 +5,36 @@
 #define MDF_BENDS 4
 
 struct mdf_candidate {
-    float mm, dn;             /* distance; height of the pulse in DN */
-    float shown;              /* share of the pixels around that saw a line */
-    float bend_mm[MDF_BENDS]; /* mdf_errors.h: over one pixel along x, y, and two; NAN: unknown */
-    float tolerance_mm;       /* > 0: others this close always agree with it */
-    float frame_mm;           /* > 0: depth of a frame of the sweep, along the ray */
-    int sweep;                /* at most one of a sweep's candidates is right */
+    float mm, dn; /* distance; height of the pulse in DN */
+    float shown;  /* share of the pixels around the texel that saw a line */
+    /* bends over one pixel along x and y, then over two pixels, see mdf_errors.h; NAN if unknown */
+    float bend_mm[MDF_BENDS];
+    float tolerance_mm; /* > 0: candidates within this distance always agree with it */
+    float frame_mm;     /* > 0: depth of a frame of the sweep, along the ray */
+    int sweep;          /* number of the sweep; at most one candidate of a sweep is right */
     double weight;
 };
 
-/* What merged sweeps say of the error of their mean (mdf_errors.h). */
+/* Data of merged sweeps from which the error of their mean follows, see mdf_errors.h. */
 struct mdf_spread {
-    int n;                     /* sweeps */
-    double frames2, freedom;   /* u, and its degrees of freedom; 0: fewer than two sweeps */
+    int n;                     /* number of sweeps */
+    double frames2, freedom;   /* u and ν; ν is 0 if there are fewer than two sweeps */
     double unit_mm2;           /* V */
     double hidden;             /* h */
-    double bend_mm[MDF_BENDS]; /* their mean bends; NAN: unknown */
+    double bend_mm[MDF_BENDS]; /* mean bends of the sweeps; NAN if unknown */
     double noise_mm2[MDF_BENDS];
 };
 
 struct mdf_merged {
-    float mm; /* −1: unknown */
+    float mm; /* −1 if unknown */
     int n;    /* number of sweeps averaged */
     struct mdf_spread spread;
 };
 
-/* candidates: those of a sweep are consecutive; they are reordered. least: with fewer agreeing
- * sweeps the result is unknown. The true line shows the same surface for every laser position,
- * while reflections and highlights appear at times that depend on the position. Therefore the mode
- * is the distance with the support of most of the sweeps' weight, each sweep contributes its
- * candidate closest to the mode, and sweeps without a close one are outliers. */
+/* Merges the candidates of a texel. The candidates of a sweep are consecutive; the function
+ * reorders the array. If fewer than least sweeps agree, the result is unknown.
+ * The true line shows the same surface for every laser position, whereas reflections and
+ * highlights appear at times that depend on the position. Therefore the mode is the distance
+ * that has the support of the largest weight of sweeps. Each sweep contributes its candidate
+ * that is closest to the mode. Sweeps without a close candidate are outliers. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);

@@ -1,35 +1,38 @@
-/* Other views' surfaces are triangulated between neighbouring texels, projected into this view and
- * rasterised with a depth buffer; open texels take the nearest prediction that enough agree on. */
+/* The surfaces of other views are triangulated between neighbouring texels, projected into this
+ * view and rasterised with a depth buffer. Open texels take the nearest prediction on which
+ * enough views agree. */
 #include "mdf_views_private.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP    0.75 /* of a texel: neighbours with a larger step lie on different surfaces */
-#define AGREE   0.25 /* of a texel: predictions this close agree */
-#define LEAST   2    /* views that must agree on a prediction */
-#define DENIES  4    /* views that must confirm a prediction for each that sees through it */
-#define GOES_ON 0.5  /* of a texel: largest step between a surface and its continuation */
-#define LIT     4    /* laser positions that saw a surface, to expect them on its continuation */
-#define AROUND  2    /* neighbouring texels with that surface */
+#define STEP  0.75 /* in texels; neighbours with a larger step lie on different surfaces */
+#define AGREE 0.25 /* in texels; predictions within this distance agree */
+#define LEAST 2    /* minimum number of views that must agree on a prediction */
+/* number of views that must confirm a prediction for each view that sees through it */
+#define DENIES  4
+#define GOES_ON 0.5 /* in texels; maximum step between a surface and its continuation */
+/* minimum number of laser positions that saw a surface whose continuation they should see */
+#define LIT    4
+#define AROUND 2 /* minimum number of neighbouring texels with that surface */
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
-    float column, row, mm; /* mm < 0: not visible */
+    float column, row, mm; /* mm < 0 if it is not visible */
 };
 
 struct settling {
     const struct mdf_eye *views;
     int n, view;
     const struct mdf_plane *plane;
-    gboolean *open;   /* n_texels: its own measurement is missing or refuted */
-    float *predicted; /* asked views × n_texels; INFINITY: no prediction */
+    gboolean *open;   /* n_texels: whether its own measurement is missing or refuted */
+    float *predicted; /* asked views × n_texels; INFINITY if there is no prediction */
     struct seen *seen;
     float *front;
 };
 
-/* Rasterises a triangle into the depth buffer; v, w: barycentric weights of b and c. */
+/* Rasterises a triangle into the depth buffer; v and w are the barycentric weights of b and c. */
 static void draw(const struct settling *s, const struct seen *a, const struct seen *b,
                  const struct seen *c) {
     const int width = s->plane->width, height = s->plane->height;
@@ -52,8 +55,9 @@ static void draw(const struct settling *s, const struct seen *a, const struct se
         }
 }
 
-/* Renders the surface of view `asked` into the completed one: triangles between neighbours whose
- * corners are visible and within one step in depth, which grows with the asked view's slant. */
+/* Renders the surface of the asked view into the view that is completed. The triangles join
+ * neighbours whose corners are visible and differ by at most one step in depth. The step grows
+ * with the slant of the asked view. */
 static void predict(const struct settling *s, int asked) {
     const struct mdf_eye *to = &s->views[s->view];
     const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
@@ -93,13 +97,14 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Number of views that confirm (yes) and deny (no) a distance of a texel. */
+/* Gives the number of views that confirm (yes) and that deny (no) a distance of a texel. */
 static void poll(const struct settling *s, int texel, float mm, guint16 *yes, guint16 *no) {
     const struct vec3 p = mdf_views_point(&s->views[s->view], s->plane, texel, mm);
     mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
 }
 
-/* The nearest distance that enough predictions agree on, few views see through; −1: none. */
+/* Returns the nearest distance on which enough predictions agree and through which few views
+ * see, or −1. */
 static float nearest(const struct settling *s, int texel, const float *predicted, int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
     for (int i = 0; i < n; i++) {
@@ -117,8 +122,9 @@ static float nearest(const struct settling *s, int texel, const float *predicted
     return -1;
 }
 
-/* Whether a prediction continues neighbours' surface, so that lasers would have reached it: a view
- * that measured nothing there looks into a gap too narrow for the laser, not at that surface. */
+/* Returns whether a prediction continues the surface of neighbours that several lasers saw. The
+ * lasers would then have reached the predicted point as well. Because this view measured nothing
+ * there, it looks into a gap too narrow for the laser, and not at that surface. */
 static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const int width = s->plane->width, row = texel / width, column = texel % width;
@@ -135,7 +141,7 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
-/* Prefers the own second distance to the prediction, as mdf_views_settle() says. */
+/* Prefers the view's second distance to the prediction, see mdf_views_settle(). */
 static enum mdf_distance_source settle_texel(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;

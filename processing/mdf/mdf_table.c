@@ -8,7 +8,7 @@
 #define DEG     (G_PI / 180.0)
 #define MAX_MM  6e4
 #define MIN_COS 0.02
-#define BINS    4096 /* of the histogram of differences */
+#define BINS    4096 /* number of cells of the histogram of differences */
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
@@ -17,7 +17,8 @@ static gboolean mdf_table_fail(GError **error, const struct exr_part *part, cons
     return FALSE;
 }
 
-/* Rounds: a hole gets the mean of its known neighbours among eight, with the tile repeated. */
+/* In each round, a hole gets the mean of those of its eight neighbours that are known. The tile
+ * repeats. */
 void mdf_table_fill(float *depth, int w, int h) {
     g_autofree float *before = g_new(float, (gsize)w *h);
     for (int missing = 1; missing > 0;) {
@@ -41,8 +42,8 @@ void mdf_table_fill(float *depth, int w, int h) {
     }
 }
 
-/* Depth = distance along the ray · cos θ, with θ the angle between the normal and the ray through
- * the texel if the camera's position is known, else that of the view. */
+/* Depth = distance along the ray · cos θ. If the camera's position is known, θ is the angle
+ * between the normal and the ray through the texel; otherwise it is the θ of the view. */
 static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
                                    double reference_mm, GError **error) {
     const float *distance = exr_part_plane(part, "D");
@@ -60,7 +61,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
         return mdf_table_fail(error, part, "mesorig.scale_mm is out of range");
-    /* Files without a camera position are of a distant camera. */
+    /* Files without a camera position are treated as seen from a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), MIN_COS);
     for (gsize k = 0; k < n; k++) {

@@ -1,6 +1,6 @@
-/* A mesostructure distance function as in products/mdf.exr (pipeline.h), prepared for drawing:
- * distances along the viewing ray become depths below the reference plane, which change little
- * between views, and texels that no laser saw get the values of their neighbours. */
+/* A mesostructure distance function as in products/mdf.exr (pipeline.h), prepared for drawing.
+ * Distances along the viewing ray become depths below the reference plane, which change little
+ * between views. Texels that no laser saw get the values of their neighbours. */
 #pragma once
 
 #include <glib.h>
@@ -11,7 +11,7 @@ enum mdf_table_error {
     MDF_TABLE_ERROR_FORMAT, /* parts are missing, differ in size, or have no distances */
 };
 
-#define MDF_TABLE_MAX_TEXELS (1 << 27) /* of all views together */
+#define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum over all views together */
 
 struct mdf_table {
     int width, height, n_views;
@@ -19,31 +19,37 @@ struct mdf_table {
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
     double deepest_mm;
-    guint8 *seen; /* same shape: whether a laser saw the texel, or the view was traced; NULL: all */
+    /* the same shape: whether a laser saw the texel, or the view was traced; NULL means that all
+     * were */
+    guint8 *seen;
 };
 
-/* Angles (n_views) are copied, NULL: 0; depths are not set, seen is NULL. */
+/* Creates a table. The angles (n_views) are copied; NULL means 0. Depths are not set, and seen
+ * is NULL. */
 struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
                                 const float *theta_deg, const float *phi_deg);
 
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
-/* Adds unmeasured views at grazing angles, traced over the steep views' relief (mdf_grazing.c). */
+/* Adds views at grazing angles, which were not measured. They are traced over the relief of the
+ * steep views (mdf_grazing.c). */
 void mdf_table_add_grazing(struct mdf_table *table);
-/* For tests and benches: by how many standard deviations of the depths within a texel the relief
- * must be raised so that it has, traced along the flattest measured views, their mean depth. 0 … 2.
+/* For tests and benches. Returns by how many standard deviations of the depths within a texel the
+ * relief must be raised (0 … 2), so that views traced in the flattest measured directions have the
+ * measured mean depth.
  */
 double mdf_table_raised(const struct mdf_table *table);
 
-/* For tests and benches: replaces all views by the picture of one relief, that of the steepest
- * views. */
+/* For tests and benches. Replaces all views by pictures of one relief, which is made from the
+ * steepest views. */
 void mdf_table_trace(struct mdf_table *table);
 
-/* Sets texels below 0 of a periodic tile to their neighbours' mean; at least one must be ≥ 0. */
+/* Sets texels with values below 0 to the mean of their neighbours. The texels are a periodic
+ * tile. At least one must be ≥ 0. */
 void mdf_table_fill(float *depth, int width, int height);
 
-/* RMS difference in mm between the measured views of two tables, over texels that the first one
- * saw; ret_most_mm: the 99th percentile (may be NULL). */
+/* Returns the RMS difference in mm between the measured views of two tables, over texels that a
+ * laser saw in the first one. ret_most_mm (may be NULL) is the 99th percentile. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 

@@ -6,7 +6,8 @@
 #include "exr/exr.h"
 #include "mdf_views_private.h"
 
-/* p = x + (x − c) · distance / |x − c|, x: the texel's centre on the reference plane, c: camera. */
+/* p = x + (x − c) · distance / |x − c|, where x is the texel's centre on the reference plane and
+ * c the camera. */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm) {
     int column = i % plane->width, row = i / plane->width;
@@ -18,7 +19,8 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
     return (struct vec3){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
 }
 
-/* c + t (p − c) meets the plane at t = (z_ref − c_z) / (p_z − c_z), (1 − t) |p − c| before p. */
+/* c + t (p − c) meets the plane at t = (z_ref − c_z) / (p_z − c_z). This point is (1 − t) |p −
+ * c| before p. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;
@@ -33,7 +35,8 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
            *ret_row <= plane->height - 1;
 }
 
-/* Compares p with low … high of the four texels around its ray; nearer: the view sees through p. */
+/* Compares p with the range low … high of the four texels around its ray. If p is nearer to the
+ * camera than that range, the view sees through p. */
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p) {
     double column, row, mm, low = INFINITY, high = -INFINITY;
@@ -108,7 +111,8 @@ static gboolean read_plane(const char *path, const struct exr_file *file, struct
 
 static gboolean read_view(const char *path, const struct exr_part *part,
                           const struct mdf_plane *plane, struct mdf_eye *ret, GError **error) {
-    /* Channel M: the view's own measurements; what others gave is not independent evidence. */
+    /* Channel M has the view's own measurements. Values from other views would not be
+     * independent evidence. */
     ret->distance = exr_part_plane(part, "M");
     if (!ret->distance)
         ret->distance = exr_part_plane(part, "D");
@@ -141,7 +145,7 @@ gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **
         ok = read_view(path, g_ptr_array_index(file->parts, i), &plane, &views[i], error);
     const int n_texels = plane.width * plane.height;
     g_autofree guint16 *confirmed = g_new(guint16, n_texels), *denied = g_new(guint16, n_texels);
-    gint64 answers = 0; /* confirmed or denied */
+    gint64 answers = 0; /* number of answers that confirm or deny */
     for (int view = 0; ok && view < n; view++) {
         struct mdf_lines lines;
         mdf_views_compare(views, n, view, &plane, confirmed, denied);

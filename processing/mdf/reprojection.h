@@ -24,7 +24,7 @@
  * barycentric weights of v in the triangulation of the measured directions (directions.h). Outside
  * of the triangulation, b are the weights of the nearest point of its border. h are weights of the
  * nearest views, continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the
- * distance of the directions, R that of the first view without weight; their sum is 1). h decide
+ * distance of the directions, R that of the first view without weight; their sum is 1). They decide
  * the values where no view of the triangle sees p. The cosine reduces the weight of a slanted view,
  * whose pixels are larger on the sample. All weights are continuous in v, so that no seam appears
  * where the triangle changes. At a measured direction, only the view itself counts. Values still

@@ -1,10 +1,11 @@
 /*
- * The textures from which a WebGL page draws a material: those of mesorig-view's method
- * lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h) and of an MDF as factors
- * (mdf_factors.h), number by number, so that the page's picture is the viewer's. Any thread.
+ * The textures from which a WebGL page draws a material. They hold the same numbers as the textures
+ * of mesorig-view's method lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h)
+ * and of an MDF as factors (mdf_factors.h), so that the page shows the same picture as the viewer.
+ * Any thread.
  *
- * Sections, L being the mip levels and K, c, n what the header says ("clusters" of all levels,
- * "components", "grid"):
+ * Sections. L is the number of mip levels; K, c and n are in the header of the file ("clusters" of
+ * all levels, "components", "grid"):
  *   clusters      for each level, texels × uint16: cluster, counted through all levels
  *   weights       for each level, texels × c halves
  *   scales        K × c floats, by which the weights of a cluster are multiplied

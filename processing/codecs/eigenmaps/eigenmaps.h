@@ -45,11 +45,11 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
  * do not fit into memory, each is requested about n_views/fit/2 + 2 times.
  *
  * Randomised method: each column is requested twice, or with a target sometimes three times. The
- * range of Aᵀ is that of its sketch (SA)ᵀ of n_views × 16384 (Halko, Martinsson and Tropp 2011,
- * algorithm 4.1 for Aᵀ). S is not Gaussian but has one random sign per row, in one of 16384 columns
- * at random (Clarkson and Woodruff 2013). A is projected onto the first n_terms right singular
- * vectors of SA, and up to 8 more if memory allows. The best n_terms vectors within their span are
- * then found in double precision (their §5.1). The seed is fixed. */
+ * range of Aᵀ is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson
+ * and Tropp 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with a random
+ * sign, to one of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto the first
+ * n_terms right singular vectors of SA, and up to 8 more if memory allows. The best n_terms vectors
+ * within their span are then found in double precision (Halko et al. §5.1). The seed is fixed. */
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {

@@ -113,9 +113,10 @@ struct hsh_fit {
     float *inverse; /* A⁺ᵀ: n_lights × n_terms, used if no light is left out */
 };
 
-/* Finds the X of least norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have rows
- * of zeros in A. If there is NULL, no light is left out. columns is B (n_lights × n_columns) before
- * the call and X (n_terms × n_columns) after it; it has max(n_lights, n_terms) rows. */
+/* Finds the X of minimum norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have
+ * rows of zeros in A. If the argument “there” is NULL, no light is left out. columns is B (n_lights
+ * × n_columns) before the call and X (n_terms × n_columns) after it; it has max(n_lights, n_terms)
+ * rows. */
 static void solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
                   int n_columns) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;

@@ -21,8 +21,8 @@
  *                        H8  −√(30/π) 2uv            H13  2√(21/π) v (1 − 5w)
  *                                                    H14  −√(210/π) x 2uv
  *                                                    H15  2√(35/π) (3u²v − v³)
- * All directions of the horizon are one point of the basis (u = v = 0). A light below the horizon
- * counts as one in it.
+ * All directions on the horizon have the same u = v = 0, and hence the same values of the basis. A
+ * light below the horizon is treated as if it were on the horizon.
  *
  * On disk, one EXR "hsh.exr" of half floats. The first n parts are pictures of the texels of all
  * views below each other, line v · height + y:

@@ -1,32 +1,35 @@
 /*
- * Analytic models of a BTF, fitted texel by texel: a few numbers per texel instead of a table. All
- * are of luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, times a colour; ⟨x⟩ is max(x, 0). l and v
- * are unit vectors to light and view in the sample frame. Values contain n·l (pipeline.h) and are
- * not multiplied by it again.
+ * Analytic models of a BTF, fitted texel by texel: a few numbers per texel instead of a table.
+ * fields, ptm and lafortune describe the luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, which is
+ * multiplied by a colour of the texel. ward and ashikhmin have colours of their own. ⟨x⟩ is max(x,
+ * 0). l and v are unit vectors to light and view in the sample frame. Values contain n·l
+ * (pipeline.h) and are not multiplied by it again.
  *
  * Models of single views ("reflectance fields"), which are interpolated between views:
  *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i           (Meseth et al. 2003 eq. 1)
  *   ptm        Y_v(l) = C0 lx² + C1 ly² + C2 lx ly + C3 lx + C4 ly + C5
  *                                                                     (Malzbender et al. 2001)
- * Models of all views at the same time:
+ * Models of all views together:
  *   lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · (vx lx, vy ly, vz lz)⟩^N_i)
  *                                                                     (Lafortune et al. 1997)
  *   ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ · diffuse + specular · s(v, l)
- * with a normal n and a tangent t per texel, b = n × t, and h the half vector, hx = h·t, hy = h·b,
- * hn = h·n. s is 0 where n·l ≤ 0:
+ * with a normal n and a tangent t per texel, b = n × t, and the half vector h, hx = h·t, hy = h·b,
+ * hn = h·n. s is 0 where n·l ≤ 0, otherwise:
  *   ward       s = √(n·l / max(n·v, 0.1)) / (4 U V) · exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn))
  *              (Ward 1992; the exponent of Kang & Cho 2011 eq. 3 with its squares)
  *   ashikhmin  s = √((U+1)(V+1)) / 8 · hn^((U hx² + V hy²)/(1 − hn²))
  *                  · n·l / (h·l · max(n·l, n·v, 0.1))
- *              (Ashikhmin & Shirley 2000, without the factor of Fresnel)
- * Both are π f_r n·l, since values are relative to a white diffuser.
+ *              (Ashikhmin & Shirley 2000, without the Fresnel factor)
+ * Both are π f_r n·l, because values are relative to a white diffuser.
  *
- * No half float overflows: exponents lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT, and a lobe's
- * peak |(X, Y, Z)|^N is at most four times the brightest value it was fitted to and LOBES_MAX_PEAK.
+ * No half float overflows: exponents lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT. The peak of a
+ * lobe, |(X, Y, Z)|^N, is at most LOBES_MAX_PEAK and at most four times the brightest value to
+ * which the lobe was fitted.
  *
- * On disk, one EXR "fields.exr" (ptm.exr, …) of half floats. A part is a picture of the texels, or
- * for fields and ptm those of all views below each other, line v · height + y:
- *   part "colour"              channels B G R, what Y is multiplied by (not ward, ashikhmin)
+ * On disk, one EXR "fields.exr" (ptm.exr, …) of half floats. Each part is a picture of the texels.
+ * For fields and ptm, the pictures of all views are below each other in one part: line v · height +
+ * y.
+ *   part "colour"              channels B G R, by which Y is multiplied (not ward, ashikhmin)
  *   part "lobe1" … "lobek"     channels N X Y Z (fields, lafortune)
  *   part "diffuse"             channel "D" (lafortune); channels B G R (ward, ashikhmin)
  *   part "polynomial"          channels C0 … C5 (ptm)

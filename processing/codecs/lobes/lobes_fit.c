@@ -26,7 +26,7 @@ struct prepared_lobe {
 };
 struct prepared_facet {
     lanes frame[3][3];    /* t, b, n */
-    lanes turns[3][3][3]; /* their derivatives by both slopes and the angle */
+    lanes turns[3][3][3]; /* their derivatives with respect to both slopes and the angle */
     lanes u, v, diffuse, specular, scale, scale_u, scale_v; /* scale, and its log-derivatives */
 };
 struct prepared {
@@ -61,7 +61,7 @@ LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     ret->n = lanes_exp2(p[3] / LN2);
 }
 
-/* f = s c^n, c = ⟨d · w⟩, with its derivatives by g = s d and log n. */
+/* Computes f = s c^n, c = ⟨d · w⟩, and its derivatives with respect to g = s d and log n. */
 LANES_INLINE lanes lobe(const struct prepared_lobe *lobe, const lanes w[3], lanes *j) {
     const lanes c = lobe->d[0] * w[0] + lobe->d[1] * w[1] + lobe->d[2] * w[2];
     const lane_bits lit = c > 1e-4F;
@@ -85,7 +85,8 @@ LANES_INLINE void cross(const lanes a[3], const lanes b[3], lanes ret[3]) {
     ret[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* The sine and cosine of an angle near 0 … 2π, to about 1e-6, by halving it eight times. */
+/* Computes the sine and cosine of an angle near 0 … 2π, with errors of about 1e-6. The angle is
+ * halved eight times. */
 LANES_INLINE void turn(lanes angle, lanes *ret_sin, lanes *ret_cos) {
     const lanes x = angle * (1.0F / 256), x2 = x * x;
     lanes s = x * (1.0F - x2 * (1.0F / 6) * (1.0F - x2 * (1.0F / 20)));
@@ -151,7 +152,8 @@ LANES_INLINE void prepare_facet(enum lobes_model model, const lanes *p,
     }
 }
 
-/* The exponent E of the distribution and its derivatives by hx, hy, hn, log U and log V. */
+/* Computes the exponent E of the distribution, and its derivatives with respect to hx, hy, hn,
+ * log U and log V. */
 LANES_INLINE lanes ward_exponent(const struct prepared_facet *f, lanes hx, lanes hy, lanes hn,
                                  lanes ret[5]) {
     const lanes wide = 1.0F + lanes_max(hn, lanes_all(0));
@@ -182,7 +184,8 @@ LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, 
     return q * (x + y);
 }
 
-/* The factor of the distribution, and the derivatives of its logarithm by n·l and n·v. */
+/* Computes the factor of the distribution, and the derivatives of its logarithm with respect to
+ * n·l and n·v. */
 LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl, lanes *ret_nl,
                             lanes *ret_nv) {
     const lanes least = lanes_all(MIN_VIEW), seen = lanes_max(nv, least);

@@ -1,26 +1,31 @@
 /* Packed local PCAs, for storage. A renderer unpacks them before it draws them.
  *
- * The method follows Tucker. Every dimension of the table of eigen-BRDFs (views, lights, colours)
- * is rotated to its own principal axes, which are stored in the file. The weights are pictures, and
- * are rotated by a cosine transform. Rotations keep lengths, so that rounding with one step has the
- * same effect on all values. To that end E_i is first multiplied by S_i = (Σ w_i²)^½ over its
- * cluster, and the mean by the square root of the number of the cluster's texels. Most of the
- * rounded numbers are 0, and most of the noise of a capture is removed. The whole numbers are
- * compressed with xz, one byte for a small number.
+ * The method follows Tucker. Every dimension of the table of eigen-BRDFs (views, lights,
+ * colours) is rotated to its own principal axes, which are stored in the file. The weights are
+ * pictures, and are rotated by a cosine transform. Rotations keep lengths, so that rounding with
+ * one step has the same effect on all values, provided that all values have the same weight in
+ * the error. For this reason E_i is first multiplied by S_i = (Σ w_i²)^½ over its cluster, and
+ * the mean by the square root of the number of texels in the cluster. Most of the rounded
+ * numbers are 0, and most of the noise of a capture is removed. The whole numbers are compressed
+ * with xz, one byte for a small number.
  *
  * On disk: the parts of lpca.h except "weights", "scales", "means" and "E…". The attributes of
  * "clusters" are mesorig.quantise = "packed" and mesorig.step (double). Further parts are:
- *   part "scales"           as in lpca.h: S, that of the mean first
+ *   part "scales"           as in lpca.h: S, with the scale of the mean first
  *   part "view_axes"        channel "A", width n_views, height the number of axes, half
- *   part "light_axes"       the same for lights; "colour_axes" is 3 × 3, float. The rows become
- *                           orthonormal by Gram–Schmidt orthogonalisation in this order
+ *   part "light_axes"       the same for lights
+ *   part "colour_axes"      the same for colours, 3 × 3, float
  *   parts "tables", "maps"  channel "BITS", float, height 1: four bytes of an xz stream per pixel,
- *                           not numbers. The first mesorig.bytes (int) of them are valid. The
- *                           stream has one byte for each number n: 2n, or −2n − 1 if n < 0, or 255
- *                           for a larger value. Then come 4 bytes (low first) for each larger
- * value, less 255. Tables are in the order of pairs of a view's axis v and a light's axis l, by (v
- * + 3)(l + 3), then v. In a pair, colours follow each other, and in a colour the tables of all
- * clusters. Maps are in the order of components, and in each by x + y, then x. */
+ *                           not numbers. The first mesorig.bytes (int) of them are valid
+ * The rows of axes become orthonormal by Gram–Schmidt orthogonalisation in their order.
+ *
+ * An xz stream contains one byte for each number n: 2n, or −2n − 1 if n < 0, or 255 if that
+ * value is 255 or larger. After all of these bytes it contains 4 bytes (low byte first) for each
+ * such larger value, minus 255.
+ *
+ * The numbers of tables are sorted by pairs of a view's axis v and a light's axis l: by (v +
+ * 3)(l + 3), then by v. Each pair has the three colours one after another, and each colour the
+ * tables of all clusters. The numbers of maps are sorted by component, then by x + y, then by x. */
 #pragma once
 
 #include "lpca.h"

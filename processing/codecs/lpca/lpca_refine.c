@@ -153,8 +153,8 @@ static void finish_mean(const struct refine *refine, int k) {
     }
 }
 
-/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place. Products that do not
- * vary are left out. */
+/* Solves S x = y for c right-hand sides y (c × c) in place, where S = PᵀP (c × c). Columns of P
+ * that are (nearly) 0 are left out. */
 static void solve_products(double *squares, double *y, int c) {
     double largest = 0;
     for (int i = 0; i < c; i++)
@@ -187,7 +187,8 @@ static void solve_cluster(const struct refine *refine, int k) {
                 cblas_dsdot(d, sums + (gsize)i * (gsize)d, 1, axes + (gsize)j * (gsize)d, 1);
     memcpy(solved, onto, sizeof(double) * square);
     solve_products(inverted, solved, c);
-    /* 2 ⟨X, WE⟩ − ‖WE‖²: an error of W only enters with its square. */
+    /* The part of ‖X‖² that W E explains is 2 ⟨X, WE⟩ − ‖WE‖². In this form, an error of W
+     * enters only with its square. */
     double *missing = refine->residual + (gsize)(2 * k);
     g_autofree double *half = g_new(double, square);
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, rotation, c, solved, c, 0,

@@ -1,5 +1,5 @@
-/* The contract of a codec of mesostructure distances (MDF) and the table of all such codecs.
- * codec/codec.h is the same for BTFs. */
+/* The contract of a codec of mesostructure distances (MDF), and the table of all such codecs.
+ * codec/codec.h is the corresponding contract for BTFs. */
 #pragma once
 
 #include "base/options.h"
