@@ -129,8 +129,9 @@ gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError 
 /* Opens an index map. Also fails if the size of its sample differs from that of the open
  * material. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
-/* Rounds the numbers of tiles to multiples of the map's size, such that their size along v changes
- * least. Without a map they are not changed. */
+/* Rounds the numbers of tiles to multiples of the map's size. *v is rounded first, and *u is then
+ * chosen so that the shape of the tiles changes least. Without a map, the numbers are not
+ * changed. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
 /* Returns the map, or NULL if there is none. The viewer owns it. */
 const struct index_map *viewer_index(const Viewer *viewer);

@@ -14,7 +14,7 @@
 
 typedef struct IndexTexture IndexTexture; /* belongs to the thread of the GL context */
 
-#define INDEX_TEXTURE_UNIT 15 /* higher than the units of methods, viewer and relief */
+#define INDEX_TEXTURE_UNIT 15 /* higher than the texture units of methods, viewer and relief */
 
 /* Makes the texture, with two 16-bit integers per texel. Copies everything that it needs from
  * map. */
