@@ -123,7 +123,7 @@ struct view_job {
     double arm_deg, turntable_deg;
     double magnification; /* 0 means the magnification of the colour of each pixel's filter */
     const struct spread *spread;
-    struct v3 *rays; /* rays, surfaces and hit are those of one row of the picture */
+    struct v3 *rays; /* rays, surfaces and hit are for one row of the picture */
     struct surface *surfaces;
     gboolean *hit;
 };
