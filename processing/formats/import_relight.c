@@ -85,8 +85,7 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     return NULL;
 }
 
-/* Chooses the lights under which the material is evaluated if the file lists none. It can be
- * evaluated under any light. */
+/* Chooses the lights under which the material is evaluated, if the file lists none. */
 static gboolean relight_take_directions(struct relight *relight, GError **error) {
     const char *path = relight->wish->directions;
     struct btf_directions *from = path ? btf_directions_read(path, error) : btf_directions_81();
