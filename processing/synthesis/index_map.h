@@ -39,7 +39,8 @@ typedef struct index_map IndexMap;
 void index_map_free(struct index_map *map); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexMap, index_map_free)
 
-/* Returns the columns or rows of a level from those of level 0: ⌈size / 2^level⌉. */
+/* Returns the number of columns or rows of a level, ⌈size / 2^level⌉. size is the number on level
+ * 0. */
 int index_map_size(int size, int level);
 
 gboolean index_map_write(const char *path, const struct index_map *map, GError **error);
