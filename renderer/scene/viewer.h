@@ -187,11 +187,12 @@ float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settin
  * Texel: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the number of the
  * material, or 0 on a back face.
  * View and light: unit vectors in the local frame.
- * Lit: the share of the lamp's light that arrives (0 … 1; for a near lamp, times its irradiance on
- * a surface that faces it, relative to that at the origin); the distance from the mesh along the
- * ray to the structure; the distance from the eye to the mesh.
- * The lamp is the first. If the first is off, it is the first of the further lamps, if there are
- * any. */
+ * Lit: three values. The first is the share of the lamp's light that arrives, 0 … 1. For a near
+ * lamp it is multiplied by the irradiance on a surface that faces the lamp, relative to the
+ * irradiance at the origin. The second is the distance from the mesh along the ray to the
+ * structure, and the third the distance from the eye to the mesh.
+ * The lamp is the first lamp. If it is off, the first of the further lamps is used, if there is
+ * one. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,
