@@ -13,8 +13,9 @@
  *   f_0 = (1 − metallic) f_d + metallic · F_m D V
  * A clear coat is an isotropic lobe of the sample's plane, whose normal is z, with Fresnel's factor
  * F_c = 0.04 + 0.96 (1 − v·z)^5: f_1 = (1 − coat · F_c) f_0 + coat · F_c D_c V_c.
- * Sheen c with the exponent 1/αs, αs = sheen_roughness² (Estevez & Kulla 2017): D_s =
- * (2 + 1/αs) sin(θh)^(1/αs) / 2π, V_s their shadowing term, and E their directional albedo:
+ * Sheen has the colour c and the exponent 1/αs, αs = sheen_roughness². V_s is the shadowing term
+ * and E the directional albedo of Estevez & Kulla 2017:
+ *   D_s = (2 + 1/αs) sin(θh)^(1/αs) / 2π
  *   f = c D_s V_s + f_1 · min(1 − max(c) E(v·n), 1 − max(c) E(l·n)).
  * Pure functions; any thread.
  */
