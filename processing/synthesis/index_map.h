@@ -7,8 +7,8 @@
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
  *                         the sample, whole numbers from 0; top row first
  *   part "mip<n>.index"   the same for level n, of ⌈width / 2ⁿ⌉ × ⌈height / 2ⁿ⌉: the block of 2ⁿ ×
- *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like that of the sample whose first
- *                         texel is (X, Y)
+ *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like the block of the sample whose
+ *                         first texel is (X, Y)
  * The attributes of "index" are mesorig.kind = "index", mesorig.method (string), sample_width,
  * sample_height (int) and texel_mm (double).
  *
