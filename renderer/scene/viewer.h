@@ -126,8 +126,7 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
  * the map. If the settings leave the tiles to the mesh, their number becomes a multiple of the
  * length of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* Opens an index map. Also fails if the size of its sample differs from that of the open
- * material. */
+/* Opens an index map. Also fails if its sample and the open material have different sizes. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
 /* Rounds the numbers of tiles to multiples of the map's size. *v is rounded first, and *u is then
  * chosen so that the shape of the tiles changes least. Without a map, the numbers are not

@@ -73,5 +73,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 
-/* Sets the uniforms of relief.glsl in a program in use, except those of the MDF and the tiles. */
+/* Sets the uniforms of relief.glsl in a program in use, except the uniforms of the MDF and of the
+ * tiles. */
 void visibility_set_sight(guint program, const struct visibility_scene *scene);
