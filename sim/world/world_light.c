@@ -58,7 +58,7 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
 
 /* Converts a vector or point from the frame of a light's carrier to the frame of the pose. If
  * neither axis is tilted, it turns only by the angle between arc and turntable, so that the result
- * is bit-identical to that of an ideal arc. */
+ * is bit-identical to the result for an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
