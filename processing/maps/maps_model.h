@@ -31,8 +31,8 @@
 struct maps_texel {
     float base[3], metallic, roughness;
     float specular, specular_colour[3]; /* s: 0 … MAPS_MAX_SPECULAR */
-    /* anisotropy is 0 … 1; direction is that of t, a unit vector before it is made orthogonal
-     * to n */
+    /* anisotropy is 0 … 1; direction is the direction of t, a unit vector before t is made
+     * orthogonal to n */
     float anisotropy, direction[2];
     float normal[3]; /* unit, z > 0 */
     float sheen[3], coat;
