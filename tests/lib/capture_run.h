@@ -29,7 +29,7 @@ void run_open_devices(struct run *run);
 void run_change_rig(struct run *run, const struct change *changes);
 
 void run_start(struct run *run);
-struct run *run_begin(const struct change *changes); /* both */
+struct run *run_begin(const struct change *changes); /* calls run_new() and run_start() */
 void run_resume(struct run *run);
 void run_continue(struct run *run);
 struct capture_status run_status(struct run *run);

@@ -18,7 +18,7 @@ enum line { LASER, BANK, DOOR, TURNTABLE, ARC, SWEEP, N_DEVICES };
 enum line_failure { GONE, SILENT, DEAF, LOST };
 
 struct lines {
-    VirtualModbus *devices[N_DEVICES]; /* NULL: gone */
+    VirtualModbus *devices[N_DEVICES]; /* NULL after GONE */
     GString *text;                     /* of the rig file */
     const char *world;                 /* file of the camera's world */
 };
