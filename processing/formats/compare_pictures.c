@@ -12,7 +12,7 @@
 
 #define COLOURS 3
 
-/* Masked pixels are black. */
+/* Sets masked pixels to black. */
 static void hide_masked(struct import_picture *picture) {
     const gsize n = COLOURS * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; picture->transparent > 0 && i < n; i++)

@@ -1,9 +1,10 @@
 /* Converts the numbers in the files of a table to linear light,
- *   v = T((n − d) / (2^bits − 1 − black)) · m / f,
- * n: a pixel's number, d: the number of the same pixel in the dark frame (without a dark frame:
- * black), black: the black level (with a dark frame: the mean of the dark frame), T: the transfer
- * function (picture_tone_choose()), f: its flat field with the same coding, m: the flat field's
- * mean around the middle of the picture. Floating-point numbers have white at 1. */
+ *   v = T((n − d) / (2^bits − 1 − black)) · m / f.
+ * n is the number of a pixel. With a dark frame, d is the number of the same pixel in the dark
+ * frame, and black is the mean of the dark frame. Without a dark frame, both are the black level. T
+ * is the transfer function (picture_tone_choose()). f is the value of the same pixel in the flat
+ * field with the same coding, and m the mean of the flat field around the middle of the picture.
+ * Floating-point numbers have white at 1. */
 #include "import_poses_private.h"
 
 #include <math.h>

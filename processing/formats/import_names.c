@@ -272,9 +272,9 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     return TRUE;
 }
 
-/* Returns the names of pictures for a list that has none. They are the lines of "filenames.txt"
- * next to the list, or otherwise all pictures next to the list, sorted by time or by name. "9.png"
- * is before "10.png". */
+/* Returns the names of the pictures if the list has no names. They are the lines of "filenames.txt"
+ * next to the list. If there is no such file, they are all pictures next to the list, sorted by
+ * time or by name. "9.png" is before "10.png". */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);

@@ -76,9 +76,9 @@ static struct import_picture *read_raw(const char *path, gboolean mosaic, GError
     return picture;
 }
 
-/* Returns the prefix of the layer, with its dot, whose channels R, G and B are to be read. It is ""
- * if these are the full names of the channels. Returns NULL if there is no such layer or if there
- * are several. ret_layers then lists them. */
+/* Finds the layer whose channels R, G and B are to be read. Returns the prefix of their names,
+ * which ends with a dot, or "" if the channels have no prefix. Returns NULL if there is no such
+ * layer or if there are several. ret_layers then lists them. */
 static char *find_layer(const struct exr_part *part, GString *ret_layers) {
     g_autofree char *found = NULL;
     int n = 0;

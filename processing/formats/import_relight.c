@@ -1,13 +1,17 @@
 /*
- * The format that Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of
- * coefficients as pictures plane_0, plane_1, … next to it. As OpenLIME's ShaderRTI draws them, with
- * c = byte / 255, scale and bias of each of the planes' channels, and b_j (l) the terms of a PTM or
- * of HSH: rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j               plane j has term j of R, G,
- * B lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale    plane 0 is a colour, the
- *         channels of the planes after it have a term each
+ * Reads the format that Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of
+ * coefficients as pictures plane_0, plane_1, … next to it. The values are computed like those of
+ * OpenLIME's ShaderRTI. c is byte / 255. Each channel of a plane has a scale and a bias. b_j (l)
+ * are the terms of a PTM or of HSH.
+ *
+ *   rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j
+ *         Plane j has term j of R, G and B.
+ *   lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale
+ *         Plane 0 is a colour. Each channel of the other planes has one term.
  *   ptm   b = 1, lx, ly, lx², lx ly, ly²
- *   hsh   b of hsh.h, of lights no lower than 0.15 rad above the horizon
- * f is sRGB, and is made linear. The material is f under the lights that info.json lists.
+ *   hsh   b of hsh.h. Lights lower than 0.15 rad above the horizon are raised to this elevation.
+ *
+ * f is sRGB, and is converted to linear. The material is f under the lights that info.json lists.
  */
 #include "import_private.h"
 
@@ -85,8 +89,7 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     return NULL;
 }
 
-/* Chooses the lights under which the material is evaluated if the file lists none. It can be
- * evaluated under any light. */
+/* Chooses the lights under which the material is evaluated, if the file lists none. */
 static gboolean relight_take_directions(struct relight *relight, GError **error) {
     const char *path = relight->wish->directions;
     struct btf_directions *from = path ? btf_directions_read(path, error) : btf_directions_81();

@@ -133,7 +133,7 @@ static gboolean write_maps(const struct photometric_texel *found, const struct s
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-/* Returns the cause of most holes. */
+/* Returns the cause of the largest number of holes. */
 static enum photometric_cause usual_cause(const struct light_normals_result *result) {
     int usual = PHOTOMETRIC_DARK;
     for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++)

@@ -71,12 +71,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
 /* Adds the maps as NAME_BaseColor, _Metallic, _Roughness, _SpecularLevel, _SpecularEdge,
  * _SpecularColor, _Normal (OpenGL's: green upwards), _Height, _AmbientOcclusion, _AnisotropyLevel
  * and _AnisotropyAngle. If there is a layer, also _SheenColor or _ClearCoat. The format is PNG of 8
- * bits, with heights and normals of 16 bits, or linear EXR. Here roughness is √(αt αb)^½ and the
- * anisotropy level 1 − αb / αt, as in Blender and standard_surface. The angle is that of t from +x
- * counter-clockwise, 1 being a whole turn. SpecularLevel is half of specular · specular_colour, so
- * that 0.5 is a reflectance of 4 %. SpecularEdge is the reflectance at grazing directions, 1 being
- * total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. Also adds NAME_errors.csv,
- * NAME_errors_directions.png and NAME_errors_texels.png. */
+ * bits, with heights and normals of 16 bits, or linear EXR. Here roughness is (αt αb)^¼ and the
+ * anisotropy level 1 − αb / αt, as in Blender and standard_surface. The angle is the angle of t
+ * from +x, counter-clockwise; 1 is a whole turn. SpecularLevel is half of specular ·
+ * specular_colour, so that 0.5 is a reflectance of 4 %. SpecularEdge is the reflectance at grazing
+ * directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. Also adds
+ * NAME_errors.csv, NAME_errors_directions.png and NAME_errors_texels.png. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
 /* Adds the errors as a table of views and lights, as a picture with a row for each view and a
  * column for each light, and as a picture of the texels. Black is 0, white is 10 or more. */

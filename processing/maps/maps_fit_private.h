@@ -3,7 +3,7 @@
 
 #include "maps_fit.h"
 
-#define MAPS_COLUMNS 3 /* d, S, e */
+#define MAPS_COLUMNS 3 /* the columns of the linear solution: d, S, e */
 /* The shape of a texel's lobes: the normal's x and y; p, q, r, with log αt, log αb = p ± |(q, r)|
  * and t at ½ atan2(r, q); and w. */
 #define MAPS_SHAPE 6

@@ -13,8 +13,9 @@
  *   f_0 = (1 − metallic) f_d + metallic · F_m D V
  * A clear coat is an isotropic lobe of the sample's plane, whose normal is z, with Fresnel's factor
  * F_c = 0.04 + 0.96 (1 − v·z)^5: f_1 = (1 − coat · F_c) f_0 + coat · F_c D_c V_c.
- * Sheen c with the exponent 1/αs, αs = sheen_roughness² (Estevez & Kulla 2017): D_s =
- * (2 + 1/αs) sin(θh)^(1/αs) / 2π, V_s their shadowing term, and E their directional albedo:
+ * Sheen has the colour c and the exponent 1/αs, αs = sheen_roughness². V_s is the shadowing term
+ * and E the directional albedo of Estevez & Kulla 2017:
+ *   D_s = (2 + 1/αs) sin(θh)^(1/αs) / 2π
  *   f = c D_s V_s + f_1 · min(1 − max(c) E(v·n), 1 − max(c) E(l·n)).
  * Pure functions; any thread.
  */
@@ -30,8 +31,8 @@
 struct maps_texel {
     float base[3], metallic, roughness;
     float specular, specular_colour[3]; /* s: 0 … MAPS_MAX_SPECULAR */
-    /* anisotropy is 0 … 1; direction is that of t, a unit vector before it is made orthogonal
-     * to n */
+    /* anisotropy is 0 … 1; direction is the direction of t, a unit vector before t is made
+     * orthogonal to n */
     float anisotropy, direction[2];
     float normal[3]; /* unit, z > 0 */
     float sheen[3], coat;

@@ -542,8 +542,8 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
     const struct maps_frame frame = maps_solver_frame(solution->shape);
     const double d = (double)solution->factors[0], s = (double)solution->factors[1];
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
-    /* If a specular colour can represent it, a reflectance of up to twice a dielectric's is not
-     * assumed to be that of a metal. */
+    /* A reflectance of up to twice that of a dielectric is not attributed to a metal, if a specular
+     * colour can represent it. */
     const double m = metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
     const double w = core ? 1 : MAX((double)solution->shape[5], MIN(2 * s, 1));
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);

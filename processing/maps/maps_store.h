@@ -10,7 +10,7 @@
 
 #include "maps.h"
 
-/* Returns the file of a model, relative to the session. */
+/* Returns the path of a model's file, relative to the session. */
 const char *maps_store_product(enum maps_model model);
 
 /* Returns the inputs of a session's fit; g_free(). Returns NULL without an error if a file of the

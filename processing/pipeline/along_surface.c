@@ -130,8 +130,8 @@ static void add_light(const struct along *a, int from, float share, float *ret_r
             ret_rgb[COLOURS * i + c] += share * a->sums[i * row + COLOURS * (gsize)from + c];
 }
 
-/* Callback of import_material(). Bicubic interpolation may undershoot, so that negative values are
- * set to 0. */
+/* Callback of import_material(). Bicubic interpolation may produce negative values, which are set
+ * to 0. */
 static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
     struct along *a = data;
     const gsize row = a->btf->layout.lights.n * COLOURS;

@@ -1,8 +1,8 @@
 /* A session in new view directions, predicted along the surface (reprojection/reprojection.h). The
  * result may be denser than the source, and may have views outside of the measured ones. Needs the
  * session's MDF. The result is a session as of import.h with a BTF, eigen-maps and an MDF, but
- * without frames. Its nominal directions are exact. Its views are those of cameras that are far
- * away: each texel is seen from the same direction.
+ * without frames. Its nominal directions are exact. Its views are like those of cameras that are
+ * far away: each texel is seen from the same direction.
  *
  * Values under a new light are mixed linearly from those of up to four measured lights
  * (directions.h). Beyond the measured lights they fall with the cosine. Lights are assumed to have

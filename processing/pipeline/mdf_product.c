@@ -165,7 +165,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     return result;
 }
 
-/* Skips views whose D and P were already set from the same views, according to the hash. */
+/* Sets D and P. Skips views whose D and P were already set from the same views, according to the
+ * hash. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);

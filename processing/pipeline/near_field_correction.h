@@ -7,17 +7,24 @@
  *
  * The accuracy is estimated from the values themselves:
  *
- *   left out   measured values of one view (under one light) predicted from all others, which are
- *              much farther away than a texel's displacement; of at most a thousand texels
- *   back       the result interpolated back to the measured directions, against the measured
- *              values: the interpolation error counts about twice
- *   nominal    values taken for nominal directions without correction, against the result
+ *   left out   Measured values of one view (or under one light), compared with a prediction from
+ *              all other views (or lights). These are much farther away than the displacement of a
+ *              texel. At most a thousand texels are used.
+ *   back       The measured values, compared with the result after it was interpolated back to the
+ *              measured directions. The interpolation error counts about twice.
+ *   nominal    Values without correction, as if they were measured in the nominal directions,
+ *              compared with the result.
  *
- * All are ‖difference‖ / ‖value‖ of R, G, B, without holes and predicted pictures. Each part has
- * the attributes of pipeline.h, and also resample.directions, resample.from (string: name of the
- * set, path of the session), resample.exact (int: 0 if positions of cameras and lamps are unknown,
- * as after an import), and (double) resample.left_out_view, resample.left_out_light, resample.back
- * of the whole, and resample.moved_deg of the view: the mean over the texels. */
+ * All errors are ‖difference‖ / ‖value‖ of R, G, B, without holes and predicted pictures.
+ *
+ * Each part has the attributes of pipeline.h, and also
+ *   resample.directions     string: name of the set
+ *   resample.from           string: path of the session
+ *   resample.exact          int: 0 if positions of cameras and lamps are unknown, as after an
+ *                           import
+ *   resample.left_out_view, resample.left_out_light, resample.back
+ *                           double: the errors above, over all views
+ *   resample.moved_deg      double: of the view, the mean over the texels */
 #pragma once
 
 #include "base/work.h"

@@ -1,12 +1,15 @@
 /*
  * Makes the products of a session from its frames. Can follow a capture that is still running.
  *
- *   products/btf/view_0000.exr   A file for each view, with a part "light_0000" for each light. The
- *                                channels B G R (half) are the reflectance (see below) on the texel
- *                                grid. The channel "mark" exists if any texel has a flag, with the
- *                                number of texels of each flag in attributes; see btf.h. The
- * channel "sigma" and its attributes exist if the noise of the camera is calibrated; see
- * btf_sigma.h. Attributes of every part: view.theta_deg view.phi_deg light.theta_deg light.phi_deg
+ *   products/btf/view_0000.exr   A file for each view, with a part "light_0000" for each light.
+ *                                Channels:
+ *                                  B G R (half): the reflectance (see below) on the texel grid
+ *                                  "mark": flags; exists if any texel has a flag. Attributes have
+ *                                  the number of texels of each flag; see btf.h.
+ *                                  "sigma": exists, with attributes, if the noise of the camera is
+ *                                  calibrated; see btf_sigma.h.
+ *                                Attributes of every part:
+ *                                  view.theta_deg view.phi_deg light.theta_deg light.phi_deg
  *                                  (double): nominal directions
  *                                  view.centre_mm light.position_mm (v3d): calibrated positions of
  *                                  camera and lamp, sample frame. The exact directions of a texel
@@ -89,9 +92,9 @@ struct pipeline_result {
  * not on threads or order.
  *
  * The progress stage is "btf" until the views of the BTF are made, then "mdf", then "eigenmaps".
- * Views of both kinds are made alternately. The time left is that of all stages. With follow, the
- * function ends when the session's value "state" is "done" or "aborted", or when all products are
- * made. It sets the session's values of prediction_product.h, "eigenmaps_error", "mdf_coverage",
- * "processing_s" and "processing_peak_memory_mib". */
+ * Views of both kinds are made alternately. The reported time left is for all stages together. With
+ * follow, the function ends when the session's value "state" is "done" or "aborted", or when all
+ * products are made. It sets the session's values of prediction_product.h, "eigenmaps_error",
+ * "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

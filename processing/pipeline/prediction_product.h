@@ -9,7 +9,8 @@
 
 #include "catalogue.h"
 
-/* Version of the method of prediction, as BTF_METHOD is the version of the measured values. */
+/* Version of the method of prediction. BTF_METHOD is the version of the method for measured
+ * values. */
 #define PREDICTION_METHOD 1
 
 struct prediction_product {

@@ -7,8 +7,8 @@
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
  *                         the sample, whole numbers from 0; top row first
  *   part "mip<n>.index"   the same for level n, of ⌈width / 2ⁿ⌉ × ⌈height / 2ⁿ⌉: the block of 2ⁿ ×
- *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like that of the sample whose first
- *                         texel is (X, Y)
+ *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like the block of the sample whose
+ *                         first texel is (X, Y)
  * The attributes of "index" are mesorig.kind = "index", mesorig.method (string), sample_width,
  * sample_height (int) and texel_mm (double).
  *
@@ -39,7 +39,8 @@ typedef struct index_map IndexMap;
 void index_map_free(struct index_map *map); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexMap, index_map_free)
 
-/* Returns the columns or rows of a level from those of level 0: ⌈size / 2^level⌉. */
+/* Returns the number of columns or rows of a level, ⌈size / 2^level⌉. size is the number on level
+ * 0. */
 int index_map_size(int size, int level);
 
 gboolean index_map_write(const char *path, const struct index_map *map, GError **error);

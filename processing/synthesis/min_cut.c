@@ -42,7 +42,8 @@ static void min_cut_sums(const struct min_cut *c, int begin) {
         }
 }
 
-/* Returns the end of least cost for a path that began at a column, with its cost. */
+/* Returns the minimum cost of a path that begins at a column, and gives the column at which this
+ * path ends. With begin ≥ 0, the path is closed. */
 static float min_cut_end(const struct min_cut *c, int begin, int *ret_end) {
     const float *last = c->sums + (gsize)(c->length - 1) * (gsize)c->width;
     float least = FLT_MAX;

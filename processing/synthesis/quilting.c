@@ -18,9 +18,9 @@
 struct quilt {
     const struct texel_features *sample;
     struct index_map *map;
-    guint8 *filled; /* of each texel of the map */
+    guint8 *filled; /* whether each texel of the map is filled */
     int block;
-    int column, row; /* of the block's first texel in the map */
+    int column, row; /* position of the block's first texel in the map */
     /* For the choice of the block: the texels of the block that are already filled, and their
      * features. */
     int n_compared;

@@ -9,7 +9,7 @@
 
 #define SPARE   8                        /* additional columns of Ω (oversampling) */
 #define WIDE    (TEXEL_FEATURES + SPARE) /* number of columns of Ω */
-#define ROWS    256                      /* texels of a block */
+#define ROWS    256                      /* number of texels of a block */
 #define SEED    0x74657874u
 #define LEAST   1e-3 /* share of the variance; components with less are left out */
 #define COLOURS 3

@@ -23,9 +23,9 @@ void texel_features_free(struct texel_features *features); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TexelFeatures, texel_features_free)
 
 /* Computes the principal components of A, which has one row per texel. Its columns are all columns
- * of the BTF, and those of the MDF (NULL if there is none) times s. s² makes the share of the
- * relief in the variance min (1, var (depth) / texel²) times that of the BTF, because a relief
- * whose depths vary by less than a texel moves no point by a texel.
+ * of the BTF, and all columns of the MDF (NULL if there is none) multiplied by s. s² is chosen so
+ * that the share of the relief in the variance is min (1, var (depth) / texel²) times the share of
+ * the BTF, because a relief whose depths vary by less than a texel moves no point by a texel.
  *
  * A is not held in memory. Y = A Ω is computed for a random matrix of signs Ω, then Q of Y = QR,
  * then one step of subspace iteration and the components of QᵀA (Halko, Martinsson and Tropp 2011,

@@ -55,7 +55,7 @@ struct chart {
     float *rgb;   /* near->len × texels × 3 */
 };
 
-/* Returns |θ − 45°| of a light. */
+/* Returns the absolute difference between a light's θ and 45°. */
 static double off_45(const struct session_direction *light) {
     return fabs(light->theta_deg - CHART_DEG);
 }
@@ -96,8 +96,9 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
                          &chart->grid, chart->rgb, error);
 }
 
-/* Averages over the texels within the patch's disc and over the lights. Gives the measured value
- * and the value of a perfect white, cos θ_l. Returns FALSE if the disc contains no texel. */
+/* Averages over the texels within the patch's disc and over the lights. Gives the measured value,
+ * and the value that a perfect white would have, which is cos θ_l. Returns FALSE if the disc
+ * contains no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;

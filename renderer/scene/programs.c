@@ -7,7 +7,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define OTHERS 11 /* number of shaders in addition to those of the method */
+#define OTHERS 11 /* maximum number of shaders in addition to the shaders of the method */
 
 struct Programs {
     const struct method *method;

@@ -6,8 +6,8 @@
  *
  * The light of all lamps of the settings is added up. Each lamp has the geometry of the viewer.
  *
- * Views are read one after the other, once for each lamp. The memory is that of one view, and about
- * 100 bytes for each sample of the picture that shows the mesh. A picture has at most
+ * Views are read one after the other, once for each lamp. Rendering needs the memory of one view,
+ * and about 100 bytes for each sample of the picture that shows the mesh. A picture has at most
  * REFERENCE_MAX_SAMPLES samples.
  */
 #pragma once

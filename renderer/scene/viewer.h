@@ -126,11 +126,11 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
  * the map. If the settings leave the tiles to the mesh, their number becomes a multiple of the
  * length of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* Opens an index map. Also fails if the size of its sample differs from that of the open
- * material. */
+/* Opens an index map. Also fails if its sample and the open material have different sizes. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
-/* Rounds the numbers of tiles to multiples of the map's size, such that their size along v changes
- * least. Without a map they are not changed. */
+/* Rounds the numbers of tiles to multiples of the map's size. *v is rounded first, and *u is then
+ * chosen so that the shape of the tiles changes least. Without a map, the numbers are not
+ * changed. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
 /* Returns the map, or NULL if there is none. The viewer owns it. */
 const struct index_map *viewer_index(const Viewer *viewer);
@@ -182,11 +182,12 @@ float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settin
  * Texel: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the number of the
  * material, or 0 on a back face.
  * View and light: unit vectors in the local frame.
- * Lit: the share of the lamp's light that arrives (0 … 1; for a near lamp, times its irradiance on
- * a surface that faces it, relative to that at the origin); the distance from the mesh along the
- * ray to the structure; the distance from the eye to the mesh.
- * The lamp is the first. If the first is off, it is the first of the further lamps, if there are
- * any. */
+ * Lit: three values. The first is the share of the lamp's light that arrives, 0 … 1. For a near
+ * lamp it is multiplied by the irradiance on a surface that faces the lamp, relative to the
+ * irradiance at the origin. The second is the distance from the mesh along the ray to the
+ * structure, and the third the distance from the eye to the mesh.
+ * The lamp is the first lamp. If it is off, the first of the further lamps is used, if there is
+ * one. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,

@@ -9,7 +9,7 @@ uniform float turn; // rotation of the picture about the vertical axis, in radia
 in vec2 at;
 out vec4 colour;
 
-const float PI = 3.14159265, MOST = 6e4; // MOST: for half floats
+const float PI = 3.14159265, MOST = 6e4; // MOST is close to the limit of half floats
 
 void main() {
     vec4 far = inverse(projection) * vec4(2.0 * at - 1.0, 1.0, 1.0);

@@ -3,7 +3,8 @@
 // see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
-uniform vec3 weave; // yarns per tile in each direction, slope across a yarn, slope along it
+// number of yarns per tile in each direction, slope across a yarn, slope along it
+uniform vec3 weave;
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {
     return facet(warp ? diffuse : weft_diffuse, specular, warp ? rough.yx : rough, n, v, l,

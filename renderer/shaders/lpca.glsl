@@ -2,7 +2,8 @@
 // l (Schneider 2004 §5):
 //   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
 uniform sampler2DArray brdfs; // x: light · (components + 1) + component; y and layer: see row()
-uniform samplerCube view_indices; // of measured directions, in 1/65535; nearest, like all of these
+uniform samplerCube view_indices; // indices of measured directions, in units of 1/65535; like all
+                                  // these textures, it is not filtered
 uniform samplerCube view_weights;
 uniform samplerCube light_indices;
 uniform samplerCube light_weights;

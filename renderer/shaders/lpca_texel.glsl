@@ -2,7 +2,8 @@
 // of a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS,
 // NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights; // four components per layer
-uniform usampler2D clusters;    // of a texel, those right of it and below it, and the diagonal one
+uniform usampler2D clusters; // clusters of a texel, of the texels to the right of it and below it,
+                             // and of the diagonal one
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
 

@@ -1,5 +1,5 @@
-// Finds the nearest back faces beyond those of the previous layer (Wang et al. 2005 fig. 7): their
-// distance from the eye, and the distance from there back to the structure.
+// Finds the nearest back faces beyond the back faces of the previous layer (Wang et al. 2005 fig.
+// 7): their distance from the eye, and the distance from there back to the structure.
 uniform sampler2D before; // result of the previous layer
 uniform sampler2D seen;   // surfaces found so far
 

@@ -12,10 +12,12 @@ struct soup_corner {
 struct soup {
     GArray *positions, *normals; /* float[3] */
     GArray *uvs;                 /* float[2], with v upwards */
-    /* float[4], one for each position, [3] is 0 if there is none; or empty */
+    /* float[4] for each position; [3] is 0 if the position has no tangent. Empty if the file has no
+     * tangents. */
     GArray *tangents;
-    GArray *corners, *polygons; /* struct soup_corner; number of corners of each polygon (int) */
-    float *smooth;              /* computed: a normal for each position */
+    /* struct soup_corner of all polygons; number of corners of each polygon (int) */
+    GArray *corners, *polygons;
+    float *smooth; /* computed from the faces: a normal for each position */
 };
 
 void soup_init(struct soup *soup);

@@ -21,7 +21,7 @@ struct trace_options {
     int depth;   /* largest number of reflections */
     guint64 seed;
     enum trace_drawing drawing;
-    /* If FALSE, light is only found by following the surfaces. Point-like lamps are then not seen.
+    /* If FALSE, light is only found by following reflections, and point-like lamps give no light.
      * For comparisons. */
     gboolean lamps_too;
 };

@@ -1,11 +1,14 @@
 /*
  * The reflectance of materials that are not measured, by glTF's metallic and roughness:
  *     f = (1 − m) (1 − F_d(θ_v)) (1 − F_d(θ_l)) c / π  +  F(v·h) D G / (4 cos θ_l cos θ_v),
- * with c the base colour, m the metallic part, D and G the terms of GGX with α = roughness² and
- * Smith's height-correlated masking (Heitz 2014), F(x) = F0 + (F90 − F0) (1 − x)⁵, F0 = 0.04 s (1 −
- * m) + c m, F90 = s (1 − m) + m, s = specularFactor, and F_d the F of m = 0. Light that is
- * reflected at the surface does not reach the diffuser below it, neither on the way in nor on the
- * way out, so no more light is reflected than arrives. With m = s = 0, f is exactly c / π.
+ *     F(x) = F0 + (F90 − F0) (1 − x)⁵,
+ *     F0 = 0.04 s (1 − m) + c m,
+ *     F90 = s (1 − m) + m.
+ * c is the base colour, m the metallic part, and s the specularFactor. D and G are the terms of GGX
+ * with α = roughness² and Smith's height-correlated masking (Heitz 2014). F_d is F for m = 0. Light
+ * that is reflected at the surface does not reach the diffuser below it, neither on the way in nor
+ * on the way out. Therefore no more light is reflected than arrives. With m = s = 0, f is exactly
+ * c / π.
  *
  * Directions are unit vectors in the frame of the surface, with z along its normal. All functions
  * are pure.

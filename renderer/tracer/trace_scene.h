@@ -1,6 +1,6 @@
 /*
  * A scene for ray tracing: the triangles of a glTF file in Embree, their materials, lamps, a sky
- * and a camera. z is up, and lengths are those of the file. A white diffuser has radiance 1 under a
+ * and a camera. z is up, and lengths are as in the file. A white diffuser has radiance 1 under a
  * directional lamp of brightness 1 along its normal, whose irradiance is π.
  */
 #pragma once

@@ -46,8 +46,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
     return ret;
 }
 
-/* State for libjpeg's error functions. manager comes first, so that its address is that of the
- * struct. */
+/* State for libjpeg's error functions. manager comes first, so that a pointer to it is also a
+ * pointer to the struct. */
 struct trace_texture_trouble {
     struct jpeg_error_mgr manager;
     jmp_buf back;

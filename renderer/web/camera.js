@@ -1,9 +1,9 @@
 // The camera of mesorig-view (renderer/scene/camera.c).
 import { along, cross, directionFromDeg, dot, product } from "./vectors.js";
 
-const margin = 0.92; // of the picture's width or height that a shape fills
+const margin = 0.92; // share of the picture's width or height that a shape fills
 
-// right, up and back: towards the eye.
+// Returns the unit vectors to the right, upwards, and back towards the eye.
 function axesOf(settings) {
   const back = directionFromDeg(90 - settings.cameraElevationDeg, settings.cameraAzimuthDeg);
   const up = directionFromDeg(-settings.cameraElevationDeg, settings.cameraAzimuthDeg);
@@ -15,7 +15,7 @@ function halfAngles(settings, aspect) {
   return aspect >= 1 ? [half * aspect, half] : [half, half / aspect];
 }
 
-// Where the pan along an axis centres the points in the picture.
+// Returns the pan along an axis that centres the points in the picture.
 function centre(points, axis, back, distance, pan) {
   for (let round = 0; round < 4; round++) {
     let low = Infinity, high = -Infinity;
@@ -30,7 +30,7 @@ function centre(points, axis, back, distance, pan) {
   return pan;
 }
 
-// The distance and pan, in radii, at which the points (x, y, z, x, …) fill the picture.
+// Returns the distance and pan, in radii, at which the points (x, y, z, x, …) fill the picture.
 export function fitCamera(settings, points, radius, aspect) {
   const { right, up, back } = axesOf(settings), [halfX, halfY] = halfAngles(settings, aspect);
   const fit = (axis, half) => {

@@ -1,7 +1,8 @@
 // WebGL 2: programs from the viewer's shaders, textures and render targets.
 import { shaders } from "./shaders.js";
 
-// Instead of "#version 330 core": samplers have no default precision, or a low one. No index map.
+// Replaces "#version 330 core". Some samplers have no default precision in WebGL, and others have a
+// low one. There is no index map.
 const head = `#version 300 es
 precision highp float;
 precision highp int;
@@ -15,13 +16,14 @@ precision highp sampler2DArrayShadow;
 #define PLACES 0
 `;
 
-// The text of a vertex or fragment shader of these files; constants: lines "#define NAME value".
+// Returns the text of a vertex or fragment shader that consists of these files. constants has lines
+// "#define NAME value".
 export function shaderText(constants, names) {
   return head + constants + names.map(name => shaders[name]).join("");
 }
 
 export class Gpu {
-  // gl: a WebGL2RenderingContext. Throws where it cannot draw into floating-point textures.
+  // gl is a WebGL2RenderingContext. Throws an error if it cannot draw into floating-point textures.
   constructor(gl) {
     this.gl = gl;
     if (!gl.getExtension("EXT_color_buffer_float"))
@@ -43,7 +45,8 @@ export class Gpu {
     return shader;
   }
 
-  // The program of a vertex shader and of the other files, joined to one fragment shader.
+  // Returns the program of a vertex shader and all other files, which are joined to one fragment
+  // shader.
   program(constants, names) {
     const gl = this.gl, key = constants + names.join(" "), known = this.programs.get(key);
     if (known) return known;
@@ -62,8 +65,8 @@ export class Gpu {
     return program;
   }
 
-  // What is set how: each sampler has a texture unit of its own, since samplers of two kinds must not
-  // share one, even where neither is read.
+  // Returns a function for each uniform that sets it. Each sampler has a separate texture unit,
+  // because samplers of two types must not share a unit, even if neither is read.
   uniformsOf(id) {
     const gl = this.gl, uniforms = new Map();
     const targets = {
@@ -104,14 +107,15 @@ export class Gpu {
     return uniforms;
   }
 
-  // Makes a program current and sets what it has of values; samplers without one get a blank texture.
+  // Makes a program current and sets its uniforms from values. Samplers without a value get a blank
+  // texture.
   use(program, values) {
     this.gl.useProgram(program.id);
     for (const [name, uniform] of program.uniforms)
       if (uniform.sampler || values[name] !== undefined) uniform.set(values[name]);
   }
 
-  // Storage without content, unfiltered and clamped.
+  // Makes a texture without content. It is unfiltered and clamped.
   texture(target, format, width, height, depth = 0) {
     const gl = this.gl, texture = gl.createTexture();
     gl.bindTexture(target, texture);
@@ -121,7 +125,7 @@ export class Gpu {
     return texture;
   }
 
-  // Of the texture that is bound.
+  // Sets the filter of the texture that is bound, and clamps it.
   filter(target, how) {
     const gl = this.gl;
     gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, how);
@@ -130,7 +134,7 @@ export class Gpu {
       gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);
   }
 
-  // A depth texture that sampler2DShadow reads.
+  // Makes a depth texture for sampler2DShadow.
   depthMap(size) {
     const gl = this.gl, texture = this.texture(gl.TEXTURE_2D, gl.DEPTH_COMPONENT32F, size, size);
     this.filter(gl.TEXTURE_2D, gl.LINEAR);
@@ -139,8 +143,8 @@ export class Gpu {
     return texture;
   }
 
-  // A texture to draw into, with a depth buffer of the format depth (0: without). before: the target
-  // that it takes the place of; it is returned where it fits.
+  // Returns a texture to draw into, with a depth buffer of the format depth (0 means none). before
+  // is the previous target or null. If it has the same size, it is returned. Otherwise it is freed.
   target(before, format, depth, width, height) {
     const gl = this.gl;
     if (before && before.width === width && before.height === height) return before;
@@ -167,7 +171,7 @@ export class Gpu {
     this.gl.deleteRenderbuffer(target.depth || null);
   }
 
-  // The triangle of screen.vert.
+  // Draws the triangle of screen.vert.
   fillScreen() {
     const gl = this.gl;
     gl.bindVertexArray(this.empty);

@@ -1,12 +1,13 @@
-// A material's local PCA as textures: what renderer/drawing/methods/lpca_revised.c puts on the card, and
-// lpca_texel.glsl and lpca_revised.glsl read.
+// The local PCA of a material as textures. They have the same content as those of
+// renderer/drawing/methods/lpca_revised.c, and are read by lpca_texel.glsl and lpca_revised.glsl.
 import { floatOfHalf } from "./material_file.js";
 
 const viewSize = 256, lightSize = 512;
 
 export const localPcaShaders = ["levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl"];
 
-// The elevated concentric map of direction_grid.h: (s, t) of a direction; below the horizon as in it.
+// Returns (s, t) of a direction on the elevated concentric map of direction_grid.h. Directions
+// below the horizon are clamped to it.
 function square(x, y, z, ret) {
   const rho = Math.sqrt(Math.min(Math.max(1 - z / Math.hypot(x, y, z), 0), 1)), quarter = Math.PI / 4;
   let phi = Math.atan2(y, x);
@@ -17,7 +18,7 @@ function square(x, y, z, ret) {
   ret[1] = 0.5 + 0.5 * [across, rho, -across, -rho][side];
 }
 
-// The viewer's cube maps have 16 bits.
+// The cube maps of mesorig-view have 16 bits.
 const sixteen = value => Math.round(value * 65535) / 65535;
 
 export class LocalPca {
@@ -57,7 +58,7 @@ export class LocalPca {
     };
   }
 
-  // Texels are fetched, never filtered.
+  // Texels are fetched and never filtered.
   levelled(target) {
     const gl = this.gpu.gl, texture = gl.createTexture();
     gl.bindTexture(target, texture);
@@ -67,7 +68,8 @@ export class LocalPca {
     return texture;
   }
 
-  // The cluster of each texel with those right of it, below it and of both, so that one fetch reads four.
+  // Uploads the cluster of each texel together with those of its three neighbours to the right,
+  // below, and diagonally, so that one fetch reads four clusters.
   putClusters() {
     const gl = this.gpu.gl, from = this.material.data.clusters;
     this.clusters = this.levelled(gl.TEXTURE_2D);
@@ -85,7 +87,8 @@ export class LocalPca {
     });
   }
 
-  // Weights times the scales of their clusters, four components a layer.
+  // Uploads the weights, multiplied by the scales of their clusters, with four components per
+  // layer.
   putWeights() {
     const gl = this.gpu.gl, { components: n, levels, data } = this.material;
     const pages = Math.ceil(n / 4);
@@ -129,7 +132,7 @@ export class LocalPca {
     }
   }
 
-  // A function of (s, t) over all directions, faces in the order of OpenGL.
+  // Makes a cube map of a function of (s, t). The faces are in the order of OpenGL.
   cubeMap(size, filtered, fill) {
     const gl = this.gpu.gl, texture = gl.createTexture(), at = [0, 0], one = [0, 0, 0];
     const halves = filtered && !this.gpu.filtersFloats;

@@ -1,4 +1,5 @@
-// The file that "mesorig export web" writes; processing/webgl/webgl_file.h and webgl_pack.h have its layout.
+// Reads the file that "mesorig export web" writes. Its layout is described in
+// processing/webgl/webgl_file.h and webgl_pack.h.
 
 const magic = "mesoweb1";
 const headAt = magic.length + 4;
@@ -18,8 +19,8 @@ async function inflate(bytes) {
   return new Response(stream).arrayBuffer();
 }
 
-// Resolves to the header with its sections as typed arrays in "data". bytes: a Uint8Array;
-// progress (share): called from 0 to 1.
+// Resolves to the header, with its sections as typed arrays in "data". bytes is a Uint8Array.
+// progress is called with the share that is done, from 0 to 1.
 export async function readMaterial(bytes, progress = () => {}) {
   if (typeof DecompressionStream === "undefined")
     throw new Error("This browser cannot decompress the material; use one of 2023 or later.");
@@ -44,7 +45,7 @@ export async function readMaterial(bytes, progress = () => {}) {
   return material;
 }
 
-// Fetches such a file and reads it.
+// Fetches a file and reads it with readMaterial().
 export async function loadMaterial(url, progress = () => {}) {
   const answer = await fetch(url);
   if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);

@@ -1,5 +1,5 @@
-// A captured material in three.js. MesorigMaterial takes the place of a mesh's material; it is lit by a
-// light that is infinitely far away, and by an even sky.
+// A captured material in three.js. A MesorigMaterial is used like any other material of a mesh. It
+// is lit by one light that is infinitely far away, and by an even sky.
 import { CubeTexture, Data3DTexture, DataArrayTexture, GLSL3, Matrix4, RawShaderMaterial, Texture, Vector2, Vector3 } from "three";
 import { Gpu, shaderText } from "./gpu.js";
 import { LocalPca, localPcaShaders } from "./local_pca.js";
@@ -8,9 +8,9 @@ import { Mesh, vertexShapes } from "./shapes.js";
 
 export { loadMaterial, readMaterial } from "./material_file.js";
 
-const white = 0.8; // of full scale: a white diffuser lit from its normal, at an exposure of 0 EV
+const white = 0.8; // share of full scale of a white diffuser that is lit along its normal, at an exposure of 0 EV
 
-// Instead of the shader's own main(): to sRGB, unless what is drawn is to stay linear light.
+// Replaces the shader's main(). Converts to sRGB unless the output must stay linear light.
 const ending = `
 #undef main
 uniform float exposure;
@@ -22,12 +22,12 @@ void main() {
 }
 `;
 
-// three.js writes the line of the version itself.
+// three.js adds the #version line itself.
 const unversioned = text => text.slice(text.indexOf("\n") + 1);
 
-// Adds the attributes that the shaders read next to position, normal and uv: tangent, if it is missing,
-// scale (length of a step of 1 in u and v) and bend (second fundamental form). Returns all of them
-// interleaved, as shapes.js has them.
+// Adds the attributes that the shaders read in addition to position, normal and uv: tangent, if it
+// is missing, scale (length of a step of 1 in u and in v) and bend (second fundamental form).
+// Returns position, normal, tangent and uv interleaved, as in shapes.js.
 function completeGeometry(geometry) {
   if (!geometry.index) throw new Error("MesorigMaterial needs a geometry with an index; see mergeVertices().");
   if (!geometry.attributes.tangent) geometry.computeTangents();
@@ -52,16 +52,18 @@ function completeGeometry(geometry) {
 }
 
 export class MesorigMaterial extends RawShaderMaterial {
-  // renderer: a WebGLRenderer; material: of loadMaterial(). Settings, which can be changed at any time:
+  // renderer is a WebGLRenderer. material is a result of loadMaterial(). Settings, which can be changed
+  // at any time:
   //   tiles          repetitions of the material along u and v
   //   light          Vector3 towards the light, in world coordinates
-  //   brightness     of the light: 1 gives a white diffuser lit from its normal the radiance 1
-  //   ambient        radiance of an even sky
+  //   brightness     of the light; 1 gives radiance 1 to a white diffuser that is lit along its normal
+  //   ambient        radiance of the even sky
   //   exposure       in EV
-  //   silhouettes    outlines of the material's structure, if its file has an MDF
-  //   shadows        that the mesh casts on itself
-  //   layers         parts of the mesh that may lie behind each other
-  // toned (once): TRUE writes sRGB, for the canvas; FALSE linear light, for a target of floats.
+  //   silhouettes    show the outlines of the material's structure, if its file has an MDF
+  //   shadows        show the shadows that the mesh casts on itself
+  //   layers         number of parts of the mesh that may lie behind each other
+  // The setting toned is only read here. TRUE writes sRGB, for the canvas. FALSE writes linear light, for
+  // a render target of floats.
   constructor(renderer, material, settings = {}) {
     super({ glslVersion: GLSL3 });
     this.renderer = renderer;
@@ -85,7 +87,8 @@ export class MesorigMaterial extends RawShaderMaterial {
     { ...this.pca.uniforms, n_lamps: 0 });
   }
 
-  // Uniforms, with textures of OpenGL as three.js knows them: kinds has their classes.
+  // Sets uniforms. Textures of WebGL are wrapped in the texture classes of three.js. kinds has the
+  // class of each sampler.
   put(kinds, values) {
     for (const [name, value] of Object.entries(values)) {
       const Kind = kinds[name], raw = Kind && (value || this.blankFor(name));
@@ -117,8 +120,9 @@ export class MesorigMaterial extends RawShaderMaterial {
     return this.meshes.get(geometry);
   }
 
-  // Before each renderer.render(): finds what of the mesh is seen and lit. object: the Mesh that has this
-  // material, moved, turned or scaled evenly; the picture is to fill the canvas or render target.
+  // Call it before each renderer.render(). Finds the visible and lit parts of the mesh. object is
+  // the Mesh with this material. It may be moved, rotated or scaled evenly. The picture must fill
+  // the canvas or the render target.
   prepare(object, camera) {
     const { renderer, settings } = this, mesh = this.meshOf(object.geometry);
     const target = renderer.getRenderTarget(), size = renderer.getDrawingBufferSize(new Vector2());

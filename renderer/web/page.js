@@ -1,19 +1,20 @@
-// The page: what is dragged and chosen becomes settings of the viewer.
+// The page converts drags and choices of the user to settings of the viewer.
 import { readMaterial } from "./material_file.js";
 import { shapeNames } from "./shapes.js";
 import { Viewer, defaults } from "./viewer.js";
 
 const $ = id => document.getElementById(id);
 const canvas = $("picture");
-const slowMs = 60;  // a picture that takes longer is drawn coarser while something moves
-const fastMs = 250; // at rest it is drawn with supersampling if it took no longer than this
-const turnDeg = 0.35; // turn per pixel of movement
+const slowMs = 60;  // if a picture takes longer, it is drawn at a lower resolution while something moves
+const fastMs = 250; // if a picture took less than this, it is drawn with supersampling at rest
+const turnDeg = 0.35; // rotation per pixel of movement
 
 let viewer = null, settings = null, first = null;
 let coarse = 1, asked = false, restless = 0;
 
-// Options of mesorig-view after the page's address, as in #shape=sphere&light-theta-deg=30. A material
-// of one view is first shown as it was measured: on a plane, from above.
+// Reads options of mesorig-view from the address of the page, for example
+// #shape=sphere&light-theta-deg=30. A material with one view is first shown as it was measured: on
+// a plane, from above.
 function fromAddress(views) {
   const ret = { ...defaults };
   if (views === 1) Object.assign(ret, { shape: "plane", cameraElevationDeg: 90 });
@@ -31,18 +32,20 @@ function fromAddress(views) {
 
 const aspect = () => canvas.clientWidth / Math.max(canvas.clientHeight, 1);
 
-// Draws into the canvas; share of its pixels each way. Returns the milliseconds that it took.
+// Draws into the canvas at a share of its resolution in each direction. Returns the time that it
+// took, in milliseconds.
 function drawNow(share, supersample) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2) * share, begun = performance.now();
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
   const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   viewer.draw({ ...settings, supersample }, null, width, height);
-  viewer.gl.readPixels(0, 0, 1, 1, viewer.gl.RGBA, viewer.gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits for the card
+  viewer.gl.readPixels(0, 0, 1, 1, viewer.gl.RGBA, viewer.gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits for the GPU
   return performance.now() - begun;
 }
 
-// Draws soon, coarser if that takes long; and finely once nothing has moved for a while.
+// Draws in the next frame, at a lower resolution if drawing takes long. Draws at full quality when
+// nothing has moved for a while.
 function redraw() {
   clearTimeout(restless);
   restless = setTimeout(() => {
@@ -66,7 +69,7 @@ function change(what) {
 
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
-// The camera stays where it is from here on, whatever the picture's aspect.
+// Fixes the distance and pan of the camera from now on, for any aspect of the picture.
 function holdCamera() {
   viewer.setShape(settings.shape);
   settings = viewer.fitted(settings, aspect());
@@ -78,7 +81,7 @@ function turnCamera(right, down) {
     cameraElevationDeg: clamp(settings.cameraElevationDeg + down, -90, 90) });
 }
 
-// The light follows the finger: its azimuth counts from the camera's.
+// The light follows the pointer. Its azimuth is relative to that of the camera.
 function turnLight(right, down) {
   change({ lightPhiDeg: settings.lightPhiDeg + right,
     lightThetaDeg: clamp(settings.lightThetaDeg + down, 0, 180) });
@@ -154,7 +157,7 @@ function addShapes() {
   }
 }
 
-// The pattern's size counts as powers of two from what the shape has.
+// The slider sets the size of the pattern in powers of two, relative to the size for this shape.
 function chooseTiles() {
   viewer.setShape(settings.shape);
   const factor = 2 ** -$("tiles").value, [u, v] = viewer.mesh.tiles;
@@ -223,7 +226,8 @@ function fail(error) {
   $("controls").hidden = $("drag").hidden = true;
 }
 
-// For whoever drives the page: a picture as the address of a PNG, drawn with these settings.
+// For scripts that control the page: returns a picture, drawn with these settings, as the URL of a
+// PNG.
 function pictureUrl(wanted, width, height) {
   const sheet = document.createElement("canvas");
   Object.assign(sheet, { width, height });
@@ -241,7 +245,7 @@ async function start() {
   const material = await readMaterial(received.bytes, share => { $("bar").value = 0.5 + 0.4 * share; });
   received.bytes = null;
   $("step").textContent = "Preparing the picture";
-  await new Promise(resolve => setTimeout(resolve)); // lets the browser show the progress
+  await new Promise(resolve => setTimeout(resolve)); // lets the browser show the progress first
   viewer = new Viewer(gl, material);
   material.data = null;
   const [[w, h]] = material.levels, mm = material.texel_mm;

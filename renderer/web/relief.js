@@ -1,12 +1,12 @@
-// Silhouettes and cast shadows of a material's structure (Wang et al. 2005 §4), as renderer/drawing/relief has
-// them. prepare() finds the visible surface of each pixel and the shadow map; uniforms hands both to
-// visible.glsl and shadow.glsl.
+// Silhouettes and cast shadows of a material's structure (Wang et al. 2005 §4), as in
+// renderer/drawing/relief. prepare() finds the visible surface of each pixel and the shadow map.
+// visible.glsl and shadow.glsl read both via uniforms.
 import { cross, unit } from "./vectors.js";
 
-const slack = 1e-4;      // of distances from the eye, in radii
-const reach = 2;         // of lamps: the plane from which depth is measured, in radii
-const range = 4;         // and what a depth of 1 is
-const shadowSlack = 2;   // in texels of the map
+const slack = 1e-4;      // tolerance of distances from the eye, in radii
+const reach = 2;         // distance from the origin to the plane from which a lamp's depth is measured, in radii
+const range = 4;         // length from depth 0 to depth 1, in radii
+const shadowSlack = 2;   // depth bias, in texels of the map
 
 // The MDF as factors, or a flat one.
 class Mdf {
@@ -36,7 +36,8 @@ class Mdf {
   }
 }
 
-// Layer by layer (Wang et al. 2005 fig. 7): back faces, then the front faces before them.
+// Peels layers (Wang et al. 2005 fig. 7): the back faces of a layer, then the front faces before
+// them.
 class Visibility {
   constructor(gpu) {
     this.gpu = gpu;
@@ -60,8 +61,9 @@ class Visibility {
     gl.disable(gl.CULL_FACE);
   }
 
-  // scene: mesh, mdf, tiles, projection, sight, reach, width, height. Returns a texture: distance to
-  // the mesh, from there to the structure, from there to its base, and 1; all 0 where nothing is seen.
+  // scene has mesh, mdf, tiles, projection, sight, reach, width and height. Returns a texture with
+  // the distance to the mesh, from there to the structure, from there to the base of the structure,
+  // and 1. All four are 0 where nothing is seen.
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
     const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "relief.glsl"];
@@ -85,7 +87,8 @@ class Visibility {
       const now = this.back[layer & 1], last = this.back[~layer & 1];
       this.clear(now, gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
       this.drawFaces(mesh, gl.FRONT, backs, { ...values, before: last.colour, seen: this.seen.colour });
-      // The stencil keeps the layer in which a pixel was found, and masks it for all later ones.
+      // The stencil buffer keeps the layer in which a pixel was found, and masks it for all later
+      // layers.
       this.clear(this.seen, gl.DEPTH_BUFFER_BIT);
       gl.enable(gl.STENCIL_TEST);
       gl.stencilFunc(gl.LEQUAL, layer, 0xff);
@@ -101,12 +104,13 @@ class Visibility {
   }
 }
 
-// The direction of a shadow map's +x; its +y is towards × right.
+// Returns the direction of a shadow map's +x. Its +y is towards × right.
 function rightOf(towards) {
   return unit(cross(Math.abs(towards[2]) > 0.9 ? [0, 1, 0] : [0, 0, 1], towards));
 }
 
-// From far away along light: a sphere of the radius fills the picture.
+// Returns the matrix of a view from far away along the light. A sphere of the radius fills the
+// picture.
 function lampMatrix(light, radius) {
   const right = rightOf(light), up = cross(light, right), ret = new Array(16).fill(0);
   for (let k = 0; k < 3; k++) {
@@ -128,8 +132,8 @@ export class Relief {
     this.uniforms = {};
   }
 
-  // scene: mesh, tiles, projection, eye, light, width, height, silhouettes, shadows, shadowMap.
-  // Leaves framebuffers of its own bound.
+  // scene has mesh, tiles, projection, eye, light, width, height, silhouettes, shadows and
+  // shadowMap. Other framebuffers are bound afterwards.
   prepare(scene) {
     const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.mdf !== null;
     const mdf = silhouettes ? this.mdf : this.smooth;
@@ -147,7 +151,7 @@ export class Relief {
     };
   }
 
-  // The map is kept while lamp, mesh, tiles and MDF stay the same.
+  // The map is kept while lamp, mesh, tiles, MDF and size stay the same.
   findShadow(mesh, tiles, mdf, light, size) {
     const gl = this.gpu.gl, key = [...light, ...tiles, size];
     if (this.key && this.key.mesh === mesh && this.key.mdf === mdf &&

@@ -1,9 +1,10 @@
 // The shapes of mesorig-view (renderer/shapes/scene.c and mesh_shape.c): meshes with texture
 // coordinates, tangent frames, scale and curvature, ready to be drawn with mesh.vert.
 
-// Numbers of a vertex: position 3, normal 3, tangent 4, uv 2.
+// number of floats of a vertex: position 3, normal 3, tangent 4, uv 2
 const stride = 12;
-// Numbers of its shape: length of a step of 1 in u and in v, second fundamental form.
+// number of floats of the local shape at a vertex: lengths of a step of 1 in u and in v, second
+// fundamental form
 const shapeStride = 5;
 
 const attributes = [["position", 3, 0], ["normal", 3, 3], ["tangent", 4, 6], ["uv", 2, 10]];
@@ -40,7 +41,8 @@ function knotCurve(t) {
   return [r * Math.cos(2 * t), r * Math.sin(2 * t), Math.sin(3 * t)];
 }
 
-// Position and normal of the (2, 3) torus knot; its tube's angle counts from the upper side.
+// Returns position and normal of the (2, 3) torus knot. The angle around its tube is counted from
+// the upper side.
 function knotAt(u, v) {
   const t = TAU * u, b = TAU * v, middle = knotCurve(t);
   const from = knotCurve(t - 1e-4), to = knotCurve(t + 1e-4);
@@ -74,7 +76,8 @@ function grid(point, nu, nv) {
   return { vertices, indices };
 }
 
-// A flat end of the cylinder, facing up (side 1) or down (-1), with texels as large as those around.
+// Adds a flat end of the cylinder that faces up (side 1) or down (side −1). Its texels have the
+// size of those around it.
 function addLid(mesh, n, side) {
   const first = mesh.vertices.length / stride;
   for (let k = 0; k <= n; k++) {
@@ -96,7 +99,8 @@ function closedCylinder() {
   return mesh;
 }
 
-// tiles: suggested repetitions of the material; layers: parts of it that may lie behind each other.
+// tiles is the suggested number of repetitions of the material. layers is the number of parts of
+// the shape that may lie behind each other.
 const shapes = {
   torus: { make: () => grid(torus, 192, 96), tiles: [8, 3], layers: 3 },
   sphere: { make: () => grid(sphere, 128, 64), tiles: [6, 3], layers: 2 },
@@ -106,8 +110,9 @@ const shapes = {
 };
 export const shapeNames = Object.keys(shapes);
 
-// Sums over the triangles around a vertex: area, scale of u and v; and for the second fundamental form,
-// by least squares over edges (a, b) and changes (p, q) of the normal: aa, ab, bb, pa, pb + qa, qb.
+// Sums over the triangles around a vertex: the area, the scale of u and of v, and the sums for the
+// second fundamental form. The form is found by least squares over edges (a, b) and changes (p, q)
+// of the normal, from aa, ab, bb, pa, pb + qa, qb.
 const sums = 9;
 
 function addScale(v, at, corners, total) {
@@ -159,7 +164,8 @@ function solve(total, at) {
   return [(pa - ab * m) / aa, m, (qb - ab * m) / bb].map(x => (Number.isFinite(x) ? x : 0));
 }
 
-// vertices: as above, twelve numbers each. Returns what "scale" and "bend" of mesh.vert read.
+// vertices has twelve numbers per vertex, as described above. Returns the attributes "scale" and
+// "bend" of mesh.vert.
 export function vertexShapes(vertices, indices) {
   const n = vertices.length / stride, total = new Float64Array(sums * n);
   for (let k = 0; k < indices.length; k += 3) {
@@ -178,7 +184,7 @@ export function vertexShapes(vertices, indices) {
   return ret;
 }
 
-// A shape on the card. Positions are in points as well.
+// A shape on the GPU. points has a copy of the positions.
 export class Mesh {
   constructor(gl, vertices, indices, tiles, layers) {
     this.vertices = new Float32Array(vertices);

@@ -1,4 +1,4 @@
-// Vectors of three numbers, and matrices of OpenGL: sixteen, column by column.
+// Vectors of three numbers, and matrices as in OpenGL: sixteen numbers, column by column.
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
@@ -13,7 +13,7 @@ export function unit(a) {
   return [a[0] / length, a[1] / length, a[2] / length];
 }
 
-// From the polar angle, from +z, and the azimuth, from +x counter-clockwise.
+// Returns the unit vector for a polar angle from +z and an azimuth from +x, counter-clockwise.
 export function directionFromDeg(thetaDeg, phiDeg) {
   const theta = thetaDeg * Math.PI / 180, phi = phiDeg * Math.PI / 180;
   return [Math.sin(theta) * Math.cos(phi), Math.sin(theta) * Math.sin(phi), Math.cos(theta)];

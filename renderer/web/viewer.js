@@ -6,15 +6,15 @@ import { Relief } from "./relief.js";
 import { Mesh } from "./shapes.js";
 import { directionFromDeg } from "./vectors.js";
 
-const white = 0.8; // of full scale: a white diffuser lit from its normal, at an exposure of 0 EV
+const white = 0.8; // share of full scale of a white diffuser that is lit along its normal, at an exposure of 0 EV
 
-// As mesorig-view's options of the same names.
+// They have the names and meanings of mesorig-view's options.
 export const defaults = {
   shape: "torus",
-  tiles: null, // null: as the shape has it
+  tiles: null, // null means the numbers of the shape
   cameraAzimuthDeg: -90,
   cameraElevationDeg: 40,
-  cameraDistance: 0, // 0: the shape fills the picture
+  cameraDistance: 0, // 0 means that the shape fills the picture
   cameraPan: [0, 0],
   cameraFovDeg: 30,
   lightThetaDeg: 50,
@@ -28,7 +28,8 @@ export const defaults = {
   supersample: 1,
 };
 
-// The footprint of a mesh, its lowest quarter seen from above, as a rectangle with rounded corners.
+// Returns the footprint of a mesh (its lowest quarter seen from above) as a rectangle with rounded
+// corners.
 function footOf(mesh) {
   const p = mesh.points;
   let reach = 0, x = 0, y = 0, low = 0, high = 0;
@@ -48,7 +49,7 @@ function footOf(mesh) {
 }
 
 export class Viewer {
-  // gl: a WebGL2RenderingContext; material: of readMaterial().
+  // gl is a WebGL2RenderingContext. material is a result of readMaterial().
   constructor(gl, material) {
     this.gl = gl;
     this.gpu = new Gpu(gl);
@@ -65,13 +66,13 @@ export class Viewer {
     this.shape = name;
   }
 
-  // Settings with the distance and pan at which the shape fills a picture of this aspect.
+  // Returns settings with the distance and pan at which the shape fills a picture of this aspect.
   fitted(settings, aspect) {
     if (settings.cameraDistance > 0) return settings;
     return { ...settings, ...fitCamera(settings, this.mesh.points, this.mesh.radius, aspect) };
   }
 
-  // Linear, into this.scene.
+  // Draws linear light into this.scene.
   drawScene(s, width, height) {
     const { gl, gpu, mesh, relief } = this;
     const { projection, eye } = cameraMatrix(this.fitted(s, width / height), mesh.radius, width / height);
@@ -101,7 +102,7 @@ export class Viewer {
     mesh.draw();
     const ground = gpu.program("#define LAMP_SHADOWS 0\n",
       ["screen.vert", "shadow.glsl", "further.glsl", "background.frag"]);
-    gl.depthFunc(gl.LEQUAL); // where nothing was drawn yet
+    gl.depthFunc(gl.LEQUAL); // only where nothing was drawn yet
     gl.depthMask(false);
     gpu.use(ground, { ...values, ...this.foot });
     gpu.fillScreen();
@@ -109,7 +110,7 @@ export class Viewer {
     gl.depthFunc(gl.LESS);
   }
 
-  // As sRGB into a framebuffer; null: the canvas.
+  // Draws sRGB into a framebuffer. null means the canvas.
   draw(settings, framebuffer, width, height) {
     const s = { ...defaults, ...settings }, { gl, gpu } = this;
     this.setShape(s.shape);
@@ -122,7 +123,7 @@ export class Viewer {
     gpu.fillScreen();
   }
 
-  // The picture as an ImageData.
+  // Returns the picture as an ImageData.
   picture(settings, width, height) {
     const gl = this.gl, target = this.gpu.target(null, gl.RGBA8, 0, width, height);
     const upside = new Uint8Array(4 * width * height), image = new ImageData(width, height);

@@ -13,7 +13,8 @@ struct viewer_options {
                              not exist */
     /* Index map as given (a file or the directory of a session), and its file. */
     char *index, *index_path;
-    char *normal_map; /* for methods that accept one; NULL keeps their normals */
+    /* normal map for methods that accept one; NULL keeps the normals of the method */
+    char *normal_map;
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
     char **materials; /* as given */

@@ -99,7 +99,8 @@ static void count_levels(struct window *w, const guint8 *rgb) {
 
 /* The camera's distance is fitted to a shape once, so that the shape keeps its size while the user
  * turns it. When the aspect of the picture changes (because of the panel or the window), the
- * distance changes by the same factor as that of a fitted camera. */
+ * distance is multiplied by the same factor by which the distance of a fitted camera would
+ * change. */
 static void fit(struct window *w, double aspect) {
     struct viewer_settings *s = &w->now.settings;
     if (s->camera_distance == 0.0) {

@@ -35,7 +35,7 @@ struct window {
     Viewer *viewer, *second;
     struct mesh *mesh;
     const char *own_shape; /* shape that was given or opened, in addition to the computed shapes */
-    char *session;         /* directory, or NULL */
+    char *session;         /* directory of the session, or NULL */
     char *material, *second_material;
     char *message; /* the last sentence for the user, or NULL */
     gboolean is_error;

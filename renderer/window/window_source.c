@@ -65,7 +65,7 @@ static void show_live(struct window *w) {
     window_say(w, good ? NULL : error->message);
 }
 
-/* While a session is captured, its eigen-maps are those of the existing views. */
+/* While a session is captured, its eigen-maps are made from the existing views. */
 void window_set_method(struct window *w, const struct method *method) {
     g_autofree char *product = w->live_maps != NULL ? method_path(methods[0], w->session) : NULL;
     if (method == methods[0] && product != NULL && time_of(product) < 0)

@@ -3,14 +3,20 @@
  * board and a board of inputs in one unit. It serves TCP on the loopback interface, or RTU on a
  * pseudo-terminal, in a separate thread and in real time. It is for tests and measurements.
  *
- * Holding registers: 0–1 target (32 bits, high word first), 2 command (1 start, 2 home, 3 stop, 4
- * clear), 3 speed, 4 acceleration (stored without effect; the speed also has no effect if
- * speed_unit_steps_s is 0), 5 watchdog (writes are counted), 6 communication timeout in 0.1 s (0
- * for none; if no request comes within that time, the coils go off and the drive brakes), 100–107
- * without a function (RIG_AXIS of tests/lib/modbus_rig.h sets up 100–102). Input registers from 20
- * on, which can also be read as holding registers: status (bit 0 moving, 1 homed, 2 fault, 3
- * limit), position (32 bits). Coils 0–15, discrete inputs 0–15. Function 5 at coil 0x200 + i with a
- * time in 0.1 s switches coil i on for that time. Any other address is an illegal address.
+ * Holding registers:
+ *   0–1      target position (32 bits, high word first)
+ *   2        command: 1 start, 2 home, 3 stop, 4 clear
+ *   3        speed; it has no effect if speed_unit_steps_s is 0
+ *   4        acceleration; it has no effect
+ *   5        watchdog; writes are counted
+ *   6        communication timeout in 0.1 s, or 0 for none. If no request arrives within this time,
+ *            the coils are switched off and the drive brakes.
+ *   100–107  no function (RIG_AXIS of tests/lib/modbus_rig.h sets up 100–102)
+ * Input registers, which can also be read as holding registers:
+ *   20       status: bit 0 moving, 1 homed, 2 fault, 3 limit
+ *   21–22    position (32 bits)
+ * There are coils 0–15 and discrete inputs 0–15. Function 5 at coil 0x200 + i with a time in 0.1 s
+ * switches coil i on for this time. All other addresses are illegal.
  *
  * Any thread may call these functions, except virtual_modbus_new() and virtual_modbus_free().
  */

@@ -22,5 +22,5 @@ gboolean virtual_relays_link(VirtualRelays *relays, int relay, World *world, con
 guint virtual_relays_state(VirtualRelays *relays); /* one bit per relay */
 /* Makes the relays in mask stick, so that they no longer switch. */
 void virtual_relays_stick(VirtualRelays *relays, guint mask);
-/* As when the board is unplugged: all relays go off. */
+/* Imitates unplugging the board: all relays go off. */
 void virtual_relays_lose_power(VirtualRelays *relays);

@@ -27,7 +27,7 @@ gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, doubl
 /* Changes settings that an owner changes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
-void virtual_tic_enter_safe_start(VirtualTic *tic); /* as if another program had done so */
+void virtual_tic_enter_safe_start(VirtualTic *tic); /* imitates another program that does so */
 void virtual_tic_lose_steps(VirtualTic *tic);       /* the position becomes uncertain */
 /* The forward switch stays pressed. */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);

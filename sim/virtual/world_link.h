@@ -3,7 +3,7 @@
  * lamp or a motor that turns the table. Every virtual camera reads the same World, so a lamp that
  * is switched over one bus is seen by a camera on another bus.
  *
- * Real time: the world's microseconds are those of g_get_monotonic_time(), as with
+ * The world runs in real time. Its microseconds are the time of g_get_monotonic_time(), as with
  * clock_new_real(). A part is found in the main thread, and may then be used by any thread.
  */
 #pragma once

@@ -68,9 +68,9 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
 /* Returns the vector turned by an angle about a unit axis. */
 struct v3 optics_spin(struct v3 a, struct v3 axis, double angle);
 
-/* Returns the magnification of light relative to that of green light. weights are the relative
- * responses of the red, green and blue filters to the light; (1, 0, 0) is light that passes only
- * the red filter. */
+/* Returns the magnification of light relative to the magnification of green light. weights are the
+ * relative responses of the red, green and blue filters to the light; (1, 0, 0) is light that
+ * passes only the red filter. */
 double optics_magnification(const struct optics_camera *camera, const double weights[3]);
 
 /* Returns the unit viewing ray through a point of the picture, for green light. */

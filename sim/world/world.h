@@ -73,7 +73,8 @@ void world_set_laser(World *world, int laser, gboolean on);
 #define WORLD_INSTANTS 17
 struct world_state {
     double turntable_deg, arc_deg, arm_deg, probe_deg; /* turntable_deg in the middle of it */
-    /* Positions of the turntable at even intervals, from the begin of the exposure to its end. */
+    /* Positions of the turntable at equal intervals, from the beginning of the exposure to its
+     * end. */
     double turning_deg[WORLD_INSTANTS];
     double sweep_deg[WORLD_MAX_LASERS]; /* by place, like laser_on */
     float lamp_output[WORLD_MAX_LAMPS]; /* relative to the nominal output, mean over the exposure */

@@ -3,8 +3,9 @@
 #define CELLS_PER_SCALE 3
 #define MAX_CELLS       2048 /* largest number of cells in one direction */
 #define REACH_SCALES    5    /* no light comes out beyond this number of scales */
-#define REACH_SIGMA     4  /* standard deviations of the laser's profile beyond which is no light */
-#define KERNEL_STEPS    64 /* steps of the kernel's table per scale */
+/* standard deviations of the laser's profile beyond which there is no light */
+#define REACH_SIGMA  4
+#define KERNEL_STEPS 64 /* steps of the kernel's table per scale */
 
 enum cached { /* must differ from the numbers in world_light.c and world_laser.c */
               CACHED_BLEEDING_CELLS = 48,

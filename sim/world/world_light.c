@@ -58,7 +58,7 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
 
 /* Converts a vector or point from the frame of a light's carrier to the frame of the pose. If
  * neither axis is tilted, it turns only by the angle between arc and turntable, so that the result
- * is bit-identical to that of an ideal arc. */
+ * is bit-identical to the result for an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
@@ -123,7 +123,7 @@ struct view_job {
     double arm_deg, turntable_deg;
     double magnification; /* 0 means the magnification of the colour of each pixel's filter */
     const struct spread *spread;
-    struct v3 *rays; /* rays, surfaces and hit are those of one row of the picture */
+    struct v3 *rays; /* rays, surfaces and hit are for one row of the picture */
     struct surface *surfaces;
     gboolean *hit;
 };

@@ -183,8 +183,8 @@ struct view {
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 
-/* world_point.c: packs a surface into a point, and unpacks it. The albedo of the pixel's colour is
- * then that of all three colours. */
+/* world_point.c: packs a surface into a point, and unpacks it. A point has only the albedo for the
+ * pixel's colour. Unpacking uses it for all three colours. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);

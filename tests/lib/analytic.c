@@ -42,7 +42,8 @@ void pinhole_ray(const struct pinhole *p, double x, double y, double *ret) {
     const double shown_u = (x - 0.5 * (p->width - 1) - p->off_px[0]) / p->focal_px;
     const double shown_v = (y - 0.5 * (p->height - 1) - p->off_px[1]) / p->focal_px;
     double u = shown_u, v = shown_v;
-    for (int i = 0; p->k1 != 0 && i < 6; i++) { /* each step is k1 r² times as far off */
+    /* each step reduces the error by the factor k1 r² */
+    for (int i = 0; p->k1 != 0 && i < 6; i++) {
         const double factor = 1 + p->k1 * (u * u + v * v);
         u = shown_u / factor, v = shown_v / factor;
     }

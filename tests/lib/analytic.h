@@ -1,6 +1,6 @@
 /*
- * A camera, a line laser and a lamp by formulas of their own, for tests of processing: nothing here
- * calls calib/.
+ * A camera, a line laser and a lamp that are computed by separate formulas, for tests of
+ * processing. Nothing here calls calib/.
  */
 #pragma once
 
@@ -11,15 +11,15 @@
 
 double analytic_dot(const double *a, const double *b);
 
-/* Rz(angle) applied to (x, y, z). */
+/* Computes Rz(angle) · (x, y, z). */
 void analytic_turn(const double *a, double angle, double *ret);
 
-/* A camera at an angle from the zenith that looks at the origin. */
+/* A camera that looks at the origin from a polar angle. */
 struct pinhole {
     int width, height;
     double theta, distance_mm, focal_px;
     double azimuth;   /* of the camera, radians */
-    double off_px[2]; /* of the principal point from the picture's middle */
+    double off_px[2]; /* offset of the principal point from the middle of the picture */
     double k1; /* distortion: a point at r from the principal point is shown at r (1 + k1 r²),
                   in focal lengths */
 };
@@ -29,7 +29,7 @@ void pinhole_project(const struct pinhole *p, const double *point, double *ret_x
 void pinhole_ray(const struct pinhole *p, double x, double y, double *ret);
 struct rig_camera pinhole_to_rig(const struct pinhole *p, const char *name);
 
-/* A line laser on the arc, whose sheet at sweep 0 goes through the origin and that sweeps about a
+/* A line laser on the arc. At sweep angle 0 its sheet contains the origin. It sweeps about a
  * horizontal axis. */
 struct line_laser {
     double theta, distance_mm;
@@ -37,12 +37,14 @@ struct line_laser {
 
 void line_laser_position(const struct line_laser *laser, double arc, double *ret);
 
-/* The angle between beam and line of sight to a point, in the plane across the axis: the beam turns
- * about +y, from the zenith's side of the sample to that beyond it. */
+/* Returns the sweep angle at which the sheet contains a point: the angle between the beam and the
+ * line to the point, in the plane perpendicular to the axis. The beam turns about +y, from the side
+ * of the zenith to the other side of the sample. */
 double line_laser_sweep(const struct line_laser *laser, double arc, const double *point);
 struct rig_laser line_laser_to_rig(const struct line_laser *laser, const char *name);
 
-/* A lamp on the arc, aimed at the origin; next to its aim it falls off with cos^exponent. */
+/* A lamp on the arc that aims at the origin. Its intensity decreases with cos^exponent of the angle
+ * to the aim. */
 struct arc_lamp {
     double theta, distance_mm, intensity;
     double exponent;

@@ -1,4 +1,4 @@
-/* A call that has to fail, followed by others that use the same error. */
+/* For a call that must fail, followed by others that use the same error. */
 #pragma once
 
 #include <glib.h>

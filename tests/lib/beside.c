@@ -30,7 +30,7 @@ char *beside_run(const char *test_path) {
     const char *const argv[] = {"env", path, copy, "-p", test_path, NULL};
     char *said = process_text(0, argv);
     g_test_message("%s", said);
-    assert_has(said, test_path); /* it was run */
+    assert_has(said, test_path); /* the case was run */
     remove_tree(made);
     return said;
 }

@@ -1,19 +1,21 @@
-/* What a program finds next to itself, replaced by scripts: a test program is copied into a folder
- * and runs one of its cases there. What goes wrong in here fails the test. */
+/* Replaces the programs that a program finds in its own folder by scripts. A test program is copied
+ * into a folder, and the copy runs one of its cases there. Errors in these functions fail the
+ * test. */
 #pragma once
 
 #include <glib.h>
 
-/* Runs the case test_path of this program, whose name ends with "/subprocess", in a copy, where
- * PATH begins with an empty folder. Returns what it printed, g_free(). */
+/* Runs the case test_path of this program in a copy. The name of the case must end with
+ * "/subprocess". PATH begins with an empty folder. Returns the output of the copy; g_free(). */
 char *beside_run(const char *test_path);
 
-/* In the copy: a shell script next to it that runs these commands; text NULL: there is none.
- * Returns the folder, which belongs to this function. */
+/* Called in the copy: writes a shell script with these commands next to the program. If text is
+ * NULL, removes the script. Returns the folder, which belongs to this function. */
 const char *beside_write(const char *program, const char *text);
 
-/* The same in the folder that PATH begins with. */
+/* Does the same in the first folder of PATH. */
 void beside_write_in_path(const char *program, const char *text);
 
-/* The same with a first line of its own (“#!/no/such”). */
+/* Does the same without "#!/bin/sh". The text contains its own first line, for example
+ * “#!/no/such”. */
 void beside_write_raw(const char *program, const char *text);

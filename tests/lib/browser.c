@@ -17,7 +17,8 @@ struct Browser {
     char *session, *profile;
 };
 
-/* The member "value" of the answer; json_node_unref(). body: NULL, or JSON. */
+/* Returns the member "value" of the answer; json_node_unref(). body is JSON, or NULL for a request
+ * without a body. */
 static JsonNode *call(Browser *browser, const char *method, const char *path, const char *body) {
     g_autofree char *uri = g_strdup_printf("http://127.0.0.1:%d%s", browser->port, path);
     g_autoptr(SoupMessage) message = soup_message_new(method, uri);

@@ -1,5 +1,5 @@
-/* A page in a browser without a window: Chromium, driven by the WebDriver protocol of Debian's
- * chromium-driver. What goes wrong in here fails the test. */
+/* A page in a browser without a window: Chromium, controlled via the WebDriver protocol of Debian's
+ * chromium-driver. Errors in these functions fail the test. */
 #pragma once
 
 #include <glib.h>
@@ -11,8 +11,8 @@ void browser_free(Browser *browser); /* NULL is ignored */
 
 void browser_open(Browser *browser, const char *uri);
 
-/* What a JavaScript expression is, as a text; g_free(). */
+/* Returns the value of a JavaScript expression as text; g_free(). */
 char *browser_value(Browser *browser, const char *expression);
 
-/* Waits for an expression to be true, 30 s at most. */
+/* Waits until an expression is true, for at most 30 s. */
 void browser_wait(Browser *browser, const char *expression);

@@ -1,6 +1,6 @@
 /*
- * The rig on D-Bus and its clients in one process, over peer connections: the small simulated rig
- * with changes. What goes wrong in here fails the test.
+ * The rig on D-Bus and its clients in one process, via peer connections. The rig is the small
+ * simulated rig with changes. Errors in these functions fail the test.
  */
 #pragma once
 
@@ -9,37 +9,39 @@
 #include "small_rig.h"
 
 struct bus_peer {
-    char *folder, *address, *rig, *conf, *session; /* of the last, the directory that may be made */
+    /* session: a path at which a session may be made */
+    char *folder, *address, *rig, *conf, *session;
     Bus *bus;
     BusServer *server;
     GDBusConnection *client;
-    GString *told; /* events, a line each */
+    GString *told; /* events, one per line */
 };
 
-struct bus_peer *bus_peer_new(const struct change *changes); /* no rig is open yet */
+struct bus_peer *bus_peer_new(const struct change *changes); /* makes it without opening the rig */
 struct bus_peer *bus_peer_open(const struct change *changes);
 void bus_peer_free(struct bus_peer *peer);
 
-/* Another client; g_object_unref() */
+/* Connects another client; g_object_unref(). */
 GDBusConnection *bus_peer_join(struct bus_peer *peer);
 
-/* Begins a call; its result is put into *ret_result, which must be NULL. Parameters are consumed.
- */
+/* Begins a call. Its result will be stored in *ret_result, which must be NULL. Consumes the
+ * parameters. */
 void bus_peer_begin(GDBusConnection *client, const char *method, GVariant *parameters,
                     GAsyncResult **ret_result);
-/* What it answers, or NULL; then error is set, without its remote name, which is put into *ret_name
- * (may be NULL, g_free()). Unrefs the result. */
+/* Returns the answer of a call. On error returns NULL and sets error, without its remote name. The
+ * remote name is stored in *ret_name (g_free()); ret_name may be NULL. Unrefs the result. */
 GVariant *bus_peer_end(GDBusConnection *client, GAsyncResult **result, char **ret_name,
                        GError **error);
 
-/* A call that succeeds. */
+/* Makes a call that must succeed. */
 void bus_peer_tell(struct bus_peer *peer, const char *method, GVariant *parameters);
-/* A call that fails with this name (without org.mesorig.Error.) and says these words. */
+/* Makes a call that must fail with the error “org.mesorig.Error.” + name and a message that
+ * contains these words. */
 void bus_peer_refused(struct bus_peer *peer, const char *method, GVariant *parameters,
                       const char *name, const char *words);
-/* The same of a call that was begun. */
+/* Checks the same for a call that was begun. */
 void bus_peer_fails(GDBusConnection *client, GAsyncResult **result, const char *name,
                     const char *words);
 
-/* Runs the main loop until this holds of the bus; fails after a minute. */
+/* Runs the main loop until holds(bus) is TRUE. Fails after a minute. */
 void bus_peer_wait(struct bus_peer *peer, gboolean (*holds)(const Bus *bus));

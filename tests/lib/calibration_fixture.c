@@ -32,8 +32,8 @@ static char *boards_world_text(const struct fixture *f, const struct fixture_lay
                                "lateral_colour = %g\n",
                                c, boards_theta_deg(o, c), o->distance_mm, o->width, o->height,
                                o->focal_px, o->blur_px, o->lateral_colour);
-        /* A lens that is like real ones: focal length and middle off by a little, some distortion.
-         */
+        /* A lens with typical errors: its focal length and principal point deviate a little from
+         * the nominal values, and it has some distortion. */
         GRand *rand = g_rand_new_with_seed((guint32)(o->seed * 100 + c));
         const double scale = 1 + g_rand_double_range(rand, -0.01, 0.01);
         const double x = g_rand_double_range(rand, -0.015, 0.015) * o->width;
@@ -84,7 +84,8 @@ void boards_open(struct fixture *f, const struct fixture_rig *options,
     }
     g_autofree char *print = g_build_filename(f->folder, "board.png", NULL);
     const double cell = f->board.marker_mm > 0 ? f->board.marker_mm / 6 : f->board.square_mm;
-    const struct board_drawing drawing = {0, 1 / cell}; /* cells of a marker are whole pixels */
+    /* so that the cells of a marker are whole pixels */
+    const struct board_drawing drawing = {0, 1 / cell};
     ok(board_draw(&f->board, print, &drawing, ERR));
     for (int l = 0; l < n_lays; l++) {
         g_autofree char *name = g_strdup_printf("world%d.conf", l);
@@ -107,7 +108,7 @@ void boards_capture(struct fixture *f, int n_stops) {
         const double deg = 360.0 * stop / n_stops;
         g_autofree char *name = g_strdup_printf("lay%d/cam%d at %.1f°", lay, camera, deg);
         f->pictures[i] = (struct cameras_picture){camera, lay, deg};
-        /* The exposure that fills the sensor to four fifths. */
+        /* The exposure at which a white surface reaches four fifths of full scale. */
         struct world_sensor sensor;
         struct world_state state;
         world_sensor(f->worlds[lay], camera, &sensor);
@@ -198,7 +199,7 @@ static void boards_truth_px(const struct fixture *f, int camera, double azimuth_
     truth_project(f->worlds[0], camera, (const double[3]){turned.x, turned.y, turned.z}, ret);
 }
 
-/* A 3 × 3 system, by Cramer's rule. */
+/* Solves a 3 × 3 system by Cramer's rule. */
 static struct vec3 boards_solve(double h[3][3], const double g[3]) {
     const struct vec3 a = vec3(h[0][0], h[1][0], h[2][0]), b = vec3(h[0][1], h[1][1], h[2][1]),
                       c = vec3(h[0][2], h[1][2], h[2][2]), r = vec3(g[0], g[1], g[2]);
@@ -207,7 +208,8 @@ static struct vec3 boards_solve(double h[3][3], const double g[3]) {
                 vec3_dot(a, vec3_cross(b, r)) / det);
 }
 
-/* Where a point truly is that the calibrated cameras would show at the pixels of `at`. */
+/* Returns the true position of the point that the calibrated cameras would show at the pixels of
+ * `at`. */
 static struct vec3 boards_where(const struct fixture *f, const struct rig *rig, double azimuth_rad,
                                 struct vec3 at) {
     struct vec3 p = at;
@@ -249,7 +251,7 @@ static double boards_point_rms(const struct fixture *f, const struct rig *rig, d
     return sqrt(sum / n);
 }
 
-/* Squared distance by a covariance: dᵀ C⁻¹ d, by Gaussian elimination. */
+/* Returns the squared Mahalanobis distance dᵀ C⁻¹ d, by Gaussian elimination. */
 static double boards_mahalanobis(int n, const double *covariance, const double *d) {
     g_autofree double *a = g_new(double, n *(n + 1));
     double sum = 0;
@@ -259,7 +261,7 @@ static double boards_mahalanobis(int n, const double *covariance, const double *
             a[i * (n + 1) + j] = covariance[i * n + j] * scale / sqrt(covariance[j * n + j]);
         a[i * (n + 1) + n] = d[i] * scale;
     }
-    for (int i = 0; i < n; i++) { /* LDLᵀ: each pivot's own share of the sum */
+    for (int i = 0; i < n; i++) { /* LDLᵀ: each pivot adds one term to the sum */
         const double pivot = a[i * (n + 1) + i];
         sum += a[i * (n + 1) + n] * a[i * (n + 1) + n] / pivot;
         for (int r = i + 1; r < n; r++) {
@@ -330,8 +332,8 @@ struct fixture_errors boards_compare(const struct fixture *f,
     return errors;
 }
 
-/* The frames of truth and calibration differ by the zero of the azimuth. Angles are those that the
- * table truly has, so that its own errors stay out of it. */
+/* The frames of truth and calibration differ by the zero of the azimuth. The angles are the true
+ * ones of the turntable, so that the errors of the turntable have no effect. */
 double boards_turned_px(const struct fixture *f, const struct calibration *calibration) {
     const double azimuth = boards_azimuth_rad(f, &calibration->rig);
     double sum = 0;

@@ -1,7 +1,7 @@
 /*
- * A simulated rig before calibration boards, and the pictures its cameras take of them: for tests
- * and measurements of calibration. The world's misalignments come from its seed; the rig that
- * calibration starts from has none.
+ * A simulated rig with calibration boards, and the pictures that its cameras take of them, for
+ * tests and measurements of calibration. The world has misalignments, which depend on its seed. The
+ * rig with which calibration starts has none.
  */
 #pragma once
 
@@ -21,12 +21,13 @@ struct fixture_rig {
     int n_cameras, width, height;
     double focal_px, distance_mm, first_theta_deg, last_theta_deg;
     int seed, supersample;
-    double error_mm, error_deg; /* standard deviations of where cameras stand */
-    double turntable_error_deg; /* repeatable, a function of the angle */
+    double error_mm, error_deg; /* standard deviations of the cameras' poses */
+    /* maximum position error, which is a fixed function of the angle */
+    double turntable_error_deg;
     double blur_px;
     const char *board;
-    double wobble_deg;     /* of the turntable's bearing; */
-    int wobble_turns;      /* so many times a turn; 0: twice */
+    double wobble_deg;     /* of the turntable's bearing */
+    int wobble_turns;      /* number of periods per turn; 0 means 2 */
     double lateral_colour; /* of all lenses: red is magnified by 1 + this, blue by 1 − this */
 };
 
@@ -38,7 +39,7 @@ struct fixture {
     struct fixture_rig options;
     struct board board;
     struct rig nominal;
-    World *worlds[16]; /* one a lay */
+    World *worlds[16]; /* one for each lay */
     int n_lays, n_stops;
     struct cameras_picture *pictures;
     struct picture **taken;
@@ -46,34 +47,37 @@ struct fixture {
     char *folder;
 };
 
-/* An eccentric bearing and an uneven scale, as simulated axes have. */
+/* Returns the true angle of the turntable, which has the errors of an eccentric bearing and of an
+ * uneven scale, like a simulated axis. */
 double boards_true_deg(const struct fixture *f, double deg);
 void boards_open(struct fixture *f, const struct fixture_rig *options,
                  const struct fixture_lay *lays, int n_lays);
 
-/* All cameras at n_stops angles of each lay. */
+/* Takes pictures with all cameras at n_stops angles of the turntable for each lay. */
 void boards_capture(struct fixture *f, int n_stops);
 void boards_close(struct fixture *f);
 struct picture *boards_copy(const struct picture *from);
 struct picture *boards_read(int i, gpointer data, GError **error);
 
-/* RMS distance in pixels between where cameras truly see points of the sample at angles of the
- * turntable that no picture was taken at, and where the calibration says. */
+/* Returns the RMS distance in pixels between the true and the calibrated projections of points of
+ * the sample. The turntable is at angles at which no picture was taken. */
 double boards_turned_px(const struct fixture *f, const struct calibration *calibration);
 
-/* How far a calibration is from the truth. */
+/* The errors of a calibration. */
 struct fixture_errors {
     double point_px;      /* RMS over the sample's volume and all cameras */
     double direction_deg; /* worst camera, seen from the origin */
     double distance_pct;  /* worst camera */
     double axis_mm, axis_deg;
-    double chi2; /* of focal length, middle, turn and shift, a degree of freedom; all cameras */
+    /* of focal length, principal point, rotation and shift; per degree of freedom; all cameras */
+    double chi2;
 };
 
-/* The true camera in calibration's own terms: rotation row by row and shift. */
+/* Gives the true camera in the form of the calibration: rotation row by row, and shift. */
 void boards_true_camera(const struct fixture *f, int camera, struct rig_camera *ret);
 
-/* The azimuth's zero is a matter of agreement: the one that fits the cameras' true places best. */
+/* Returns the zero of the azimuth, which is a convention: the angle for which the calibrated
+ * cameras fit their true positions best. */
 double boards_azimuth_rad(const struct fixture *f, const struct rig *rig);
 double boards_chi2(const struct fixture *f, const struct calibration *calibration, int camera,
                    double azimuth_rad);

@@ -8,7 +8,7 @@
 #include "lib/ok.h"
 #include "remove_tree.h"
 
-static char *top; /* everything is made in here */
+static char *top; /* the temporary folder that contains all files */
 static int n_made;
 
 void run_open_devices(struct run *run) {
@@ -101,7 +101,8 @@ static gboolean too_late(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Until it rests, or has taken that many frames (0: any number). */
+/* Runs the main loop until the capture has stopped or has taken this number of frames. With frames
+ * = 0, only the first condition counts. */
 enum capture_state run_until(struct run *run, gint64 frames) {
     guint guard = g_timeout_add_seconds(120, too_late, run);
     struct capture_status status = run_status(run);
@@ -123,7 +124,7 @@ void run_to_pause(struct run *run, const char *reason) {
     g_assert_cmpint(run_until(run, 0), ==, CAPTURE_PAUSED);
     if (!strstr(run_status(run).reason, reason))
         g_error("paused for \"%s\", not \"%s\"", run_status(run).reason, reason);
-    /* The pause is told, and in words that say what to do. */
+    /* The pause is reported, with a reason that says what to do. */
     g_assert_nonnull(strstr(run->told->str, run_status(run).reason));
 }
 
@@ -139,7 +140,7 @@ void run_pass_time(struct run *run, int seconds) {
 }
 
 void run_check_safe(struct run *run) {
-    run_pass_time(run, 5); /* axes do not stop immediately */
+    run_pass_time(run, 5); /* axes need time to stop */
     for (int i = 0; i < run->devices->geometry.n_lamps; i++)
         g_assert_false(lamps_is_on(run->devices->lamps[i].bank, run->devices->lamps[i].index));
     for (int i = 0; i < run->devices->geometry.n_lasers; i++)
@@ -186,7 +187,7 @@ static void check_same_file(const char *a_session, const char *b_session, const 
     exr_file_free(b);
 }
 
-/* A session that nothing happens to, made once. */
+/* Returns a session that was captured without faults; it is made once. */
 const char *run_undisturbed(void) {
     static char *path;
     if (path)
@@ -199,7 +200,7 @@ const char *run_undisturbed(void) {
     return path;
 }
 
-/* Every frame is there and is, to the bit, what it should be. */
+/* Checks that all frames exist and are bit-identical to those of a capture without faults. */
 void run_check_same(struct run *run) {
     g_autoptr(GPtrArray) expected = run_frames(run_undisturbed());
     g_autoptr(GPtrArray) frames = run_frames(run->session);

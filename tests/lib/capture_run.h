@@ -1,7 +1,7 @@
 /*
  * Sessions of the small simulated rig, captured from beginning to end in one process, for the tests
- * of captures. Everything is made below one temporary folder, which run_tests() removes. What goes
- * wrong in here fails the test.
+ * of captures. All files are made below one temporary folder, which run_tests() removes. Errors in
+ * these functions fail the test.
  */
 #pragma once
 
@@ -9,46 +9,47 @@
 #include "small_rig.h"
 
 struct run {
-    char *directory; /* of this test */
+    char *directory; /* folder of this test */
     char *session;
     struct devices *devices;
     struct session_conf conf;
     Capture *capture;
-    GString *told; /* events, a line each */
+    GString *told; /* events, one per line */
     int n_told, n_changed;
     gint64 changed_us, least_gap_us;
 };
 
-/* Runs what was added with g_test_add_func(); main()'s result. */
+/* Runs the tests that were added with g_test_add_func(). Returns the exit code for main(). */
 int run_tests(void);
 
-struct run *run_new(const struct change *changes); /* or NULL: nothing */
+struct run *run_new(const struct change *changes); /* changes may be NULL */
 void run_free(struct run *run);
 void run_open_devices(struct run *run);
-/* The rig with other changes, its devices opened anew. */
+/* Replaces the rig by one with other changes, and opens its devices again. */
 void run_change_rig(struct run *run, const struct change *changes);
 
 void run_start(struct run *run);
-struct run *run_begin(const struct change *changes); /* both */
+struct run *run_begin(const struct change *changes); /* calls run_new() and run_start() */
 void run_resume(struct run *run);
 void run_continue(struct run *run);
 struct capture_status run_status(struct run *run);
-/* Until it rests, or has taken that many frames (0: any number). */
+/* Runs the main loop until the capture has stopped or has taken this number of frames. With frames
+ * = 0, only the first condition counts. */
 enum capture_state run_until(struct run *run, gint64 frames);
-void run_to_end(struct run *run); /* and frees the capture */
+void run_to_end(struct run *run); /* also frees the capture */
 void run_to_pause(struct run *run, const char *reason);
 void run_pass_time(struct run *run, int seconds);
 
-/* All lamps and lasers are off, the axes stand. */
+/* Checks that all lamps and lasers are off and that the axes stand still. */
 void run_check_safe(struct run *run);
-/* Of struct session_frame or session_shot, the caller's. */
+/* Return an array of struct session_frame or session_shot, which the caller owns. */
 GPtrArray *run_frames(const char *session_path);
 GPtrArray *run_shots(const char *session_path);
-/* The path of a session that nothing happened to, made once. */
+/* Returns the path of a session that was captured without faults; it is made once. */
 const char *run_undisturbed(void);
-/* Every frame is there and is, to the bit, what it should be. */
+/* Checks that all frames exist and are bit-identical to those of a capture without faults. */
 void run_check_same(struct run *run);
-/* The session is done, and every frame of a done shot is there. */
+/* Checks that the session is done and that every frame of a done shot exists. */
 void run_check_whole(const char *path);
-/* To the end, with both of these checks, and frees the run. */
+/* Runs to the end, does the two checks above, and frees the run. */
 void run_finish(struct run *run);

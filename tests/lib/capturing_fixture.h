@@ -1,4 +1,4 @@
-/* A session of views on two rings, of which none is there yet, and how they come. */
+/* A session with views on two rings. No view has been processed yet; a test adds them. */
 #pragma once
 
 #include "session/session.h"
@@ -8,12 +8,12 @@
 #define N_PHI   4
 #define N       (N_RINGS * N_PHI)
 
-/* As view_fixture_material() has its views. */
+/* Directions of a view, which are the same as in view_fixture_material(). */
 double capturing_theta_deg(int view);
 double capturing_phi_deg(int view);
 
-/* In a folder; g_free() */
+/* Makes the session in a folder; g_free(). */
 char *capturing_session_new(const char *folder);
 
-/* from: of view_fixture_write_btf(GREY, N_RINGS, N_PHI) */
+/* Adds a view. from is a folder that view_fixture_write_btf(GREY, N_RINGS, N_PHI) has made. */
 void capturing_move_view(const char *from, const char *session, int view);

@@ -9,8 +9,8 @@
 struct Displaced {
     struct displaced_shape shape;
     RTCDevice device;
-    RTCScene solid, tile, scene; /* the last has instances of the others, the shape first */
-    float *albedo;               /* of each vertex of a tile */
+    RTCScene solid, tile, scene; /* scene contains instances of solid (the shape) and of tile */
+    float *albedo;               /* for each vertex of a tile */
     guint n_vertices;            /* of a tile */
     guint32 *triangles;          /* of a tile */
     guint n_triangles;
@@ -22,7 +22,7 @@ struct tile {
     GArray *triangles;
 };
 
-/* The triangles whose middle lies on the tile, with the vertices that they need. */
+/* Cuts out the triangles whose middle lies on the tile, with their vertices. */
 static void cut(const struct truth_surface *s, const struct displaced_shape *shape,
                 struct tile *ret) {
     g_autofree guint32 *number = g_new(guint32, s->n_vertices);
@@ -75,7 +75,8 @@ static void on_cylinder(const struct displaced_shape *s, const float mm[3], int 
     ret[2] = s->height * ((mm[1] / s->tile_mm + 0.5 + j) / s->tiles_v - 0.5);
 }
 
-/* On the upper (side = 1) or the lower end; FALSE: next to it. */
+/* Places a point on the upper end (side = 1) or the lower end (side = −1). Returns FALSE if it is
+ * beyond the edge of the end. */
 static gboolean on_end(const struct displaced_shape *s, const float mm[3], int i, int j,
                        double side, float ret[3]) {
     double along = s->height / s->tiles_v / s->tile_mm;
@@ -133,8 +134,8 @@ static void add_sides(Displaced *d, const struct tile *tile) {
     attach_solid(d, geometry);
 }
 
-/* Tiles of which a corner may lie on an end; triangles with a corner next to it become points, so
- * that triangles keep their numbers. */
+/* Adds all tiles of which a corner may lie on an end. A triangle with a corner beyond the edge is
+ * reduced to a point, so that the numbers of triangles do not change. */
 static void add_end(Displaced *d, const struct tile *tile, double side) {
     const struct displaced_shape *s = &d->shape;
     int n_u = (int)ceil(s->tiles_u / (2 * G_PI)),

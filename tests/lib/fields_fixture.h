@@ -1,4 +1,4 @@
-/* A file of reflectance fields whose texels are all alike. */
+/* A file of reflectance fields in which all texels are equal. */
 #pragma once
 
 #include "codecs/lobes/lobes.h"

@@ -32,7 +32,7 @@ struct FilePortal {
     int n;
 };
 
-/* what: taken. */
+/* Takes ownership of what. */
 static void portal_note(FilePortal *portal, char *what) {
     g_free(portal->last);
     portal->last = what;

@@ -1,13 +1,13 @@
-/* The guardian of a rig that a daemon has opened (rig/guardian.h). */
+/* Finds the guardian of a rig that a daemon has opened (rig/guardian.h). */
 #pragma once
 
 #include <gio/gio.h>
 #include <string.h>
 #include <sys/types.h>
 
-/* Its process id, or 0. */
+/* Returns the process id of the guardian, or 0 if there is none. */
 pid_t find_guardian(const char *rig);
 
-/* Kills it. A test calls this when its devices are gone: the guardian would look for them forever.
- */
+/* Kills the guardian. A test calls this function when its devices no longer exist, because the
+ * guardian would look for them forever. */
 void end_guardian(const char *rig);

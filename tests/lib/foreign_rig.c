@@ -6,12 +6,12 @@
 #define WHITE_DN 4095
 #define RESPONSE 6000
 
-#define AMBIENT 0.002 /* share of white of a frame of a sweep next to the line */
-#define SIGMAS  4.0   /* beyond it a sheet gives no light */
+#define AMBIENT 0.002 /* light of a frame of a sweep outside the line, as a share of white */
+#define SIGMAS  4.0   /* standard deviations beyond which a sheet gives no light */
 
-/* What a ray meets. */
+/* The point that a ray meets. */
 struct foreign_hit {
-    double t; /* along the ray; 0: nothing */
+    double t; /* distance along the ray; 0 if the ray meets nothing */
     double normal[3];
     double reflectance[3];
 };
@@ -30,7 +30,7 @@ static void foreign_between(const double *from, const double *to, double *ret) {
         ret[i] = to[i] - from[i];
 }
 
-/* Divides by the length, which is returned. */
+/* Normalises a vector. Returns its former length. */
 static double foreign_unit(double *a) {
     const double length = sqrt(foreign_dot(a, a));
     for (int i = 0; i < 3; i++)
@@ -38,7 +38,7 @@ static double foreign_unit(double *a) {
     return length;
 }
 
-/* Whether something at t is nearer than what was found, and far enough away. */
+/* Returns whether t is above least and below the distance of the hit found so far. */
 static gboolean foreign_nearer(const struct foreign_hit *hit, double t, double least) {
     return t > least && (hit->t == 0 || t < hit->t);
 }
@@ -82,7 +82,7 @@ static void foreign_meet_sphere(const struct foreign_sphere *s, const double *p,
     memcpy(hit->reflectance, s->reflectance, sizeof hit->reflectance);
 }
 
-/* Its side where the ray first enters, and the two ends. */
+/* Tests the side of the tube where the ray enters, and the two ends. */
 static void foreign_meet_tube(const struct foreign_tube *tube, const double *p, const double *d,
                               double least, struct foreign_hit *hit) {
     const double *a = tube->along, r2 = tube->radius_mm * tube->radius_mm;
@@ -111,7 +111,7 @@ static void foreign_meet_tube(const struct foreign_tube *tube, const double *p, 
     }
 }
 
-/* The nearest point of the scene along a ray p + t·d, t > least. */
+/* Returns the nearest point of the scene along the ray p + t·d with t > least. */
 static struct foreign_hit foreign_meet(const struct foreign_scene *scene, const double *p,
                                        const double *d, double least) {
     struct foreign_hit hit = {0};
@@ -132,8 +132,8 @@ static struct foreign_hit foreign_meet(const struct foreign_scene *scene, const 
     return hit;
 }
 
-/* Whether a point sees another: ret_way is the unit vector there, and the distance is returned; 0:
- * it does not. */
+/* Returns the distance between two points, or 0 if something is between them. ret_way is the unit
+ * vector from the first to the second point. */
 static double foreign_sees(const struct foreign_scene *scene, const double *from, const double *to,
                            double *ret_way) {
     foreign_between(from, to, ret_way);
@@ -142,7 +142,8 @@ static double foreign_sees(const struct foreign_scene *scene, const double *from
     return hit.t > 0 && hit.t < length ? 0 : length;
 }
 
-/* I·cosⁿ of the angle from the lamp's aim at the origin; l: unit, from the point to the lamp. */
+/* Returns I·cosⁿ of the angle to the lamp's aim, which is the origin. l is the unit vector from the
+ * point to the lamp. */
 static double foreign_intensity(const struct arc_lamp *lamp, const double *lamp_mm,
                                 const double *l) {
     if (lamp->exponent == 0)
@@ -151,7 +152,8 @@ static double foreign_intensity(const struct arc_lamp *lamp, const double *lamp_
     return cosine > 0 ? lamp->intensity * pow(cosine, lamp->exponent) : 0;
 }
 
-/* Radiance L_c = ρ_c/π · I·max(0, n·l)/r², 0 in shadow, of what a ray meets; sample frame. */
+/* Adds the radiance L_c = ρ_c/π · I·max(0, n·l)/r² of the point that a ray meets; 0 in shadow. All
+ * vectors are in the sample frame. */
 static void foreign_radiance(const struct foreign_scene *scene, const double *eye, const double *d,
                              const struct arc_lamp *lamp, const double *lamp_mm, double *add) {
     const struct foreign_hit hit = foreign_meet(scene, eye, d, 0);
@@ -168,7 +170,7 @@ static void foreign_radiance(const struct foreign_scene *scene, const double *ey
         add[c] += hit.reflectance[c] / G_PI * cosine * e;
 }
 
-/* Positions of camera and lamp in the sample frame. */
+/* Computes the positions of camera and lamp in the sample frame. */
 static void foreign_places(const struct foreign_shot *shot, double *eye, double *lamp) {
     lamp[0] = shot->lamp->distance_mm * sin(shot->lamp->theta);
     lamp[1] = 0;
@@ -208,8 +210,8 @@ void foreign_seen(const struct foreign_scene *scene, const struct foreign_shot *
     foreign_radiance(scene, eye, d, shot->lamp, lamp, ret);
 }
 
-/* A camera's rays in the sample frame: through the corners of its pixels, (width + 1) × (height +
- * 1) × 3, between which lenses hardly bend. g_free() */
+/* Returns the camera's rays through the corners of its pixels, in the sample frame: (width + 1) ×
+ * (height + 1) × 3; g_free(). Within a pixel, the distortion of the lens is negligible. */
 static double *foreign_corners(const struct pinhole *camera, double turntable) {
     const int columns = camera->width + 1, n = columns * (camera->height + 1);
     double *rays = g_new(double, 3 * n);
@@ -220,7 +222,7 @@ static double *foreign_corners(const struct pinhole *camera, double turntable) {
     return rays;
 }
 
-/* The ray of sample i of k × k of a pixel. */
+/* Computes the ray of sample i of the k × k samples of a pixel. */
 static void foreign_ray(const struct pinhole *camera, const double *corners, int pixel, int i,
                         int k, double *ret) {
     const int down = camera->width + 1;
@@ -232,7 +234,8 @@ static void foreign_ray(const struct pinhole *camera, const double *corners, int
     foreign_unit(ret);
 }
 
-/* Samples of a pixel each way: fewer where it shows the print far from the axis. */
+/* Returns the number of samples of a pixel in each direction: 1 if it shows the print far from the
+ * axis. */
 static int foreign_samples(const struct foreign_scene *scene, const double *eye, const double *d,
                            int samples, double fine_mm) {
     double p[3];
@@ -262,7 +265,8 @@ float *foreign_render(const struct foreign_scene *scene, const struct foreign_sh
     return planes;
 }
 
-/* Adds what a ray shows of a sweep to a pixel of its frames, n apart. */
+/* Adds the light that a ray receives during a sweep to one pixel of its frames, which are n floats
+ * apart. */
 static void foreign_add_line(const struct foreign_scene *scene, const struct foreign_sweep *sweep,
                              const double *eye, const double *d, const double *laser, double share,
                              gsize n, float *pixel) {
@@ -306,8 +310,8 @@ float *foreign_render_sweep(const struct foreign_scene *scene, const struct fore
     return frames;
 }
 
-/* Nearly normal, with mean 0 and variance 1: four parts of a random number of 64 bits, by
- * xorshift64* (Vigna 2016). */
+/* Returns an approximately normal number with mean 0 and variance 1: the sum of the four parts of a
+ * random number of 64 bits, by xorshift64* (Vigna 2016). */
 static double foreign_normal(guint64 *state) {
     *state ^= *state >> 12;
     *state ^= *state << 25;

@@ -1,4 +1,4 @@
-/* Pictures of small materials against a plain evaluation of the formula, pixel by pixel. */
+/* Compares pictures of small materials, pixel by pixel, with a direct evaluation of the formula. */
 #pragma once
 
 #include "gpu_fixture.h"
@@ -9,8 +9,8 @@
 
 #define SIZE 96
 
-/* What a pixel should be, from texel coordinates and directions as viewer_render_geometry() gives
- * them; FALSE where rounding may pick other texels or directions. */
+/* Computes the expected value of a pixel. at (texel coordinates), v and l are results of
+ * viewer_render_geometry(). Returns FALSE if rounding may select other texels or directions. */
 typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
                              double ret[3]);
 void formula_compare(Expected func, gconstpointer data, Viewer *view,

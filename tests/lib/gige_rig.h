@@ -1,4 +1,5 @@
-/* A virtual GigE camera (sim/virtual/gige.h) and the driver's camera that looks through it. */
+/* A virtual GigE camera (sim/virtual/cameras/gige.h), and the driver's camera that is connected to
+ * it. */
 #pragma once
 
 #include "aravis/camera.h"
@@ -7,7 +8,7 @@
 
 struct eye {
     VirtualGige *device;
-    const char *where; /* of one that is not GigE; else NULL */
+    const char *where; /* device address of a camera that is not GigE; otherwise NULL */
     Clock *clock;
     Camera *camera;
     int n_ended, n_frames, n_exposed;
@@ -19,24 +20,28 @@ VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa)
 void eye_on_event(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
                   gpointer data);
 
-/* keys: further lines of its section. FALSE: error says why. */
+/* Opens the camera. keys has further lines of its section. Returns FALSE with an error on
+ * failure. */
 gboolean eye_open(struct eye *eye, const char *keys, GError **error);
 gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error);
-void eye_start(struct eye *eye, const char *keys, gint64 exposure_us); /* both; must succeed */
+/* does both; must succeed */
+void eye_start(struct eye *eye, const char *keys, gint64 exposure_us);
 void eye_close(struct eye *eye);
 
-/* The fixture of a test: a camera of its own, opened with these further lines, and ready. */
+/* Fixture of a test: makes a camera, opens it with these further lines, and waits until it is
+ * ready. */
 void eye_begin(struct eye *eye, gconstpointer keys);
 void eye_end(struct eye *eye, gconstpointer unused);
 void eye_trigger(struct eye *eye, guint64 shot);
 
-/* Triggers once and waits for what comes of it. */
+/* Triggers once. Waits for the result and returns it. */
 enum camera_event eye_shoot(struct eye *eye, guint64 shot);
 
-/* Triggers all of them at the same time, so many times; each must give that many pictures. */
+/* Triggers n cameras at the same time, shots times. Each camera must deliver a picture for every
+ * trigger. */
 void eye_shoot_together(struct eye *eyes, int n, int shots);
 
-/* Arms and shoots again until a picture comes, as the sequencer does; fails after limit_s. */
+/* Arms and triggers again until a picture arrives, as the sequencer does. Fails after WAIT_S. */
 void eye_recover(struct eye *eye, guint64 shot);
 
 #define eye_assert_said(eye, what, text)                                                           \

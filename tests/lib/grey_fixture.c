@@ -20,7 +20,7 @@ void grey_calibrate(const char *folder, int seed, struct tile_result *ret) {
     g_autofree char *text = session_text(session, "calibration.conf", &error);
     g_autoptr(Calibration) calibration = calibration_from_text(text, path, &error);
     g_assert_no_error(error);
-    /* Geometry is right as it is said in the rig file. */
+    /* The geometry of the rig file is correct. */
     calibration_set_part(calibration, CALIBRATION_CAMERAS, "nominal", 0, "-", NULL);
     gboolean ok = ok(tile_session(session, calibration, &grey_tile, ret, ERR));
     g_assert_true(ok);
@@ -40,8 +40,8 @@ void grey_write(const char *folder, int seed, const char *world_keys) {
     radiometry_rig_write_world(folder, keys, objects->str);
 }
 
-/* A grey's reflectance over all views and lights: BTF values hold n·l, which lamps' true places
- * tell. */
+/* Returns the reflectance of a grey patch over all views and lights. BTF values contain n·l, which
+ * is computed from the true positions of the lamps. */
 static double grey_measure(Session *session, int grey, const struct session_grid *grid) {
     g_autoptr(GPtrArray) views = session_views(session, NULL);
     g_autoptr(GPtrArray) lights = session_lights(session, NULL);
@@ -138,7 +138,7 @@ char *grey_pause(int seed, const char *world_keys, const char *turntable_keys,
     radiometry_rig_write(folder, "rig.conf", rig);
     grey_truth(folder, "radiometry", 1);
     grey_write(folder, seed, "");
-    if (world_keys) { /* of the second camera */
+    if (world_keys) { /* the keys belong to the second camera */
         g_autofree char *path = g_build_filename(folder, "world.conf", NULL), *text = NULL;
         g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
         g_auto(GStrv) parts = g_strsplit(text, "[camera cam1]\n", 2);
@@ -161,7 +161,8 @@ static void grey_add(struct grey_chi2 *to, double found, double truth, double er
     to->n++;
 }
 
-/* The cameras' logarithmic gain in a colour, of their geometric mean. */
+/* Returns the logarithm of a camera's gain in a colour, relative to the geometric mean of the
+ * cameras. */
 static double grey_log_gain(int camera, int colour) {
     double own = 0, mean = 0;
     for (int c = 0; c < 3; c++) {

@@ -1,7 +1,7 @@
 /*
- * From a white tile to the reflectances of a grey scale, through sessions of the rig of
- * radiometry_rig.h: 3 % of drift, 20 % of vignetting, all that the rig file says of light wrong.
- * For the test and for measuring.
+ * Measures a grey scale after a calibration with a white tile, through sessions of the rig of
+ * radiometry_rig.h. The lamps drift by 3 %, the lenses have 20 % of vignetting, and all radiometric
+ * values of the rig file are wrong. For tests and for measurements.
  */
 #pragma once
 
@@ -17,7 +17,8 @@ char *grey_folder(void);
 /* Captures the tile and writes calibration.conf. */
 void grey_calibrate(const char *folder, int seed, struct tile_result *ret);
 
-/* Four greys next to each other, in a session of their own, and what the world says they are. */
+/* The true reflectances of four grey patches, and their positions. They are captured in a separate
+ * session. */
 static const double grey_values[] = {0.1, 0.2, 0.45, 0.85};
 static const double grey_mm[][2] = {{-12, 12}, {12, 12}, {-12, -12}, {12, -12}};
 
@@ -28,10 +29,11 @@ static const double grey_mm[][2] = {{-12, 12}, {12, 12}, {-12, -12}, {12, -12}};
 
 void grey_write(const char *folder, int seed, const char *world_keys);
 
-/* A held grey scale: 3 % of drift, 20 % of vignetting, everything nominal wrong. */
+/* Returns the error of the grey scale with all deviations above, with or without calibration. */
 double grey_error(int seed, gboolean calibrated);
 
-/* The truth as a calibration, with cameras calibrated days ago. */
+/* Writes the true values as a calibration file. The cameras were calibrated this number of days
+ * ago. */
 void grey_truth(const char *folder, const char *id, int days);
 
 #define GREY_FEW_CONF                                                                              \
@@ -39,12 +41,14 @@ void grey_truth(const char *folder, const char *id, int days);
     "depth_mm=4\n[views]\nrings=10:2; 40:2:20; 65:2\n[lights]\nrings=15:2; 45:2\n"                 \
     "offset_deg=50\n[capture]\nexposures_us=4000\ndark_frames=2\n"
 
-/* What a session says of a rig in which something may have moved. */
+/* Captures a session of a rig in which something may have moved. Returns the reason of the pause
+ * or, if the capture did not pause, its events. */
 char *grey_pause(int seed, const char *world_keys, const char *turntable_keys,
                  enum capture_state *ret_state);
 
-/* Squared errors of what was found, by their standard errors. Of lamps' intensities the tile's own
- * drift is not known here; the products with it are the grey scale's. */
+/* Sum of squared errors of the calibration, relative to their standard errors. The intensities of
+ * lamps are not included, because the drift of the tile's session is not known here. They are
+ * tested by the grey scale, which depends on them. */
 struct grey_chi2 {
     double sum;
     int n;

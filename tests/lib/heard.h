@@ -1,6 +1,7 @@
 /*
- * What a device of the simulated small rig says, for the tests of the device classes: the last
- * event, its error and its picture, and how many there were since anybody asked.
+ * Records the events of a device of the simulated small rig, for the tests of the device classes:
+ * the last event with its error and its picture, and the number of events since the last
+ * heard_clear().
  */
 #pragma once
 
@@ -15,7 +16,7 @@ struct heard {
     Clock *clock;
 };
 
-/* The fixture of a test, with a virtual clock. */
+/* Fixture of a test, with a virtual clock. */
 void heard_begin(struct heard *heard, gconstpointer unused);
 void heard_end(struct heard *heard, gconstpointer unused);
 

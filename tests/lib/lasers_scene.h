@@ -5,15 +5,14 @@
 #include "lights_scene.h"
 
 struct sweep_poses {
-    int arcs;        /* angles of the arc at which each laser is swept */
-    int steps;       /* of a sweep */
-    double span_deg; /* it goes over, on either side of 0 */
-    gsize most;      /* points to take of each */
-    int cameras;     /* that look on, the last ones of the scene */
+    int arcs;        /* number of arc angles at which each laser is swept */
+    int steps;       /* number of steps of a sweep */
+    double span_deg; /* half the range of a sweep, which is symmetric about 0 */
+    gsize most;      /* maximum number of points taken from each sweep */
+    int cameras;     /* number of cameras that are used: the last ones of the scene */
 };
 
-/* A flat plate of a height; the same rig for each. uneven: the sweep's motor goes so much further
- * than it is told, and wavers by uneven_deg. */
+/* A flat plate of the given height. The rig is the same for each height. */
 static inline struct scene *sweep_scene(guint32 seed, int pixels, double camera_px,
                                         double height_mm) {
     static char sample[256];
@@ -101,12 +100,13 @@ static inline gboolean sweep_measure(guint32 seed, int pixels, double camera_px,
 }
 
 struct sweep_errors {
-    double angle_deg, offset_mm; /* of any step's sheet, the latter anywhere over the sample */
-    double source_mm;            /* across the axis */
+    /* maximum over all steps; offset_mm is the maximum over the sample */
+    double angle_deg, offset_mm;
+    double source_mm; /* distance perpendicular to the axis */
     double stretch;
 };
 
-/* At every step, and arc angle, of every laser. */
+/* Compares every laser at every step and every arc angle. */
 static inline void sweep_compare(const struct scene *scene, const struct sweep_poses *poses,
                                  const struct laser_result *found, struct sweep_errors *ret) {
     *ret = (struct sweep_errors){0};
@@ -123,7 +123,7 @@ static inline void sweep_compare(const struct scene *scene, const struct sweep_p
                 struct vec3 n = vec3(truth.normal[0], truth.normal[1], truth.normal[2]);
                 double turned = asin(vec3_length(vec3_cross(n, sheet.normal))) * 180 / G_PI;
                 ret->angle_deg = MAX(ret->angle_deg, turned);
-                /* Where the true sheet goes through the sample: a grid of its points. */
+                /* Points of the true sheet in the sample: a grid projected onto the sheet. */
                 for (int i = 0; i < 27; i++) {
                     struct vec3 p =
                         vec3(25.0 * (i % 3 - 1), 25.0 * (i / 3 % 3 - 1), 10.0 * (i / 9));

@@ -1,7 +1,7 @@
 /*
- * Simulated calibration of lamps, for tests and measurements: a world with a crooked arc and a
- * target that was laid carelessly, pictures of it as a camera gives them, and what the rig's owner
- * knows of it. Poses have the position errors of a real drive.
+ * Simulated calibration of lamps, for tests and measurements. The world has a crooked arc, and a
+ * target that was not placed exactly. Pictures have the form that a camera gives them. The poses
+ * have the position errors of a real drive.
  */
 #pragma once
 
@@ -18,7 +18,7 @@
 #endif
 #define SCENE_RAD(deg) ((deg) * (G_PI / 180))
 
-/* From the zenith, evenly. */
+/* Polar angles at equal intervals. */
 static inline double scene_camera_deg(int i) {
     return 15 + 55.0 * i / (SCENE_CAMERAS - 1);
 }
@@ -33,20 +33,20 @@ static inline double scene_laser_deg(int i) {
 
 struct scene_options {
     guint32 seed;
-    int pixels;         /* of a camera, each way */
-    double view_mm;     /* what they see at the origin */
-    const char *sample; /* the world's section, with %s where the places come */
+    int pixels;         /* of a camera, in each direction */
+    double view_mm;     /* size of the field of view at the origin */
+    const char *sample; /* section [sample] of the world file, with %s for the positions */
     const double (*marks)[3];
     int n_marks;
-    double shift_mm, turn_deg; /* how carelessly it is laid, at most */
-    double bend;               /* of what is meant to be ideal: 1 as usual, 0 none */
-    double blur_px;            /* of the lens */
-    double camera_px;          /* what calibrated cameras are off by, standard deviation */
+    double shift_mm, turn_deg; /* maximum deviation of the target from its nominal pose */
+    double bend;      /* factor of the deviations from the nominal rig: 1 as usual, 0 for none */
+    double blur_px;   /* of the lens */
+    double camera_px; /* standard deviation of the errors of calibrated cameras */
 };
 
 struct scene {
     World *world;
-    struct rig rig; /* true cameras, all else nominal */
+    struct rig rig; /* true cameras; all other devices are nominal */
     GRand *rand;
     struct scene_options options;
 };
@@ -149,12 +149,14 @@ static inline void scene_free(struct scene *scene) {
     g_free(scene);
 }
 
-/* What a drive is off by at a position, as a repeatable error is: up to 0.01°. */
+/* Returns the position error of a drive, up to 0.01°. It is repeatable, because it is a function of
+ * the position. */
 static inline double scene_slip_deg(const struct scene *scene, double deg) {
     return 0.01 * sin(deg * 12.9898 + scene->options.seed * 78.233) * scene->options.bend;
 }
 
-/* A picture as intake makes it: DN a millisecond above dark, then grey. */
+/* Returns a picture like those of the daemon's intake: DN per millisecond above dark, converted to
+ * grey. */
 static inline struct picture *scene_picture(struct scene *scene, int camera, int lamp,
                                             double turntable_deg, double arc_deg,
                                             gint64 exposure_us) {
@@ -176,10 +178,13 @@ static inline struct picture *scene_picture(struct scene *scene, int camera, int
 
 struct scene_errors {
     double direction_deg, distance, zero_deg, axis_deg, centre_mm; /* largest, absolute */
-    double chi2; /* of lamps' places at arc 0 against their covariance, a degree of freedom */
+    /* of the lamps' positions at arc angle 0, relative to their covariance, per degree of
+     * freedom */
+    double chi2;
 };
 
-/* The arc's zero as it is defined: that with which nominal lamps come nearest to the true ones. */
+/* Returns the zero of the arc by its definition: the angle for which the nominal lamps are nearest
+ * to the true ones. */
 static inline double scene_zero_deg(const struct scene *scene) {
     struct truth_arc arc;
     truth_arc(scene->world, &arc);
@@ -243,7 +248,7 @@ static inline void scene_compare(const struct scene *scene, const struct lamps_r
                            found->rig.arc.centre_mm[1] - arc.centre_mm[1]);
 }
 
-/* Posts: tall ones for steep lamps, short ones for low lamps. */
+/* Posts: high ones for steep lamps, low ones for low lamps. */
 #define SCENE_PLATE_MM 84
 static const double scene_poles[][3] = {{-22, -20, 24}, {20, -24, 12}, {24, 18, 24}, {-18, 24, 12},
                                         {0, 8, 20},     {-6, -14, 5},  {12, 2, 5},   {-16, 4, 5}};
@@ -283,7 +288,8 @@ static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, i
                                         .blur_px = 0.4,
                                         .camera_px = camera_px};
     struct scene_options balls = poles;
-    balls.blur_px = 0; /* a few samples a pixel would make noise of highlights, spread at random */
+    /* a few samples per pixel, spread at random, would turn highlights into noise */
+    balls.blur_px = 0;
     balls.sample = SCENE_BALLS_SAMPLE;
     balls.marks = scene_balls;
     balls.n_marks = G_N_ELEMENTS(scene_balls);
@@ -291,14 +297,15 @@ static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, i
 }
 
 struct scene_poses {
-    int turns, arcs; /* turntable angles, and arc angles to each */
+    int turns, arcs; /* number of turntable angles, and of arc angles at each of them */
 };
 
 static inline double scene_turn_deg(const struct scene_poses *poses, int turn) {
     return 360.0 * turn / poses->turns;
 }
 
-/* So that over all turntable angles lamps stand all around the sample, and the arc all around. */
+/* Chooses arc angles so that, over all turntable angles, the lamps are distributed all around the
+ * sample, and so are the angles of the arc itself. */
 static inline double scene_arc_deg(const struct scene_poses *poses, int turn, int arc) {
     return 37 + 360.0 * arc / poses->arcs + 100.0 * turn;
 }

@@ -32,7 +32,7 @@ static void lines_add_device(struct lines *lines, enum line line, const char *he
     "moving_bit = 0\nhomed_bit = 1\nfault_bit = 2\nstart = 2=1\nhome = 2=2\nstop = 2=3\n"          \
     "poll_ms = 5"
 
-/* The axes stand first and the laser last, as nobody should have to mind. */
+/* The axes come first and the laser last. The order must not matter. */
 void lines_write(struct lines *lines) {
     g_string_assign(lines->text, "# Für Prüfungen\n[rig]\nid = safe\nclock = real\n"
                                  "arc_radius_mm = 500\narc_width_mm = 30\n");

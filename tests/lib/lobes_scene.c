@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-/* The same by microfacet.h, in the surface's frame whose x is the tangent's azimuth. */
+/* Computes the same with microfacet.h, in the frame of the surface whose x has the azimuth of the
+ * tangent. */
 static void rotated_value(const struct scene *s, int texel, const float *v, const float *l,
                           float ret[3]) {
     const struct lobes *p = s->lobes;
@@ -25,7 +26,7 @@ static void rotated_value(const struct scene *s, int texel, const float *v, cons
         ret[k] = (float)rgb[k];
 }
 
-/* A texel of a slice under the light and the sky. */
+/* Computes a texel of a slice under the light and the sky. */
 static void slice_value(const struct scene *s, int slice, int texel, const float *v, const float *l,
                         double share, double ret[3]) {
     float rgb[3];
@@ -37,7 +38,7 @@ static void slice_value(const struct scene *s, int slice, int texel, const float
         ret[c] += share * fmax(rgb[c], 0);
 }
 
-/* The sky as a measured view sees it, by 16 lights. */
+/* Computes the reflectance of a measured view under the sky, which is 16 lights. */
 static void sky_value(const struct scene *s, int view, int texel, double share, double ret[3]) {
     const struct lobes *p = s->lobes;
     const double theta = p->layout.views.theta_deg[view] * G_PI / 180;
@@ -52,7 +53,7 @@ static void sky_value(const struct scene *s, int view, int texel, double share, 
     }
 }
 
-/* A measured view, or the pole, of a texel. */
+/* Adds a texel of a measured view, or of the pole. */
 static void add_view(const struct scene *s, int view, int texel, const float *v, const float *l,
                      double share, double ret[3]) {
     int n = 1;

@@ -1,4 +1,4 @@
-/* What pictures of models of each texel should be: their values, plainly filtered. */
+/* The expected pictures of models of each texel: their values, with simple filtering. */
 #pragma once
 
 #include "btf/direction_grid.h"
@@ -14,9 +14,9 @@ struct scene {
     Directions *views;
     double ambient;
     gboolean nearest;
-    enum method_rotation rotation; /* of ward and ashikhmin */
-    /* Of a model that is not a lobes: adds share × a texel of a measured view under light and sky.
-     */
+    enum method_rotation rotation; /* for ward and ashikhmin */
+    /* For a model other than struct lobes: adds share × the value of a texel of a measured view
+     * under the light and the sky. */
     const struct btf_layout *layout;
     gconstpointer model;
     void (*add)(const struct scene *scene, int view, int texel, const float *l, double share,
@@ -26,7 +26,7 @@ struct scene {
 gboolean lobes_scene_expected(gconstpointer data, const float *at, const float *v, const float *l,
                               double ret[3]);
 
-/* Draws the file by the method and compares with the scene, whose views are set here. refuses: a
- * method that must refuse the file, naming the model; may be NULL. */
+/* Draws the file with the method and compares the picture with the scene, whose views are set here.
+ * refuses is a method that must refuse the file with an error that names the model, or NULL. */
 void lobes_scene_compare(struct scene *scene, const struct method *method, const char *path,
                          const struct method *refuses, const char *model);

@@ -1,12 +1,12 @@
-/* Another process that has the lock of a device (drivers/lock.h). What goes wrong in here fails the
- * test. */
+/* Another process that holds the lock of a device (drivers/lock.h). Errors in these functions fail
+ * the test. */
 #pragma once
 
 #include "drivers/lock.h"
 
-/* Returns once that process has the lock. */
+/* Returns the process, after it has taken the lock. */
 pid_t lock_keeper_start(const char *key);
 void lock_keeper_end(pid_t keeper);
 
-/* Fails unless the error is that of a device whose lock that process has; clears it. */
+/* Checks that the error says that this process holds the lock of a device, and clears the error. */
 void lock_keeper_expect(pid_t keeper, GError **error);

@@ -35,7 +35,7 @@ void lpca_fixture_assert_same(const struct lpca *a, const struct lpca *b) {
     g_assert_cmpint(a->layout.views.n, ==, b->layout.views.n);
     g_assert_cmpint(a->layout.lights.n, ==, b->layout.lights.n);
     g_assert_cmpmem(a->clusters, n * sizeof(int), b->clusters, n * sizeof(int));
-    for (gsize i = 0; i < n * c; i++) /* −0 of 8 bits comes back as 0 */
+    for (gsize i = 0; i < n * c; i++) /* −0 in 8 bits is read as 0 */
         g_assert_true(a->weights[i] == b->weights[i]);
     g_assert_cmpmem(a->scales, tables * sizeof(float), b->scales, tables * sizeof(float));
     g_assert_cmpint(a->colours, ==, b->colours);

@@ -1,4 +1,4 @@
-/* BTFs that local PCAs are made of in tests, and whether two of those are one. */
+/* BTFs from which tests compute local PCAs, and a comparison of two local PCAs. */
 #pragma once
 
 #include "btf_fixture.h"
@@ -6,7 +6,8 @@
 
 int lpca_fixture_row_length(const struct btf_matrix *btf);
 
-/* Texel i is of group i % groups: a mean, and a random sum of that group's own directions. */
+/* Makes a BTF in which texel i belongs to group i % groups. Its values are the mean of the group
+ * plus a random combination of the directions of the group. */
 struct btf_matrix *lpca_fixture_mixture(int width, int height, int n_views, int n_lights,
                                         int groups, int rank, double noise);
 void lpca_fixture_assert_same(const struct lpca *a, const struct lpca *b);

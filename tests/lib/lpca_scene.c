@@ -18,7 +18,7 @@ struct lpca *lpca_scene_level(int level, int n_clusters, int n_components) {
     p->scales = g_new(float, n_clusters *(n_components + 1));
     const gsize n = (gsize)n_clusters * (n_components + 1) * btf_layout_values(&p->layout);
     p->brdfs = g_new(float, n);
-    for (int k = 0; k < w * h; k++) /* a whole row of one cluster, others mixed */
+    for (int k = 0; k < w * h; k++) /* one row belongs to one cluster, other rows are mixed */
         p->clusters[k] = k < 2 * w ? 0 : g_rand_int_range(random, 0, n_clusters);
     for (int k = 0; k < w * h * n_components; k++)
         p->weights[k] = (float)g_rand_double_range(random, -0.3, 0.3);
@@ -33,7 +33,7 @@ struct lpca *lpca_scene_lpca(int n_clusters, int n_components) {
     return lpca_scene_level(0, n_clusters, n_components);
 }
 
-/* E_i of a view and a light, either of which may be the pole: the mean of a ring. */
+/* Returns E_i for a view and a light. Either may be the pole, which is the mean of a ring. */
 static double component(const struct scene *s, int cluster, int i, int v, int l, int c) {
     const struct lpca *p = s->lpca;
     int n;
@@ -63,7 +63,7 @@ static double sum_of(const struct scene *s, int texel, int v, int l, int c) {
     return sum;
 }
 
-/* Of logarithms: ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε), as lpca.h has it. */
+/* With logarithms the components are ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε); see lpca.h. */
 static double pair(const struct scene *s, int texel, int v, int l, int c) {
     if (s->lpca->colours == LPCA_RGB)
         return sum_of(s, texel, v, l, c);
@@ -90,7 +90,7 @@ static double texel_value(const struct scene *s, int i, int j, const struct dire
     return sum;
 }
 
-/* The place of a direction on the grid: the square scaled to 0 … n − 1. */
+/* Computes the position of a direction on the grid: the square, scaled to 0 … n − 1. */
 static void place_of(struct vec3 d, int n, double ret[2]) {
     const double sum = fabs(d.x) + fabs(d.y) + d.z;
     ret[0] = (1 + (d.x + d.y) / sum) / 2 * (n - 1);
@@ -111,8 +111,9 @@ static double grid_corner(const struct scene *s, int texel_i, int texel_j, const
                        c);
 }
 
-/* Linear in the simplex: from a corner of the cell, step by step along the coordinate that has most
- * left; with only two coordinates, that of the views, for the sky. */
+/* Interpolates linearly in the simplex. From a corner of the cell, it steps along the coordinates
+ * in descending order of their fractions. For the sky, there are only the two coordinates of the
+ * view. */
 static double grid_value(const struct scene *s, int i, int j, struct vec3 v, struct vec3 l,
                          gboolean sky, int c) {
     const int n = sky ? 2 : 4;
@@ -150,7 +151,8 @@ static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
 
-/* To the centre of a cell of a face of a cube of so many cells; FALSE if that is not sure. */
+/* Moves a direction to the centre of its cell on a cube whose faces have cells × cells cells.
+ * Returns FALSE if rounding may select another cell. */
 static gboolean snap(const float *d, double cells, float ret[3]) {
     const float most = fmaxf(fmaxf(fabsf(d[0]), fabsf(d[1])), fabsf(d[2]));
     float length = 0;
@@ -166,7 +168,7 @@ static gboolean snap(const float *d, double cells, float ret[3]) {
     return TRUE;
 }
 
-/* FALSE where rounding may pick other texels or directions. */
+/* Returns FALSE if rounding may select other texels or directions. */
 static gboolean direction_shares(const struct scene *s, const float *v, const float *l,
                                  struct direction_weights *g, struct direction_weights *h,
                                  double *ret_fade) {
@@ -187,7 +189,7 @@ static gboolean direction_shares(const struct scene *s, const float *v, const fl
     return TRUE;
 }
 
-/* FALSE as above. */
+/* Returns FALSE if rounding may select other texels or directions. */
 static gboolean lpca_scene_expected(const struct scene *s, const float *at, const float *v,
                                     const float *l, double ret[3]) {
     struct direction_weights g, h;

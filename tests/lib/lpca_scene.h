@@ -1,4 +1,4 @@
-/* Small local PCAs, and what pictures of them should be: the formula, plainly. */
+/* Small local PCAs, and their expected pictures, by a direct evaluation of the formula. */
 #pragma once
 
 #include "btf/direction_grid.h"
@@ -14,23 +14,24 @@
 struct lpca *lpca_scene_level(int level, int n_clusters, int n_components);
 struct lpca *lpca_scene_lpca(int n_clusters, int n_components);
 
-struct scene { /* one picture, and what is needed to say what it should be */
+struct scene { /* one picture, and the data from which its expected values are computed */
     const struct lpca *lpca;
     Directions *views, *lights;
     float *sky;
     double ambient;
     gboolean nearest;
-    int n_grid;       /* 0: by pairs of measured directions */
-    gboolean revised; /* lpca is on a grid of resample.h */
+    int n_grid;       /* 0 means pairs of measured directions */
+    gboolean revised; /* lpca is on a grid (lpca_resample.h) */
 };
 
 struct vec3 lpca_scene_direction(const float *theta_deg, const float *phi_deg, int k);
 
-/* A pixel of a whole scene, of level 0. */
+/* Computes the expected value of a pixel from level 0. data is a struct scene. */
 gboolean lpca_scene_pixel(gconstpointer data, const float *at, const float *v, const float *l,
                           double ret[3]);
 
-/* Between two mip levels of a plane seen from straight above, where all pixels are as large. */
+/* A picture between two mip levels, of a plane seen from straight above, where all pixels have the
+ * same size. */
 struct between {
     struct scene scenes[3];
     double level;

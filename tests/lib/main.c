@@ -1,4 +1,4 @@
-/* main() of every test program that has none of its own. */
+/* The main() of every test program that does not define its own. */
 #include "lib/test.h"
 
 int main(int argc, char **argv) {

@@ -1,5 +1,6 @@
-/* With -DMATERIAL_THREADS_MAIN a program: material_threads MDF MATERIAL…, for ThreadSanitizer,
- * which must see all of the library built with it, and nothing of GLib's threads. */
+/* Compiled with -DMATERIAL_THREADS_MAIN, this file is the program “material_threads MDF MATERIAL…”
+ * for ThreadSanitizer. ThreadSanitizer needs a library that is compiled with it as a whole, and
+ * does not know the threads of GLib. */
 #include "material_threads.h"
 
 #include <mesorig/material.h>
@@ -23,14 +24,14 @@ struct answer {
 struct asker {
     const mesorig_material *material;
     const struct asked *asked;
-    int step; /* through the points, which it does not divide */
+    int step; /* step through the points; it has no divisor in common with their number */
     struct answer answers[POINTS];
 };
 
 static struct asked points[POINTS];
 static struct asker askers[THREADS], alone;
 
-/* Numbers in [0, 1), the same in each run. */
+/* Returns a number in [0, 1). The sequence is the same in each run. */
 static float material_threads_random(unsigned *state) {
     *state = *state * 1664525u + 1013904223u;
     return (float)(*state >> 8) / (float)(1 << 24);

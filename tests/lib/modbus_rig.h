@@ -1,4 +1,4 @@
-/* Sections for the virtual Modbus device (sim/virtual/modbus.h), over TCP or RTU. */
+/* Sections for the virtual Modbus device (sim/virtual/modbus.h), on TCP or RTU. */
 #pragma once
 
 #include "conformance/conformance.h"
@@ -8,10 +8,10 @@
 
 #define RIG_UNIT 7
 
-/* Quick, so that a test is; 100 steps a degree. */
+/* Makes a fast device, so that tests take little time. It has 100 steps per degree. */
 VirtualModbus *modbus_rig_device(gboolean rtu);
 
-/* What a section of that device says, with its line; g_free(). */
+/* Returns the section of a device on this bus; g_free(). */
 char *modbus_rig_section(const char *bus, const char *header, const char *keys);
 
 #define RIG_AXIS                                                                                   \
@@ -24,14 +24,15 @@ char *modbus_rig_section(const char *bus, const char *header, const char *keys);
 
 #define RIG_AFTER "watchdog_after_s = 1\nwatchdog_scale = 10\n"
 
-/* fail() of struct conformance, over a VirtualModbus. */
+/* The function fail() of struct conformance, for a VirtualModbus. */
 typedef void (*ModbusRigFail)(gpointer fail_data, enum conformance_fault fault);
 void modbus_rig_fail(gpointer device, enum conformance_fault fault);
 
-/* Lamps and laser again, going off by themselves in each of the two ways. */
+/* Runs the tests of lamps and laser again, with the watchdog that switches them off by timeout or
+ * by pulses. */
 void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses,
                                      ModbusRigFail fail, gpointer fail_data);
 
-/* The suites of all classes over one device. Its bus must live until they have run. */
+/* Adds the tests of all classes for one device. Its bus must exist until they have run. */
 void modbus_rig_conformance(const char *bus, const char *name, ModbusRigFail fail,
                             gpointer fail_data);

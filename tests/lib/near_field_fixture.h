@@ -1,6 +1,7 @@
 /*
- * A material whose reflectance is a formula, as cameras and lamps half a metre away would have
- * measured it: sessions with a BTF in which each texel has directions of its own, worked out here.
+ * A material whose reflectance is a formula, as measured by cameras and lamps about half a metre
+ * away. Makes sessions with a BTF in which each texel has different directions, which are computed
+ * independently here.
  */
 #pragma once
 
@@ -19,7 +20,7 @@
 #define LEVEL_MM  5.0
 #define ALL       (SIDE * SIDE)
 
-extern char *near_folder; /* below which sessions are made */
+extern char *near_folder; /* the folder in which sessions are made */
 
 struct rings {
     int n;
@@ -31,25 +32,25 @@ struct rings near_field_twelve(double offset);
 void near_field_direction(double theta_deg, double phi_deg, double ret[3]);
 void near_field_texel_centre(int texel, double ret[3]);
 
-/* From a point to one that lies at a distance from the sample's middle. */
+/* Computes the unit vector from the point from to the point at. */
 void near_field_towards(const double at[3], const double from[3], double ret[3]);
 
-/* Lamps of different distances that stand a little elsewhere for each view, as on an arc whose
- * axis is tilted. */
+/* Computes positions of cameras and lamps. The lamps have different distances, and slightly
+ * different positions for each view, as on an arc whose axis is tilted. */
 void near_field_camera_at(const struct rings *views, int view, double ret[3]);
 void near_field_lamp_at(const struct rings *lights, int view, int light, double ret[3]);
 
-/* A diffuser under a broad gloss of half the width that the rings are apart by, or more; with n·l.
- */
+/* Computes a diffuser with a broad gloss. width is at least half of the distance of the rings. The
+ * result contains n·l. */
 double near_field_formula(const double view[3], const double light[3], double width, int colour);
 
-struct wish { /* of a session to be made */
+struct wish { /* properties of a session */
     double width;
-    gboolean nowhere; /* not said where anything was */
+    gboolean nowhere; /* leave out the positions of cameras and lamps */
     gboolean (*spoil)(struct exr_part *part, int view, int light);
 };
 
-/* As processing would have left it. */
+/* Makes a session with the products that processing would have written. */
 char *near_field_make_session(const char *name, const struct rings *views,
                               const struct rings *lights, const struct wish *wish);
 

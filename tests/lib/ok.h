@@ -3,14 +3,14 @@
  *
  *     g_autoptr(ExrFile) file = ok(exr_read(path, ERR));
  *
- * ok() has the value of the call. The test fails with the message of an error that was set. A test
- * of a failure has a GError of its own.
+ * ok() returns the value of the call. If an error was set, the test fails with its message. A test
+ * of a failure uses a separate GError.
  */
 #pragma once
 
 #include <glib.h>
 
-/* The last argument of a call inside ok(). */
+/* The error argument of a call inside ok(). */
 #define ERR (&ok_call.error)
 
 #define ok(call)                                                                                   \

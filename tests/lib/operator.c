@@ -39,7 +39,7 @@ void operator_free(struct operation *run) {
     g_free(run);
 }
 
-/* Runs mesorig with arguments up to NULL, and asks for its exit code. */
+/* Runs mesorig with arguments that end with NULL, and checks its exit code. */
 void operator_does(struct operation *run, int code, ...) {
     va_list arguments;
     va_start(arguments, code);
@@ -60,7 +60,7 @@ static int by_text(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* Every product's name and checksum, a line each. */
+/* Returns the name and checksum of every product, one product per line. */
 char *operator_products(const char *session) {
     static const char *const folders[] = {"products", "products/btf"};
     g_autoptr(GPtrArray) lines = g_ptr_array_new_with_free_func(g_free);
@@ -85,7 +85,7 @@ char *operator_products(const char *session) {
     return g_strjoinv("\n", (char **)lines->pdata);
 }
 
-/* The products of a session that nothing happens to. */
+/* Returns the products of a session that was captured and processed without faults. */
 const char *operator_undisturbed(void) {
     static char *products;
     if (products)
@@ -108,7 +108,7 @@ void operator_check_products(struct operation *run) {
     g_assert_cmpstr(products, ==, operator_undisturbed());
 }
 
-/* What the database has of the frames, a line each. */
+/* Returns the data of all frames in the database, one frame per line. */
 char *operator_frames(const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
@@ -133,7 +133,7 @@ const char *operator_folder(void) {
 int operator_tests(void) {
     top = g_dir_make_tmp("mesorig-operator-XXXXXX", NULL);
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
-    /* Whatever else runs on this machine is none of ours. */
+    /* The tests must not use services of this machine. */
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("XDG_RUNTIME_DIR", top, TRUE);

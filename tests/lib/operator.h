@@ -1,7 +1,7 @@
 /*
- * An operator of the small simulated rig, who runs mesorig's commands and reads what they say, for
- * tests of what he is told. Everything is made below one temporary folder, which operator_tests()
- * removes. What goes wrong in here fails the test.
+ * An operator of the small simulated rig, who runs the commands of mesorig and reads their output,
+ * for tests of this output. All files are made below one temporary folder, which operator_tests()
+ * removes. Errors in these functions fail the test.
  */
 #pragma once
 
@@ -10,10 +10,10 @@
 
 struct operation {
     char *directory, *rig, *conf, *session;
-    char *out, *err; /* of the last command */
+    char *out, *err; /* output of the last command */
 };
 
-/* Runs what was added with g_test_add_func(); main()'s result. */
+/* Runs the tests that were added with g_test_add_func(). Returns the exit code for main(). */
 int operator_tests(void);
 const char *operator_folder(void);
 
@@ -21,15 +21,15 @@ struct operation *operator_new(const struct change *rig_changes);
 struct operation *operator_new_in(const char *parent, const struct change *rig_changes);
 void operator_free(struct operation *run);
 
-/* Runs mesorig with arguments up to NULL, and asks for its exit code. */
+/* Runs mesorig with arguments that end with NULL, and checks its exit code. */
 void operator_does(struct operation *run, int code, ...) G_GNUC_NULL_TERMINATED;
 void operator_captures(struct operation *run, int code);
 
-/* Every product's name and checksum, a line each; the caller's. */
+/* Returns the name and checksum of every product, one product per line; g_free(). */
 char *operator_products(const char *session);
-/* The products of a session that nothing happens to. */
+/* Returns the products of a session that was captured and processed without faults. */
 const char *operator_undisturbed(void);
-/* Processes the session and compares its products with those. */
+/* Processes the session and checks that its products are the same as operator_undisturbed(). */
 void operator_check_products(struct operation *run);
-/* What the database has of the frames, a line each; the caller's. */
+/* Returns the data of all frames in the database, one frame per line; g_free(). */
 char *operator_frames(const char *path);

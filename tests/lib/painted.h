@@ -1,4 +1,4 @@
-/* A picture that a virtual camera paints, and whether a frame shows it. */
+/* A picture that a virtual camera delivers, and a check that a frame contains it. */
 #pragma once
 
 #include "drivers/frame.h"

@@ -1,7 +1,7 @@
 /*
- * A small session whose frames are made by formulas: a white-ish diffuser in the reference plane
- * for the lamps, a plane below it for the lasers. And how it is processed, and what has to come
- * out.
+ * A small session whose frames are computed by formulas. Lamp frames show a nearly white diffuser
+ * in the reference plane, and laser frames a plane below it. The functions also process the session
+ * and check its products.
  */
 #pragma once
 
@@ -38,14 +38,15 @@ struct fixture {
 struct rig fixture_make_rig(void);
 double fixture_turn_deg(int turn);
 
-/* Where a pixel's ray meets a level, in the rig frame. */
+/* Computes the point at which the ray of a pixel meets the plane of this height, in the rig
+ * frame. */
 void hit(const struct pinhole *pinhole, int pixel, double height, double *ret);
 struct exr_part *lamp_frame(const struct session_shot *shot, int camera);
 struct session_frame fixture_write_frame(const struct fixture *fixture, struct exr_part *part,
                                          const struct session_shot *shot, int camera);
 typedef void (*Spoil)(struct exr_part *part, const struct session_shot *shot);
 
-/* Shots first … last − 1 in planned order. */
+/* Captures the shots first … last − 1, in planned order. */
 void fixture_capture(struct fixture *fixture, int first, int last, Spoil spoil);
 void fixture_set_value(const struct fixture *fixture, const char *key, const char *value);
 void fixture_set_state(const struct fixture *fixture, const char *state);
@@ -56,7 +57,7 @@ char *fixture_product(const struct fixture *fixture, const char *name);
 void fixture_check_mdf_where_known(const struct fixture *fixture, gboolean everywhere);
 void fixture_check_mdf(const struct fixture *fixture);
 
-/* A session made for each test, which path and func tell. */
+/* A test with this path. func is called with a new session. */
 struct pipeline_test {
     const char *path;
     void (*func)(struct fixture *, gconstpointer);

@@ -1,7 +1,8 @@
 /*
- * A small simulated rig for tests of radiometry: three cameras, three lamps, what lies on the
- * turntable is up to the test. What the world file says is the truth; the struct rig is what a rig
- * file would say, which is wrong in all that radiometry finds out and right in geometry.
+ * A small simulated rig for tests of radiometry, with three cameras and three lamps. The test
+ * chooses the objects on the turntable. The world file contains the true values. The struct rig
+ * contains the values of a rig file: its geometry is correct, and everything that radiometry
+ * determines is wrong.
  */
 #pragma once
 
@@ -33,19 +34,21 @@ static const struct fixture_lamp {
 char *radiometry_fixture_world(const char *world_keys, const char *objects);
 void radiometry_fixture_rig(struct rig *rig);
 
-/* Where a lamp truly looks: its aim tilted along and across the arc, as world/world_load.c says. */
+/* Returns the true direction in which a lamp aims: its nominal aim tilted along and across the arc,
+ * as in world/world_load.c. */
 struct vec3 radiometry_fixture_aim(int lamp);
 
 struct fixture_pose {
     int lamp;
     double turntable_deg, arc_deg;
-    double time_s; /* of the lamp's drift */
+    double time_s; /* time for the drift of the lamp */
 };
 
-/* One exposure's raw DN; key: of the noise. lamp < 0: a dark picture. */
+/* Computes the raw values (DN) of one exposure. The noise depends on key. If lamp is negative, the
+ * picture is dark. */
 void radiometry_fixture_expose(World *world, int camera, const struct fixture_pose *pose,
                                gint64 exposure_us, guint64 key, float *ret);
 
-/* DN a millisecond above black: the mean of n exposures. */
+/* Computes the mean of n exposures in DN per millisecond above black. */
 void radiometry_fixture_mosaic(World *world, int camera, const struct fixture_pose *pose, int n,
                                guint64 key, float *ret);

@@ -1,6 +1,6 @@
 /*
- * The rig of radiometry_fixture.h as files and devices: sessions of it are captured whole. Its
- * truth is in the fixture; rig.conf says what is nominal.
+ * The rig of radiometry_fixture.h as files and simulated devices, with which whole sessions are
+ * captured. Its true values are in the fixture, and rig.conf contains nominal values.
  */
 #pragma once
 
@@ -12,15 +12,16 @@
 
 static const double rig_marks_mm[][2] = {{32, 0}, {0, 32}, {-32, 0}, {0, -32}};
 
-/* turntable_keys: of the axis, for instance a slip. */
+/* Returns the rig file. turntable_keys are added to the section of the turntable, for instance a
+ * position error. */
 char *radiometry_rig_text(const char *turntable_keys);
 void radiometry_rig_write(const char *folder, const char *name, const char *text);
 
-/* world.conf: what lies between the marks. */
+/* Writes world.conf. objects are the objects between the marks. */
 void radiometry_rig_write_world(const char *folder, const char *keys, const char *objects);
 
-/* A white tile of 56 × 56 mm, 4 mm thick, which reaches nearly to the marks; a lamp's light drifts
- * by 3 %. */
+/* Writes the world with a white tile of 56 × 56 mm, 4 mm thick, which extends nearly to the marks.
+ * The light of the lamps drifts by 3 %. */
 void radiometry_rig_write_tile(const char *folder, int seed);
 
 #define TILE_CONF                                                                                  \
@@ -30,11 +31,11 @@ void radiometry_rig_write_tile(const char *folder, int seed);
     "[capture]\nexposures_us=1000;1000;3000;3000;6000;6000\nkeep_exposures=yes\ndark_frames=2\n"
 
 struct rig_told {
-    GString *text; /* events, a line each */
+    GString *text; /* events, one per line */
 };
 
-/* Captures until it is done or paused; the state. told may be NULL. reason: of a pause, g_free().
- */
+/* Captures until the session is done or paused, and returns the state. told may be NULL. ret_reason
+ * receives the reason of a pause; g_free(). */
 enum capture_state radiometry_rig_capture(const char *folder, const char *conf_text,
                                           const char *name, GString *told, char **ret_reason,
                                           GError **error);

@@ -1,9 +1,10 @@
-/* A stand-in for file systems that can do less than Linux's own, as FUSE, NFS and exFAT. */
+/* Imitates file systems with fewer functions than the native ones of Linux, such as FUSE, NFS and
+ * exFAT. */
 #pragma once
 
 #include <glib.h>
 
-/* From now on this thread, and every program that it starts, gets EINVAL for a rename that must not
- * replace anything, EOPNOTSUPP for space that is to be reserved, and without links EPERM for a hard
- * link. There is no way back. */
+/* From now on, three system calls fail in this thread and in every program that it starts: a rename
+ * with flags, such as “do not replace”, with EINVAL; the reservation of space with EOPNOTSUPP; and,
+ * unless links is TRUE, a hard link with EPERM. This cannot be undone. */
 void refusing_begin(gboolean links);

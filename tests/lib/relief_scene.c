@@ -11,14 +11,14 @@
 
 #define RINGS    3
 #define SIZE_MM  (RELIEF_TEXELS * RELIEF_TEXEL_MM)
-#define STEPS    400 /* of a marching ray */
-#define PERIODS  4   /* of the structure, a tile */
+#define STEPS    400 /* number of steps of a ray */
+#define PERIODS  4   /* number of periods of the structure per tile */
 #define SLOPE_MM 1e-3
 #define TERMS    8
 
 static const double depth_mm[RELIEF_KINDS] = {0.35, 0.5, 0.7};
 
-/* 0 … −depth_mm. */
+/* Returns the height, 0 … −depth_mm. */
 static double relief_scene_height(enum relief_kind kind, double x, double y) {
     const double a = 2 * G_PI * PERIODS * x / SIZE_MM, b = 2 * G_PI * PERIODS * y / SIZE_MM;
     const double shape = kind == RELIEF_WEAVE   ? sin(0.5 * a) * sin(0.5 * b)
@@ -40,7 +40,7 @@ static struct vec3 relief_scene_direction(const struct direction_list *list, gsi
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-/* Lambert's cosine and a lobe around the half vector (Blinn 1977). */
+/* Computes a Lambertian part and a lobe around the half vector (Blinn 1977). */
 static void relief_scene_reflect(enum relief_kind kind, double x, double y, struct vec3 v,
                                  struct vec3 l, float ret[3]) {
     static const double gloss[RELIEF_KINDS] = {0, 0.5, 0.2}, sharp[RELIEF_KINDS] = {1, 12, 6};
@@ -56,7 +56,7 @@ static void relief_scene_reflect(enum relief_kind kind, double x, double y, stru
         ret[c] = (float)(colours[kind][(i + j) & 1][c] * cosine + lobe);
 }
 
-/* Centre of a texel; rows run down, y up. */
+/* Gives the centre of a texel. Rows run downwards, y upwards. */
 static void relief_scene_texel(int texel, double *ret_x, double *ret_y) {
     const int i = texel % RELIEF_TEXELS, j = texel / RELIEF_TEXELS;
     *ret_x = (i + 0.5) * RELIEF_TEXEL_MM;
@@ -82,7 +82,8 @@ struct btf_matrix *relief_scene_btf(enum relief_kind kind) {
     return btf;
 }
 
-/* The depth at which the ray through (x, y) of the plane z = 0, towards −v, meets the structure. */
+/* Returns the depth at which a ray meets the structure. The ray goes through (x, y) of the plane z
+ * = 0 in the direction −v. */
 static double relief_scene_depth(enum relief_kind kind, double x, double y, struct vec3 v) {
     for (int k = 0; k < STEPS; k++) {
         const double depth = depth_mm[kind] * k / STEPS, along = depth / v.z;
@@ -114,8 +115,8 @@ struct lpca *relief_scene_compress(const struct btf_matrix *btf, int clusters, i
     return lpca;
 }
 
-/* The three forms of a local PCA: with mip levels in halves; on a grid of its own with 8 bits, and
- * in halves. */
+/* Writes a local PCA in one of three forms: with mip levels in half floats, on a separate grid with
+ * 8 bits, or on a separate grid in half floats. */
 static void relief_scene_write_material(enum relief_kind kind, const char *path) {
     g_autoptr(BtfMatrix) btf = relief_scene_btf(kind);
     g_autoptr(BtfMatrix) half = btf_matrix_halved(btf);
@@ -133,8 +134,8 @@ static void relief_scene_write_material(enum relief_kind kind, const char *path)
         lpca_free(levels[k]);
 }
 
-/* As factors; that of the bumps as blocks, which are factored for the page and not for the viewer.
- */
+/* Writes the MDF as factors. The MDF of the bumps is written as blocks, which are converted to
+ * factors for the web page. The viewer reads them directly. */
 static void relief_scene_write_mdf(enum relief_kind kind, const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(MdfTable) table = relief_scene_mdf(kind);

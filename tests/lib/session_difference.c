@@ -1,6 +1,6 @@
 #include "session_difference.h"
 
-/* Values below 0 stand for none, as in the MDF. */
+/* With holes, values below 0 mean that there is no value, as in the MDF. */
 static void difference_planes(const float *a, const float *b, gsize n, gboolean holes,
                               struct difference_sums *sums) {
     for (gsize i = 0; i < n; i++) {
@@ -18,12 +18,13 @@ static void difference_planes(const float *a, const float *b, gsize n, gboolean 
     }
 }
 
-/* What is said of values, and only where there is anything to say: noise decides that. */
+/* Returns whether a channel contains flags. It exists only if a texel has a flag, which depends on
+ * the noise. */
 static gboolean is_mark(const char *channel) {
     return strcmp(channel, "mark") == 0 || strcmp(channel, "saturated") == 0;
 }
 
-/* FALSE if their parts do not match. */
+/* Returns FALSE if the parts of the files do not match. */
 static gboolean difference_files(const char *path_a, const char *path_b, gboolean holes,
                                  struct difference_sums *sums, GError **error) {
     struct exr_file *a = exr_read(path_a, error), *b = a ? exr_read(path_b, error) : NULL;

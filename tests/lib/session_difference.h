@@ -1,4 +1,4 @@
-/* How far the products and frames of two sessions of the same plan are apart. */
+/* Measures the difference between the products and frames of two sessions of the same plan. */
 #pragma once
 
 #include "exr/exr.h"
@@ -7,9 +7,10 @@
 #include <string.h>
 
 struct difference {
-    double rms;              /* of differences, relative to the RMS of the first's values */
-    double systematic;       /* the mean difference, relative to the first's mean value */
-    double seen_differently; /* MDF: part of the texels that only one of them has a value for */
+    double rms; /* of the differences, relative to the RMS of the values of the first session */
+    double systematic; /* mean difference, relative to the mean value of the first session */
+    /* for the MDF: share of the texels that have a value in only one session */
+    double seen_differently;
     int n_files;
     gint64 n_values;
 };
@@ -19,7 +20,7 @@ struct difference_sums {
     gint64 n, unequal, all;
 };
 
-/* folder: "frames", "products/btf" or, with holes, "products" for mdf.exr only. Every file of
- * session a must be in b. */
+/* folder is "frames", "products/btf" or, with holes, "products" for mdf.exr only. Every file of
+ * session a must also be in b. */
 gboolean difference_folder(const char *session_a, const char *session_b, const char *folder,
                            gboolean holes, struct difference *ret, GError **error);

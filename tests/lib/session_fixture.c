@@ -9,7 +9,7 @@ char *session_fixture_path(const char *name) {
     return g_strdup_printf("%s/%s%d.session", session_fixture_folder, name, n++);
 }
 
-/* Any finite double but −0, each bit pattern as likely. */
+/* Returns a random finite double other than −0. All bit patterns have the same probability. */
 static double session_fixture_random_double(GRand *rand) {
     for (;;) {
         guint64 bits = (guint64)g_rand_int(rand) << 32 | g_rand_int(rand);

@@ -1,5 +1,5 @@
 /*
- * Sessions with random plans, for the tests of sessions. Everything is made below one temporary
+ * Sessions with random plans, for the tests of sessions. All files are made below one temporary
  * folder, which session_fixture_run() removes.
  */
 #pragma once

@@ -1,6 +1,7 @@
 /*
- * How well outlines and shadow boundaries that the viewer draws agree with those of displaced
- * geometry (displaced.h): the part of the two areas' union that they share.
+ * Compares the outlines and shadow boundaries that the viewer draws with those of displaced
+ * geometry (displaced.h). The measure is the area that both cover, relative to the area that at
+ * least one covers.
  */
 #pragma once
 
@@ -10,14 +11,15 @@
 
 #include <math.h>
 
-#define SILHOUETTES_FLOOR 4.0 /* half its width in the mesh's radii, as scene_make() has it */
+/* half the width of the floor in radii of the mesh, as in scene_make() */
+#define SILHOUETTES_FLOOR 4.0
 
-/* A shape as scene_make() makes it. */
+/* A shape that scene_make() also makes. */
 struct silhouettes_shape {
     const char *name;
     double radius, tube_radius, height; /* as in displaced.h */
-    double mesh_radius;                 /* of the sphere around the origin that holds it */
-    double floor;                       /* how far the floor lies below the origin */
+    double mesh_radius; /* radius of the sphere around the origin that contains the mesh */
+    double floor;       /* distance of the floor below the origin */
 };
 extern const struct silhouettes_shape silhouettes_torus, silhouettes_cylinder;
 
@@ -31,7 +33,7 @@ struct overlap {
 
 struct scores {
     struct overlap outline; /* of the shape */
-    struct overlap shadow;  /* on the floor, where both see the floor */
+    struct overlap shadow;  /* on the floor, where both pictures show the floor */
 };
 
 double overlap_share(const struct overlap *o);
@@ -42,11 +44,12 @@ struct displaced_pixel *silhouettes_trace(const struct silhouettes_shape *shape,
                                           Displaced *displaced, const struct viewer_settings *s,
                                           int width, int height);
 
-/* Distance along the ray through a pixel's middle to the plane that the floor lies in. */
+/* Returns the distance along the ray through the middle of a pixel to the plane of the floor. */
 double silhouettes_floor_distance(const struct displaced_camera *c, int i, int j);
 void silhouettes_floor_point(const struct displaced_camera *c, int i, int j, double ret[3]);
 
-/* What viewer_render_geometry(…, VIEWER_GEOMETRY_LIT, …) returned against what was traced. */
+/* Compares the values of viewer_render_geometry(…, VIEWER_GEOMETRY_LIT, …) with the traced
+ * pixels. */
 struct scores silhouettes_score(const struct silhouettes_shape *shape, const float *seen,
                                 const struct displaced_pixel *truth,
                                 const struct viewer_settings *s, int width, int height,

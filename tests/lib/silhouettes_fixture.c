@@ -1,7 +1,7 @@
 #include "silhouettes_fixture.h"
 #include "lib/ok.h"
 
-/* A diffuser: one term, cos θ at three lights. */
+/* Returns a diffuser: one term, which is cos θ at three lights. */
 static struct eigenmaps *silhouettes_grey(void) {
     struct eigenmaps *m = g_new0(struct eigenmaps, 1);
     m->name = g_strdup("grey");

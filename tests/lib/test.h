@@ -34,7 +34,8 @@
     }                                                                                              \
     G_STATIC_ASSERT(TRUE) /* for the semicolon */
 
-/* Initializes GLib's tests, runs all of this program and returns the exit code of main(). */
+/* Initializes GLib's tests, runs all tests of this program, and returns the exit code for
+ * main(). */
 int tests_run(int argc, char **argv);
 
 /* Called by the macros. */

@@ -34,7 +34,7 @@ static void entry(GByteArray *to, int tag, int type, guint32 n, guint32 value) {
     put(to, value, 4);
 }
 
-/* A TIFF whose first directory leads to one of EXIF. */
+/* Returns a TIFF whose first directory refers to an EXIF directory. */
 static GByteArray *exif(const struct told *told) {
     GByteArray *to = g_byte_array_new();
     const int n = (told->taken != NULL) + (told->fraction != NULL) + (told->colour_space != 0);

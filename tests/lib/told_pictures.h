@@ -1,24 +1,25 @@
-/* Pictures whose files say something of themselves: tone curves, masks, when they were taken. */
+/* Picture files with metadata: tone curves, masks, times. */
 #pragma once
 
 #include <glib.h>
 
-/* What a file is to say; all NULL or 0: nothing. */
+/* The metadata of a file. NULL or 0 leaves a member out. */
 struct told {
     const char *png_chunk; /* four letters, for instance "gAMA" */
     const guint8 *chunk;
     gsize chunk_bytes;
-    gboolean srgb;     /* the chunk sRGB */
-    double icc_gamma;  /* a profile with this curve; 0: none */
-    const char *taken; /* EXIF, "2026:11:27 18:57:13" */
+    gboolean srgb;     /* add the chunk sRGB */
+    double icc_gamma;  /* gamma of the curve of an ICC profile; 0 means no profile */
+    const char *taken; /* time in EXIF, "2026:11:27 18:57:13" */
     const char *fraction;
     int colour_space; /* EXIF */
 };
 
-/* channels: 1 grey, 3 RGB, 4 with opacity; bits: 8 or 16; values: height × width × channels. */
+/* Writes a PNG. channels is 1 for grey, 3 for RGB and 4 for RGB with opacity. bits is 8 or 16.
+ * values is height × width × channels. */
 void told_png(const char *path, int width, int height, int channels, int bits,
               const guint16 *values, const struct told *told);
 void told_jpeg(const char *path, int width, int height, const guint8 *rgb, const struct told *told);
-/* 8 bits; four channels have an opacity. */
+/* Writes a TIFF of 8 bits. The fourth of four channels is opacity. */
 void told_tiff(const char *path, int width, int height, int channels, const guint8 *values,
                const struct told *told);

@@ -8,7 +8,7 @@ struct text {
     int n;
 };
 
-/* type: 5126 float, 5125 uint. Returns the accessor's number. */
+/* Adds an accessor and returns its index. type is 5126 for float or 5125 for uint. */
 static int add_numbers(struct text *text, gconstpointer values, gsize size, guint count, int type,
                        const char *shape) {
     g_string_append_printf(
@@ -22,7 +22,7 @@ static int add_numbers(struct text *text, gconstpointer values, gsize size, guin
     return text->n++;
 }
 
-/* y up: (x, z, −y). */
+/* Converts from z up to y up: (x, z, −y). */
 static void turn(const float from[3], float ret[3]) {
     ret[0] = from[0];
     ret[1] = from[2];

@@ -1,4 +1,4 @@
-/* Small glTF scenes, written to a temporary file from meshes. */
+/* Small glTF scenes made from meshes, written to a temporary file. */
 #pragma once
 
 #include "shapes/scene.h"
@@ -6,17 +6,18 @@
 #include <glib.h>
 
 struct trace_object {
-    const struct mesh *mesh; /* z up, as shapes are */
+    const struct mesh *mesh; /* z is up, as in shapes/ */
     int material;            /* index into materials, or −1 */
     float scale, move[3];
-    gboolean bare; /* without texture coordinates */
+    gboolean bare; /* leave out the texture coordinates */
 };
 
-/* A glTF 2.0 text of these objects; materials: JSON objects with commas between them; more: further
- * members of the root, with a comma before, or ""; nodes: further nodes, with a comma before. The
- * scene names all nodes. g_free() */
+/* Returns the text of a glTF 2.0 file with these objects; g_free(). materials has JSON objects
+ * separated by commas. more has further members of the root, beginning with a comma, or is "".
+ * nodes has further nodes, beginning with a comma. The scene contains all nodes. */
 char *trace_fixture_text(const struct trace_object *objects, int n, const char *materials,
                          const char *more, const char *nodes, int n_nodes);
 
-/* Writes it into a new folder; remove_tree() its dirname. g_free() */
+/* Writes the text into a new folder. Returns the path; g_free(). Call remove_tree() for its dirname
+ * afterwards. */
 char *trace_fixture_write(const char *text);

@@ -1,5 +1,5 @@
-/* Sessions that were captured by different drivers, in one folder: how far they are from each
- * other, and what they say of themselves. */
+/* Sessions in one folder that were captured by different drivers: their differences, and their
+ * values. */
 #pragma once
 
 #include "session/session.h"
@@ -13,13 +13,16 @@ char *twin_path(const char *name);
 struct difference twin_compare(const char *a, const char *b, const char *folder, gboolean holes);
 double twin_value(const char *name, const char *key);
 
-/* Captures tests/small by its simulated drivers, with noise of a seed, and processes it. */
+/* Captures tests/small with its simulated drivers, with noise of this seed, and processes the
+ * session. */
 void twin_capture_simulated(const char *name, const char *seed);
 
-/* A session of tests/small that other drivers have captured differs from the simulated one by other
- * noise only: no more than two simulated ones differ from each other, which are captured here. */
+/* Checks that a session of tests/small that was captured by other drivers differs from a simulated
+ * session only by noise. The limit is the difference of two simulated sessions with different
+ * noise, which are captured here. */
 void twin_assert_noise_alone(const char *name);
 
-/* mesorigd with a rig file, once it listens on an address of a socket. log: as process_start(). */
+/* Starts mesorigd with a rig file, and returns when it listens at the address of a socket. log is
+ * as in process_start(). */
 GSubprocess *twin_start_daemon(GSubprocessFlags flags, const char *log, const char *rig,
                                const char *address);

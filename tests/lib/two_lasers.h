@@ -1,6 +1,6 @@
 /*
- * A camera at 40° and two lasers at 30° and 60° over a sample, in the simulated world, and the rig
- * that says the same.
+ * A simulated world with a camera at 40° and two lasers at 30° and 60° over a sample, and the rig
+ * that corresponds to it.
  */
 #pragma once
 
@@ -9,6 +9,7 @@
 
 #define TWO_LASERS_FOCAL_PX 1800
 
-/* side: of the camera's picture, pixels; keys of [world] and [sample] besides those of all. */
+/* Makes the world. side is the width and height of the camera's picture in pixels. world and sample
+ * have keys that are added to the sections [world] and [sample]. */
 World *two_lasers_world(int side, double power_w, const char *world, const char *sample);
 struct rig two_lasers_rig(int side);

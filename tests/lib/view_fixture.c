@@ -124,7 +124,7 @@ static gboolean view_fixture_expect(const struct check *c, const struct hit *hit
     double fx = x - floor(x), fy = y - floor(y);
     if (cosine < 0.2 || fx < 0.06 || fx > 0.94 || fy < 0.06 || fy > 0.94)
         return FALSE;
-    if (local_l.z < cos(84.0 * DEG)) /* beyond the lowest light it fades */
+    if (local_l.z < cos(84.0 * DEG)) /* light fades below the lowest measured light */
         return FALSE;
     int i = ((int)floor(x) % W + W) % W, j = ((int)floor(y) % H + H) % H;
     float texel[3];

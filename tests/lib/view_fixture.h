@@ -1,7 +1,7 @@
 /*
- * Materials that are analytic functions of texel, view and light; and the rays, hit points and
- * frames that pictures of them are compared with, computed in doubles and without the renderer's
- * code: an error of orientation anywhere shows as another colour.
+ * Materials that are analytic functions of texel, view and light. Pictures of them are compared
+ * with rays, hit points and frames that are computed in doubles without the renderer's code. An
+ * error of orientation anywhere changes the colour.
  */
 #pragma once
 
@@ -16,14 +16,15 @@
 #include <string.h>
 
 #define DEG (G_PI / 180.0)
-#define W   7 /* texels: odd, not a power of two, not square */
+#define W   7 /* number of texels; it is odd, not a power of two, and the material is not square */
 #define H   5
 
-struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t); /* s a + t b */
+/* returns s a + t b */
+struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t);
 struct vec3 view_fixture_unit(double theta_deg, double phi_deg);
 
-/* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y, blue = the texel's number; terms 1 and 2
- * add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 weigh nothing. */
+/* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y and blue = the number of the texel. Terms
+ * 1 and 2 add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 have the weight 0. */
 enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, WAVE, N_KINDS };
 
 double texel_code(int i, int j);
@@ -31,7 +32,8 @@ void fill_texel(enum kind kind, int term, struct vec3 l, int i, int j, float *re
 struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi);
 struct viewer_settings view_fixture_settings(void);
 
-/* The ray through the middle of a pixel, from this file's own idea of the camera. */
+/* Returns the ray through the middle of a pixel. The camera is computed independently of the
+ * renderer. */
 struct vec3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
                              int i, int j, struct vec3 *ret_eye);
 
@@ -41,7 +43,7 @@ struct hit {
     struct vec3 t, b, n, to_eye;
 };
 
-/* By steps of the distance from the surface. */
+/* Finds the hit by steps whose length is the distance from the surface. */
 struct hit view_fixture_hit_torus(struct vec3 eye, struct vec3 d);
 
 struct check {
@@ -53,27 +55,29 @@ struct check {
     struct hit (*find)(struct vec3 eye, struct vec3 d);
 };
 
-/* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
- * the error of linear interpolation between the material's directions. */
+/* Compares every pixel whose value is certain, of which there must be at least at_least. Nearly all
+ * texels must be correct. Other values must agree within the error of linear interpolation between
+ * the directions of the material. */
 void view_fixture_compare(const struct check *c, double tolerance, int at_least);
 Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
 
 Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi); /* on scene_plane() */
 
-/* float4[height][width] of viewer_render_linear(), which must succeed. */
+/* Returns float[height][width][4] from viewer_render_linear(), which must succeed. */
 float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height);
 
-/* width × height × 3 bytes. */
+/* Returns width × height × 3 bytes. */
 guint8 *view_fixture_read_png(const char *path, int *ret_width, int *ret_height);
 
 #define VIEWER BUILD_DIR "/bin/mesorig-view"
-gboolean view_fixture_have_program(void); /* FALSE: the test is skipped */
+gboolean view_fixture_have_program(void); /* if FALSE, the caller returns and the test is skipped */
 
-/* The BTF whose eigen-maps view_fixture_material() gives, one file a view. */
+/* Writes a view of the BTF whose eigen-maps view_fixture_material() returns. Each view is one
+ * file. */
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);
 char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi);
 void remove_folder(const char *path);
 
-/* A directory that has nothing of a session but its eigen-maps. */
+/* Makes a session directory that only contains eigen-maps. */
 char *view_fixture_write_session(void);
 void view_fixture_remove_session(const char *dir, const char *const *pictures);

@@ -1,12 +1,12 @@
 /*
- * Waiting for an event. The loop runs until the condition holds:
+ * Waits for an event. The loop runs until the condition holds:
  *
  *     UNTIL (!device_is_unsafe(device))
  *         conformance_pass(clock, 0.01);
  *
- * The test fails if that takes longer than WAIT_S, which is far more than any event takes on a busy
- * computer. The condition may be evaluated often. Tests assert events in this way, never the time
- * that they took, which depends on the load of the computer.
+ * The test fails if that takes longer than WAIT_S, which is far longer than any event takes on a
+ * busy computer. The condition may be evaluated often. Tests check events in this way. They never
+ * check the time that an event took, because it depends on the load of the computer.
  */
 #pragma once
 

@@ -1,11 +1,11 @@
-/* A BTF for tests: a wavy surface, glossy, in two colours, seen with noise: smooth in every way, as
- * materials are. */
+/* A BTF for tests: a wavy glossy surface in two colours, with noise. Without the noise it is smooth
+ * in all variables, like real materials. */
 #pragma once
 
 #include "btf_fixture.h"
 
 #include <math.h>
 
-/* constant: all texels are alike, but for the noise. */
+/* With constant, all texels are equal except for the noise. */
 struct btf_matrix *waves_fixture_new(int width, int height, int n_views, int n_lights, double noise,
                                      gboolean constant);

@@ -27,7 +27,8 @@ struct site *site_new(int flags, const struct change *changes) {
     g_autofree char *token = g_build_filename(site->run->directory, "token", NULL);
     g_assert_true(g_file_set_contents(token, SITE_TOKEN "\n", -1, NULL));
     start_daemon(site, (flags & SITE_RIG) != 0);
-    /* A message that libsoup is asked to go on with after its end is a mistake of the server's. */
+    /* If libsoup is told to continue a message that has already ended, this is an error of the
+     * server. */
     const char *const common[] = {"/usr/bin/env",
                                   "G_DEBUG=fatal-criticals",
                                   BUILD_DIR "/bin/mesorig-web",
@@ -94,7 +95,7 @@ guint site_ask(const struct site *site, const char *method, const char *path, co
     }
     g_autoptr(GBytes) answer = soup_session_send_and_read(site->http, message, NULL, &error);
     g_assert_no_error(error);
-    /* No answer may be used by pages of other sites. */
+    /* Pages of other sites must not be allowed to read any answer. */
     g_assert_null(soup_message_headers_get_one(soup_message_get_response_headers(message),
                                                "Access-Control-Allow-Origin"));
     gsize length;

@@ -1,5 +1,5 @@
-/* A daemon of the small simulated rig, which has opened no rig yet, and a web server (mesorig-web)
- * of it, for tests. What goes wrong in here fails the test. */
+/* A daemon of the small simulated rig and a web server (mesorig-web) that is connected to it, for
+ * tests. The daemon opens the rig only with SITE_RIG. Errors in these functions fail the test. */
 #pragma once
 
 #include <libsoup/soup.h>
@@ -13,45 +13,46 @@ struct site {
     struct operation *run;
     GSubprocess *daemon, *server;
     char *bus, *uri;
-    char *log; /* the file with what the server has told on standard error */
+    char *log; /* file with the server's standard error */
     guint16 port;
     SoupSession *http;
 };
 
 enum {
-    SITE_SHOWS = 1,            /* it has no token */
-    SITE_SAFE_NEEDS_TOKEN = 2, /* as the option says */
+    SITE_SHOWS = 1,            /* the server has no token */
+    SITE_SAFE_NEEDS_TOKEN = 2, /* the server has the option --safe-needs-token */
     SITE_RIG = 4,              /* the daemon has opened the rig */
 };
 
-/* changes: of the rig file, or NULL. */
+/* Starts both. changes are changes of the rig file, or NULL. */
 struct site *site_new(int flags, const struct change *changes);
 
-/* Ends both programs, which must end by themselves and with exit code 0. */
+/* Ends both programs with SIGTERM. Both must then exit with code 0. */
 void site_free(struct site *site);
 
-/* Starts the daemon again, whose socket must be gone. */
+/* Starts the daemon again. The socket of the previous daemon must be gone. */
 void site_start_daemon(struct site *site);
 
-/* The small session, by the daemon that the server shows. */
+/* Captures the small session with the daemon that the server shows. */
 void site_capture(struct site *site);
 
-/* A request; header: "Name: value", or NULL. The status; ret (may be NULL): the body, g_free(). */
+/* Sends a request. header is "Name: value", or NULL. Returns the status. ret receives the body
+ * (g_free()) and may be NULL. */
 guint site_ask(const struct site *site, const char *method, const char *path, const char *header,
                char **ret);
 
-/* A connection from this address (127.0.0.2, say), to which nothing has been sent. Reads and writes
- * wait for SITE_WAIT_S each. */
+/* Opens a connection from this address, for example 127.0.0.2, without sending anything. Reads and
+ * writes wait at most SITE_WAIT_S each. */
 GSocket *site_dial(const struct site *site, const char *from);
 void site_send(GSocket *socket, const char *text);
 
-/* What arrives until the server closes, or until it contains this text (NULL: only then); g_free().
- */
+/* Receives until the server closes the connection, or until the text contains until. If until is
+ * NULL, only the first condition counts; g_free(). */
 char *site_receive(GSocket *socket, const char *until);
 
-/* The three of them: a request as it goes over the line, in which each “$” is this server's name
- * and port, and its whole answer; g_free(). */
+/* Does all three: connects, sends the request unchanged except that each “$” becomes this server's
+ * name and port, and returns the whole answer; g_free(). */
 char *site_converse(const struct site *site, const char *from, const char *request);
 
-/* The status of such an answer; 0: there is none. */
+/* Returns the status of such an answer, or 0 if it has none. */
 guint site_status(const char *answer);

@@ -1,5 +1,4 @@
-/* Somebody who has the window open on a display without a screen, and reads what its screenshots
- * say of themselves. */
+/* A user of the window on a display without a screen, who reads the metadata of its screenshots. */
 #pragma once
 
 #include "x_display.h"
@@ -8,32 +7,35 @@
 
 struct user {
     XDisplay *x;
-    char *folder, *session; /* the window's current directory and $XDG_DATA_HOME; MATERIAL, or "" */
-    const char *bus;        /* address of its session bus, or NULL: none */
+    /* folder: current directory and $XDG_DATA_HOME of the window. session: MATERIAL, or "" */
+    char *folder, *session;
+    const char *bus; /* address of the session bus of the window; NULL if there is none */
     gboolean keeps_folder;
     GSubprocess *program;
     GDataInputStream *says;
 };
 
-/* Opens the window, of a session that has eigen-maps only unless one is given, which is removed in
- * the end; "": of nothing. FALSE: skipped, where there is no Xvfb. */
+/* Opens the window with a session, which user_stand_up() removes. If session is NULL, a session is
+ * made that only contains eigen-maps. If session is "", the window opens no material. Returns FALSE
+ * if the test is skipped because there is no Xvfb or no mesorig-view. */
 gboolean user_sit_down(struct user *u, const char *session, const char *const *options);
 
-/* The same with a session bus (its address stays the caller's), or in a folder that is there and
- * stays the caller's; NULL: neither. */
+/* Does the same with a session bus, and in an existing folder. Both stay the caller's, and either
+ * may be NULL. */
 gboolean user_sit_down_on(struct user *u, const char *bus, const char *folder, const char *session,
                           const char *const *options);
 
-/* The program ends by itself, soon, and with this code; what it said on the way, g_free(). */
+/* Waits until the program ends by itself. It must end soon and with this exit code. Returns its
+ * standard error; g_free(). */
 char *user_stand_up(struct user *u, int code);
-char *user_leave(struct user *u); /* the same by Ctrl+Q, with code 0 */
+char *user_leave(struct user *u); /* ends the program with Ctrl+Q; the exit code must be 0 */
 
-char *user_read_line(struct user *u); /* the next that the program prints; g_free() */
+char *user_read_line(struct user *u); /* returns the next line that the program prints; g_free() */
 
-/* What a screenshot says that is taken by key; that it is there means that all keys and drags
- * before it were dealt with. g_hash_table_unref() */
+/* Takes a screenshot with a key and returns its texts; g_hash_table_unref(). When the screenshot
+ * exists, all earlier keys and drags have been handled. */
 GHashTable *user_look(struct user *u);
-const char *user_said(GHashTable *texts, const char *name); /* which has to be there */
+const char *user_said(GHashTable *texts, const char *name); /* returns a text, which must exist */
 
-/* Until the window's title begins with this, a minute at most. */
+/* Waits until the title of the window begins with this text, at most a minute. */
 void user_wait_for_title(struct user *u, const char *start_of_title);

@@ -12,5 +12,6 @@ char *world_fixture_write(const char *name, const char *text);
 World *world_fixture_new(const char *text);
 void world_fixture_clean(void);
 
-/* An axis-aligned box without a bottom, as lines of an OBJ file; n: vertices before it. */
+/* Adds an axis-aligned box without a bottom, as lines of an OBJ file. n is the number of vertices
+ * before it. */
 void world_fixture_box(GString *obj, int n, double x0, double x1, double y0, double y1, double z);

@@ -5,8 +5,9 @@
 enum { BYTE = 1, ASCII, SHORT, LONG, RATIONAL, SRATIONAL = 10 };
 
 struct out {
-    GByteArray *entries, *more; /* entries of 12 bytes; what does not fit into them */
-    guint32 more_at;            /* where `more` begins in the file */
+    /* entries of 12 bytes each, and values that do not fit into them */
+    GByteArray *entries, *more;
+    guint32 more_at; /* position of `more` in the file */
 };
 
 static void put(GByteArray *to, int bytes, guint64 value) {
@@ -16,7 +17,7 @@ static void put(GByteArray *to, int bytes, guint64 value) {
     }
 }
 
-/* A tag of n values; of rationals each is a numerator over 1000. */
+/* Adds a tag of n values. Each rational is a numerator over 1000. */
 static void tag(struct out *out, guint16 number, int type, guint32 n, const guint32 *values) {
     static const int sizes[] = {[BYTE] = 1, [ASCII] = 1, [SHORT] = 2, [LONG] = 4};
     const gboolean ratio = type == RATIONAL || type == SRATIONAL;
@@ -74,7 +75,7 @@ void write_dng(const char *path, const struct dng *dng) {
     text(&out, 271, "Mesorig");
     text(&out, 272, "Test");
     TAG(273, LONG, more_at + room);
-    TAG(274, SHORT, 6); /* turned by a quarter, which is to be ignored */
+    TAG(274, SHORT, 6); /* rotation by a quarter turn, which must be ignored */
     TAG(277, SHORT, 1);
     TAG(278, LONG, height);
     TAG(279, LONG, 2 * width * height);

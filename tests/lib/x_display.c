@@ -10,7 +10,7 @@
 #include <X11/Xlib.h>
 #include <X11/Xutil.h>
 
-#define STEP_US 20000 /* between two events, so that a program sees them apart */
+#define STEP_US 20000 /* pause between two events, so that a program handles them separately */
 
 struct XDisplay {
     GPid server;
@@ -19,7 +19,8 @@ struct XDisplay {
     Window window;
 };
 
-/* The server says on a pipe which number it has, once it takes connections. */
+/* Reads the number of the display, which the server writes to a pipe when it accepts
+ * connections. */
 static char *read_number(int from) {
     char text[16] = "";
     gsize n = 0;
@@ -29,7 +30,7 @@ static char *read_number(int from) {
     return n > 0 ? g_strdup_printf(":%s", text) : NULL;
 }
 
-/* A test that fails leaves no server behind, nor whoever is connected to it. */
+/* Kills the server if the test ends early, so that no server or client is left behind. */
 static void die_with_parent(gpointer data) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
 }
@@ -53,7 +54,8 @@ XDisplay *x_display_new(void) {
 }
 
 void x_display_kill(XDisplay *x) {
-    if (x->display != NULL) /* first: its connection would end this program */
+    /* first, because the server's end would end this program through its connection */
+    if (x->display != NULL)
         XCloseDisplay(x->display);
     x->display = NULL;
     if (x->server == 0)
@@ -154,7 +156,8 @@ void x_display_chord(XDisplay *x, const char *before, const char *held, const ch
 
 void x_display_type(XDisplay *x, const char *text) {
     for (; *text != '\0'; text++) {
-        const char *name = XKeysymToString((KeySym)(guchar)*text); /* Latin 1 is the same */
+        /* names of Latin 1 characters are the same in the keysym table */
+        const char *name = XKeysymToString((KeySym)(guchar)*text);
         g_assert_nonnull(name);
         x_display_key(x, name);
     }
@@ -209,7 +212,7 @@ static void send_message(XDisplay *x, Window source, const char *type, const lon
     XFlush(x->display);
 }
 
-/* Gives the text to whoever asks for it, until the message of this type comes. */
+/* Answers requests for the text until a message of this type arrives. */
 static void wait_message(XDisplay *x, const char *type, const char *text) {
     const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
     while (g_get_monotonic_time() < until) {

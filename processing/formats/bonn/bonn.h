@@ -1,22 +1,27 @@
 /* Reads and writes the ".btf" container of the University of Bonn's BTF database.
  *
- * Numbers are little-endian: u32, f32, and halves as in EXR. After a signature of ten bytes:
- *   metadata  u32 bytes of this block, including this number; u32 version; three texts of 80 bytes
- *             (set-up, sensor, light source); f32 texels per mm; f32[3] scale of R, G, B; from
- *             version 2 on u32 whether values contain n·l; from 3 on u32 length and text (XML);
- *             from 4 on u32 channels, for each u32 length and name
- *   sampling  u32 views; for each view f32 θ, φ (radians), u32 lights, and θ, φ of each light
+ * Numbers are little-endian: u32, f32, and halves as in EXR. A file begins with a signature of nine
+ * or ten bytes. Then follow
+ *   metadata  u32 number of bytes of this block, including this number; u32 version; three texts of
+ *             80 bytes (set-up, sensor, light source); f32 texels per mm; f32[3] scale of R, G, B;
+ *             from version 2 on: u32 whether values contain n·l;
+ *             from version 3 on: u32 length of a text, and the text (XML);
+ *             from version 4 on: u32 number of channels; for each channel u32 length of its name,
+ *             and the name
+ *   sampling  u32 number of views; for each view f32 θ, φ (radians), u32 number of lights, and f32
+ *             θ, φ of each light
  *   size      u32 width, height
  * The rest depends on the kind:
- *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines per chunk; u8 0: full, 2: sparse (1, bzip2,
- *          is not read); a mask, one byte per texel, row by row; u32 n and n rotations of 9 f32;
- *          then chunks, each u32 bytes and one ABRDF of halves per texel (in a sparse file, only
- *          of the texels in the mask), channel fastest, then light, then view
- *   FMF    "!FMF06FCR", or "!FMF12FCER", which has a version and further fields. A matrix of rows
- *          (view, light, channel) and columns (texel), or of rows (texel, channel) and columns
- *          (view, light), in factors U and S·V
- *   DFMF   "!DFMF08FCR". One matrix per channel; one of several models has made the channels
- *          independent
+ *   BDI    Signature "!BDIF06R2!" or "!BDI06R2!". u32 scan lines per chunk; u8 storage: 0 full,
+ *          2 sparse (1, bzip2, is not supported); a mask, one byte per texel, row by row; u32 n and
+ *          n rotations of 9 f32; then chunks. Each chunk has u32 number of bytes, and one ABRDF of
+ *          halves per texel. A sparse file has only the texels in the mask. The channel varies
+ *          fastest, then the light, then the view.
+ *   FMF    Signature "!FMF06FCR", or "!FMF12FCER", which has a version and further fields. One
+ *          matrix, factored into U and S·V. Its rows are (view, light, channel) and its columns
+ *          texels, or its rows are (texel, channel) and its columns (view, light).
+ *   DFMF   Signature "!DFMF08FCR". One matrix per channel. A colour model has been applied before,
+ *          which makes the channels independent.
  *
  * Rows of all matrices, and texels, are stored row by row, with the first row of texels at +y.
  * Hostile files are refused: all sizes are compared with the file's length before memory is

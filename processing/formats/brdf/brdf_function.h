@@ -1,4 +1,4 @@
-/* What the readers and writers of the file formats of BRDFs share (brdf.h). */
+/* The types that readers and writers of BRDF files share (brdf.h). */
 #pragma once
 
 #include <gio/gio.h>

@@ -5,10 +5,11 @@
  *   3 × i32                        numbers of θ_h, θ_d and φ_d: 90, 90 and 180 (or 360, if the BRDF
  *                                  is not reciprocal)
  *   3 × f64[n_θh · n_θd · n_φd]    red, green and blue; φ_d varies fastest, then θ_d
- * all little-endian. Bin i of θ_h holds (i/90)² … ((i+1)/90)² of 90°; the bins of θ_d divide 90°
- * equally, the bins of φ_d divide 180° (or 360°; f(φ_d + 180°) = f(φ_d) if the BRDF is reciprocal).
- * A number times 1/1500, 1.15/1500, 1.66/1500 (red, green, blue) is f_r; a negative one says that
- * the bin was not measured or that one of its directions lies below the surface.
+ * All numbers are little-endian. Bin i of θ_h extends from 90° (i/90)² to 90° ((i+1)/90)². The bins
+ * of θ_d divide 90° equally. The bins of φ_d divide 180° equally, because f(φ_d + 180°) = f(φ_d) if
+ * the BRDF is reciprocal. If it is not reciprocal, they divide 360°. f_r is the number times 1/1500
+ * for red, 1.15/1500 for green and 1.66/1500 for blue. A negative number means that the bin was not
+ * measured, or that one of its directions lies below the surface.
  */
 #pragma once
 

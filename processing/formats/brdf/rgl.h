@@ -1,18 +1,22 @@
 /* RGL's .bsdf files (Dupuy & Jakob 2018). A file is a tensor file (tensor_file.h) with the
  * following fields, all float32 except the last two. P and T are the numbers of φ_i and θ_i:
- *   phi_i[P], theta_i[T]     radians, ascending: directions of incidence. P ≤ 2: isotropic
- *   ndf[b][a], sigma[b][a]   distribution of normals D(m), and the projected area σ(ω_i)
- *   vndf[P][T][b][a]         density of visible normals, of which only proportions count
- *   luminance[P][T][n][n]    of the reflected light in sample space, for importance sampling
- *   rgb[P][T][3][n][n]       of linear sRGB; or spectra[P][T][W][n][n] and wavelengths[W] in nm
- *   jacobian[1] (u8)         1: numbers of rgb and spectra are f_r · 4σ/D, as here; 0: f_r
+ *   phi_i[P], theta_i[T]     directions of incidence, in radians, ascending. With P ≤ 2 the BRDF is
+ *                            isotropic.
+ *   ndf[b][a], sigma[b][a]   distribution of normals D(m), and projected area σ(ω_i)
+ *   vndf[P][T][b][a]         density of visible normals, up to a factor
+ *   luminance[P][T][n][n]    luminance of the reflected light in sample space, for importance
+ *                            sampling
+ *   rgb[P][T][3][n][n]       linear sRGB in sample space; instead of it, there may be
+ *                            spectra[P][T][W][n][n] and wavelengths[W] in nm
+ *   jacobian[1] (u8)         1 if rgb and spectra are f_r · 4σ/D, as below; 0 if they are f_r
  *   description (u8)         a text
  * Directions are mapped to the unit square by u = √(2θ/π) (a, the columns) and u_φ = (φ + π)/2π (b,
- * the rows); θ = π u²/2. Let m = (ω_i + ω_o) / |ω_i + ω_o| be at u_m (its φ less φ_i if isotropic),
- * and let s be the inverse warp of vndf at ω_i (warp.h). Then
- *   f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))                      (Dupuy & Jakob 2018)
- * with all tables linear between their nodes. ω_i is the light here, ω_o the view; the files of RGL
- * are reciprocal. Files that contain half or a quarter of the azimuths are mirrored.
+ * the rows), so that θ = π u²/2. The half vector m = (ω_i + ω_o) / |ω_i + ω_o| has the coordinates
+ * u_m. If the BRDF is isotropic, φ_i is subtracted from its φ. s is the inverse warp of vndf at ω_i
+ * (warp.h), applied to u_m. Then
+ *   f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))                      (Dupuy & Jakob 2018).
+ * All tables are linear between their nodes. Here ω_i is the light and ω_o the view; the files of
+ * RGL are reciprocal. Files that contain half or a quarter of the azimuths are mirrored.
  *
  * Spectra become colours by the CIE's 1931 observer under equal energy, with the functions of Wyman
  * et al. 2013 eq. 4. X, Y and Z are scaled so that a spectrum of ones is white (1, 1, 1). */

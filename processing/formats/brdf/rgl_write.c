@@ -48,7 +48,7 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Evaluates f, or its mean over rotations about the normal. */
+/* Evaluates f or, for an isotropic file, its mean over rotations about the normal. */
 static void function(const struct rgl_writing *writing, const double in[3], const double out[3],
                      double ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;

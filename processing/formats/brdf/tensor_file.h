@@ -1,9 +1,9 @@
 /* Tensor files, the container of RGL's .bsdf files (Dupuy & Jakob 2018; rgl.epfl.ch/materials):
  * named arrays of numbers, all little-endian.
  *
- *   head    "tensor_file" and a NUL; u8 1, u8 0 (the version); u32 number of fields
- *   a field u16 length of its name, the name; u16 number of dimensions; u8 type; u64 where its
- *           numbers begin in the file; u64 the size of each dimension, the last varies fastest
+ *   header  "tensor_file" and a NUL; u8 1, u8 0 (the version); u32 number of fields
+ *   field   u16 length of the name; the name; u16 number of dimensions; u8 type; u64 position of
+ *           the numbers in the file; u64 size of each dimension, of which the last varies fastest
  *
  * A hostile file is refused: the size of a field is compared with the file's length before memory
  * is allocated, and all fields together take no more memory than the file has bytes. Errors are

@@ -7,9 +7,9 @@
  * The 48 lights (views) of θ = 0 are one direction; their mean is taken. If the last 48 rows of an
  * EXR are more alike than its first 48, the rows are read from the last to the first.
  *
- * Readers do not agree on the unit of the numbers: some take the numbers as linear values, others
- * as sRGB; Dupuy's dj_brdf computes 100 · linear (number / 140). struct brdf_coding says which is
- * meant. Negative numbers, which some files have, count as 0.
+ * Readers do not agree on the unit of the numbers. Some use the numbers as linear values, others as
+ * sRGB. Dupuy's dj_brdf computes 100 · linear (number / 140). struct brdf_coding selects the
+ * conversion. Negative numbers, which some files have, count as 0.
  */
 #pragma once
 

@@ -1,7 +1,7 @@
 /* Files of reflectance transformation imaging: a picture whose texels are functions of the light,
- * seen from one view along the normal. A texel's colours are sums of a basis b of the light, f(l) =
- * Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that multiplies the
- * texel's colour.
+ * seen from one view along the normal. A texel's colours are sums of a basis b of the light,
+ * f(l) = Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that multiplies
+ * the texel's colour.
  *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
  *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
  *            then bytes. LRGB: six bytes per texel, then (before 1.2: after each six) red, green
@@ -11,7 +11,7 @@
  *   .rti     "#HSH1.2" of RTIBuilder (Cultural Heritage Imaging): lines that begin with #, then
  *            "3", width, height, 3, then the number of terms and two more numbers; f32 scale and
  *            bias of each term; bytes of each texel: the terms of red, of green, of blue. The first
- *            row comes first. b is that of hsh.h, c_j = byte / 255 · scale_j + bias_j.
+ *            row comes first. b is the basis of hsh.h. c_j = byte / 255 · scale_j + bias_j.
  *   Relight  info.json and planes of coefficients as pictures, see
  *            processing/formats/import_relight.c
  * Any thread. */

@@ -9,9 +9,9 @@
 #include "direction_textures.h"
 #include "directions/directions.h"
 
-/* Makes the table. If fade is TRUE, the weights decrease to 0 at the horizon, as reflectance under
- * a light does; see directions_fade(). The index of the pole is the number of directions; see
- * directions_pole(). */
+/* Makes the table. If fade is TRUE, the weights decrease to 0 at the horizon, like reflectance when
+ * the light approaches the horizon; see directions_fade(). The index of the pole is the number of
+ * directions; see directions_pole(). */
 struct direction_textures direction_table_new(Directions *directions, gboolean fade);
 
 /* Computes the weight of each of n directions in the mean that stands for the pole. All weights are

@@ -33,7 +33,8 @@ void gpu_watch(void);
 
 const char *gpu_renderer(void); /* name of the renderer of the current context, never NULL */
 
-/* Fails if an OpenGL error is pending. what names the operation, for the message. */
+/* Returns FALSE with an error if OpenGL has reported an error since the last check. what names the
+ * operation in the message. */
 gboolean gpu_check(const char *what, GError **error);
 
 /* Compiles and links a program. names is a NULL-terminated list of embedded shaders. The first is
@@ -41,7 +42,7 @@ gboolean gpu_check(const char *what, GError **error);
  * NAME value”, which are put before the shaders, or is "". Returns 0 on error. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
-/* Does the same in the language of OpenGL 4.3. Requires gpu_has_43(). */
+/* Does the same with shaders in the language of OpenGL 4.3. Requires gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 
@@ -51,8 +52,8 @@ void gpu_fill_screen(void);
 /* Makes a texture with storage of the format. It is a 2D texture if layers is 0, and otherwise a 2D
  * array. It is clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
-/* The same as a 2D array with n_levels mip levels. Each level has half the width and height of the
- * one before, but at least 1. */
+/* Makes the same as a 2D array with n_levels mip levels. Each level has half the width and height
+ * of the level before, but at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
 /* Binds a texture (0 for none) to a texture unit and makes it the sampler NAME of a program in use.

@@ -3,10 +3,10 @@
  * a point of the surface has up to four places in the sample. At each of them the material is
  * evaluated and its MDF is read as if the sample were repeated there.
  *
- * Derivatives are those of the point, so that the mip levels of the sample fit. A texel of the map
- * whose neighbours are also neighbours in the sample is filtered by the sample's filter. Other
- * texels are interpolated one by one. Where the surface is drawn small, the mip levels of the map
- * are read; one of their texels stands for a block.
+ * Texture lookups use the derivatives of the point on the surface, so that the mip levels of the
+ * sample fit. A texel of the map whose neighbours are also neighbours in the sample is filtered by
+ * the sample's filter. Other texels are interpolated one by one. Where the surface is drawn small,
+ * the mip levels of the map are read; one of their texels stands for a block.
  */
 #pragma once
 
@@ -14,7 +14,7 @@
 
 typedef struct IndexTexture IndexTexture; /* belongs to the thread of the GL context */
 
-#define INDEX_TEXTURE_UNIT 15 /* higher than the units of methods, viewer and relief */
+#define INDEX_TEXTURE_UNIT 15 /* higher than the texture units of methods, viewer and relief */
 
 /* Makes the texture, with two 16-bit integers per texel. Copies everything that it needs from
  * map. */

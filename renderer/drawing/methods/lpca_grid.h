@@ -16,8 +16,9 @@
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10
  *
- * None of these fetches is filtered. The samples are in a buffer, so that an address is a sum.
- * bench_lpca_rendering measures the difference between these pictures and those of lpca_view.h.
+ * None of the fetches of this method is filtered. The samples are in a buffer, so that an address
+ * is a sum. bench_lpca_rendering measures the difference between these pictures and those of
+ * lpca_view.h.
  */
 #pragma once
 

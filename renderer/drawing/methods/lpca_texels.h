@@ -24,8 +24,8 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
 
-/* Returns FALSE with an error for logarithms (LPCA_LOG), because their linear interpolation between
- * directions is not that of reflectances. */
+/* Returns FALSE with an error if the values are logarithms (LPCA_LOG). A linear interpolation of
+ * logarithms between directions is not a linear interpolation of reflectances. */
 gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
 
 /* Implements a method's function open(). Reads all levels of a file, and calls make, which borrows

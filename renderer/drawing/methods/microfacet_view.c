@@ -14,8 +14,9 @@
 #define BUMP_RADIUS 0.36
 #define BUMP_SLOPE  0.75
 
-/* The parameters of the surfaces. For fabric they are those of the warp; a weft yarn has U and V
- * exchanged. U of metal is along its brushing, the direction in which facets lean least. */
+/* The parameters of the surfaces. For fabric they are the parameters of the warp; a weft yarn has U
+ * and V exchanged. For metal, U is along the brushing, because the facets lean least in that
+ * direction. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
@@ -30,8 +31,8 @@ struct material {
     guint normals;
 };
 
-/* Returns a normal from slopes. The slopes are those of the normal, which leans towards the foot of
- * a boss. */
+/* Returns the unit normal along (x, y, 1). On the side of a boss, the normal leans towards the foot
+ * of the boss. */
 static struct vec3 microfacet_view_normal_of(double x, double y) {
     const double length = sqrt(x * x + y * y + 1);
     return (struct vec3){x / length, y / length, 1 / length};

@@ -82,7 +82,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!views)
         return FALSE;
     slices->views = direction_table_new(views, FALSE);
-    /* The views whose mean is the pole. */
+    /* The number of views whose mean is the pole. */
     int n_members;
     const int *members = directions_pole(views, &n_members);
     g_autofree guint16 *indices = g_new0(guint16, MAX(1, n_members));

@@ -20,35 +20,37 @@ struct slices_level {
     gconstpointer model;
 };
 
-/* Reflectance under an even sky in a view, (1/π) ∫ BTF dω: texels × SLICES_PAGE, of which the first
- * three are R, G, B and the last is 0. */
+/* Computes the reflectance under an even sky in a view, (1/π) ∫ BTF dω. ret_layer is texels ×
+ * SLICES_PAGE. The first three values of a texel are R, G, B, and the last is 0. */
 typedef void (*SlicesSky)(gconstpointer model, gsize view, float *ret_layer);
 
 struct slices {
     /* Set by the caller. */
     const char *what; /* for messages: "hemispherical harmonics" */
     int n_levels, n_pages, n_slices;
-    int value_at[SLICES_MAX_PAGES][SLICES_PAGE]; /* which value of a texel; −1: none */
+    /* index of the value in a texel, for each channel of each page; −1 if the channel is not
+     * used */
+    int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
     /* Set by slices_upload(). */
     int width, height;            /* texels of level 0 */
     guint values, ambients, pole; /* textures */
     struct direction_textures views;
 };
 
-/* Checks that the card can hold the slices, and that all values of the level are finite. advice:
- * how to make them smaller. */
+/* Check that the card can hold the slices, and that all values of the level are finite. advice says
+ * in the error how to make them smaller. */
 gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
                            const char *advice, GError **error);
 gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,
                              GError **error);
 
-/* If there are fewer levels (n) than n_levels, the card makes the others as means. */
+/* Uploads n levels. If n is smaller than n_levels, the card computes the other levels as means. */
 gboolean slices_upload(struct slices *slices, const struct slices_level *levels, int n,
                        SlicesSky sky, GError **error);
 void slices_clear(struct slices *slices);
 
-/* For struct method's bytes and bind; bind takes the texture units 0 … 3 and those after them that
- * direction_textures_bind() needs. */
+/* For the functions bytes, texels and bind of struct method. slices_bind() uses the texture units 0
+ * … 3, and then the units of direction_textures_bind(). */
 gint64 slices_bytes(const struct slices *slices);
 gboolean slices_texels(const struct slices *slices, int ret[2]);
 void slices_bind(const struct slices *slices, guint program);

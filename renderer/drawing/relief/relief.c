@@ -9,8 +9,8 @@
 
 struct Relief {
     MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;
-    Visibility *eye, *lamp; /* each keeps its textures at the size of its use */
-    /* Of the first lamp, and of further lamps (NULL until there are any). */
+    Visibility *eye, *lamp; /* two objects, because their textures have different sizes */
+    /* Shadow maps of the first lamp, and of further lamps (NULL until there are any). */
     ShadowMaps *first, *further;
     /* Values that relief_prepare() has set for relief_bind(). */
     gboolean silhouettes, shadows; /* shadows: of the first lamp */

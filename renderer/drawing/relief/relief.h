@@ -31,8 +31,8 @@ gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of all MDFs */
 struct relief_scene {
     /* Scene as the eye sees it; its MDFs are ignored, because the relief has them. */
     struct visibility_scene seen;
-    /* Number of indices at the beginning that cast shadows. All indices receive shadows. Of several
-     * parts, each casts shadows wholly or not at all. */
+    /* Number of indices at the beginning that cast shadows. All indices receive shadows. If there
+     * are several parts, this number must not end within a part. */
     guint n_casting;
     double radius; /* radius of the part that casts shadows */
     float light[3];

@@ -1,8 +1,8 @@
 /*
  * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map. A
  * lamp outside the sphere of the mesh, or with a narrow cone, has a perspective map. Any other near
- * lamp has six maps, the faces of a cube around it. The depth is that of the base of the structure,
- * because shadows of the structure on itself are already part of the BTF.
+ * lamp has six maps, the faces of a cube around it. The depth is the depth of the base of the
+ * structure, because shadows of the structure on itself are already part of the BTF.
  */
 #pragma once
 

@@ -12,8 +12,9 @@
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views, of maps (bit 0), in a volume (bit 1), and of each kind of places. All but
-     * the first are compiled on demand. ADD and FIND exist only with OpenGL 4.3. */
+    /* Programs by kind of MDF and kind of places. Bit 0 of the index is set for an MDF in maps, and
+     * bit 1 for an MDF in a volume. All variants but the first are compiled when they are first
+     * needed. ADD and FIND exist only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint query;
     struct gpu_target back[2], seen;
@@ -79,8 +80,8 @@ static int part_variant(const struct visibility_part *part) {
            4 * (int)places_kind_of(&part->places);
 }
 
-/* A drawing pass. textures are those of VISIBILITY_UNIT and of the next unit, with their names;
- * they may be NULL. */
+/* A drawing pass. textures are bound to VISIBILITY_UNIT and to the next unit. names are the names
+ * of their samplers. Unused elements are NULL and 0. */
 struct pass {
     int program; /* BACK, FRONT or ADD */
     const char *names[2];

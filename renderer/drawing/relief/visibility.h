@@ -30,7 +30,7 @@ struct visibility_options {
     /* Largest number of tested pairs of front and back faces behind each other. */
     int layers;
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
-    /* Distances are in volumes, as in that paper; each part says whether it has one. */
+    /* Distances are read from volumes, as in that paper, for each part that has a volume. */
     gboolean volume;
 };
 
@@ -39,11 +39,11 @@ struct visibility_options {
 /* The indices of one material. */
 struct visibility_part {
     const MdfTexture *mdf;
-    /* Places of the MDF's depths, which are the same as those of the values. */
+    /* The places at which depths of the MDF are read. Reflectance is read at the same places. */
     struct places_source places;
     float tiles[2];
     guint first_index, n_indices;
-    gboolean volume; /* the volume exists, by mdf_texture_make_volume() */
+    gboolean volume; /* mdf_texture_make_volume() has made the volume of mdf */
     int material;    /* see relief_set_mdf() */
 };
 
@@ -54,7 +54,7 @@ struct visibility_scene {
     float projection[16];
     /* [3] = 1: position of the eye; [3] = 0: unit vector towards an eye infinitely far away */
     float sight[4];
-    float reach; /* for such an eye: a length larger than any in the scene */
+    float reach; /* for an eye infinitely far away: a length larger than any in the scene */
     int width, height;
     struct visibility_options options;
 };
@@ -73,5 +73,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 
-/* Sets the uniforms of relief.glsl in a program in use, except those of the MDF and the tiles. */
+/* Sets the uniforms of relief.glsl in a program in use, except the uniforms of the MDF and of the
+ * tiles. */
 void visibility_set_sight(guint program, const struct visibility_scene *scene);

@@ -397,7 +397,7 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    guint lacks; /* a camera that lacks it has no such control */
+    guint lacks; /* cameras that lack one of these do not have the control; 0 for all cameras */
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},

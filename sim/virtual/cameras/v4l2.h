@@ -33,12 +33,12 @@ enum { /* controls that the camera lacks */
 
 struct virtual_v4l2_config { /* zeroed members have the defaults that the comments give */
     int number;              /* /dev/video0 */
-    const char *port;        /* path on USB: bus, then the port at each hub; NULL: "2-1" */
-    double speed_mbit_s;     /* speed of all its links; 0: 480 */
-    int width, height;       /* the only size; 0: 64 × 48 */
+    const char *port;        /* path on USB: the bus, then the port at each hub; NULL means "2-1" */
+    double speed_mbit_s;     /* speed of all links of this path; 0 means 480 */
+    int width, height;       /* the only size; 0 means 64 × 48 */
     enum cfa cfa;
-    int bits;          /* of the sensor; 0: 12 */
-    double frame_rate; /* initial rate; 0: 100. It can be set to any rate up to 1000 */
+    int bits;          /* bits of the sensor; 0 means 12 */
+    double frame_rate; /* initial rate; 0 means 100. It can be set to any rate up to 1000 */
     enum virtual_v4l2_stamp stamp;
     guint lacks;        /* controls that it lacks */
     gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
@@ -46,7 +46,7 @@ struct virtual_v4l2_config { /* zeroed members have the defaults that the commen
     /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
      * the single-planar interface. */
     int planes;
-    VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
+    VirtualV4l2Expose expose; /* NULL means a ramp with noise that depends on the exposure */
     gpointer user;
 };
 
@@ -65,14 +65,16 @@ void virtual_v4l2_plug(VirtualV4l2 *camera, int number);
 
 enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until another is set */
                           VIRTUAL_V4L2_WELL,
-                          VIRTUAL_V4L2_ERROR_FLAG,   /* half of the data, and the error flag */
-                          VIRTUAL_V4L2_SHORT,        /* half of the data, and no flag */
-                          VIRTUAL_V4L2_FUTURE,       /* stamps are 100 ms ahead */
-                          VIRTUAL_V4L2_FROZEN,       /* repeats the previous picture as a new one */
-                          VIRTUAL_V4L2_SILENT,       /* no frames */
-                          VIRTUAL_V4L2_OTHER_CLOCK,  /* stamps of an unknown clock */
-                          VIRTUAL_V4L2_NO_BANDWIDTH, /* refuses to stream for lack of it */
-                          VIRTUAL_V4L2_DISOBEYS,     /* controls take other values than were set */
+                          VIRTUAL_V4L2_ERROR_FLAG,  /* half of the data, and the error flag */
+                          VIRTUAL_V4L2_SHORT,       /* half of the data, and no flag */
+                          VIRTUAL_V4L2_FUTURE,      /* stamps are 100 ms ahead */
+                          VIRTUAL_V4L2_FROZEN,      /* repeats the previous picture as a new one */
+                          VIRTUAL_V4L2_SILENT,      /* no frames */
+                          VIRTUAL_V4L2_OTHER_CLOCK, /* stamps of an unknown clock */
+                          /* refuses to stream because the bus has too little bandwidth */
+                          VIRTUAL_V4L2_NO_BANDWIDTH,
+                          /* controls take other values than the values that were set */
+                          VIRTUAL_V4L2_DISOBEYS,
                           VIRTUAL_V4L2_STREAM_BREAKS, /* taking a frame fails, once */
 };
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);

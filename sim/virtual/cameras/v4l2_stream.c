@@ -5,7 +5,8 @@
 
 #define FUTURE_US 100000
 
-/* Returns the value of a control, or otherwise if the camera lacks it. */
+/* Returns the value of a control, or the value of the parameter otherwise if the camera lacks the
+ * control. */
 static gint32 setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
     const struct virtual_control *control = virtual_find_control(camera, id);
     return control ? control->value : otherwise;

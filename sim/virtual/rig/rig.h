@@ -34,7 +34,7 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
 
-/* Returns the rig file for the real drivers. Geometry, speeds and names are those of the simulated
+/* Returns the rig file for the real drivers. It has the geometry, speeds and names of the simulated
  * rig. The rig owns the string. */
 const char *virtual_rig_text(const VirtualRig *rig);
 

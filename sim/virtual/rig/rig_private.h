@@ -22,7 +22,7 @@ struct drive {
     gboolean wraps;
     double home_deg, error_deg;
     int error_seed;
-    double was_deg; /* position at was_us, in rig.c; was_us is 0 before the first */
+    double was_deg; /* position at the time was_us; before the first measurement, was_us is 0 */
     gint64 was_us;
 };
 
@@ -52,7 +52,7 @@ struct VirtualRig {
     struct board boards[MAX_DEVICES];
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* Switches: one for all lasers, which is one of relays. */
+    /* Boards of USB relays. switches is the board of all lasers; it is one of relays. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
@@ -74,14 +74,14 @@ void rig_set_error(GError **error, const struct config_section *section, const c
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
 /* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
-/* Name for world_part_find(); g_free(). */
+/* Returns the name of the axis's part for world_part_find(); g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
 /* Copies the section without the keys that only the simulated driver accepts. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to);
 void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
-                     const struct driver_info *to); /* the same for an axis */
+                     const struct driver_info *to); /* the same for the section of an axis */
 
 /* Adds a device to the list. Takes ownership of where. */
 void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
