@@ -1,4 +1,4 @@
-/* board: calibration boards to print. */
+/* board: draws calibration boards to print. */
 #include "cameras/board.h"
 #include "calibrate.h"
 #include "common/cli.h"

@@ -1,4 +1,4 @@
-/* calibrate: one subcommand a file, calibrate_*.c. */
+/* calibrate: the command with subcommands. Each subcommand is in a file calibrate_*.c. */
 #include "calibrate.h"
 
 #include "base/residual.h"
@@ -102,7 +102,8 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
         record_strings(call->record, "incomplete", job->incomplete);
         for (guint i = 0; i < job->incomplete->len; i++)
             record_say(call->record, "  incomplete: %s\n", (char *)job->incomplete->pdata[i]);
-        if (calibrate_from || !method->adds) /* else it has what was there, and more */
+        /* A file that a method adds to keeps its contents. It is not reported as replaced. */
+        if (calibrate_from || !method->adds)
             cli_tell_output(call->record, job->to);
     }
     g_clear_pointer(&job->to, output_file_free);
@@ -150,8 +151,8 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     part->degrees_of_freedom = degrees_of_freedom;
 }
 
-/* The calibration of lights rejects single sights, which have two residuals each. The laser's count
- * of pictures includes the sweeps that were rejected. */
+/* The calibration of lights rejects single sights. Each sight has two residuals. The number of
+ * pictures of the laser part includes the rejected sweeps. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
     const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0

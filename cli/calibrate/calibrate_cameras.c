@@ -6,7 +6,7 @@
 #include "cameras/cameras.h"
 
 #define MAX_PICTURES   20000
-#define KEPT_VECTORS   400 /* residuals of a camera, for the report */
+#define KEPT_VECTORS   400 /* maximum number of residuals per camera in the report */
 #define SHORT_PICTURES 5
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
@@ -41,10 +41,11 @@ struct job {
     struct board board;
     struct cameras_result *result;
     enum rig_lens lens;            /* if lens_option is given */
-    GArray *pictures;              /* struct cameras_picture, one per frame */
-    struct calibrate_video *video; /* if --images is one */
-    gboolean turns;   /* there is a turntable in a session's rig file, or it has turned */
-    double board_deg; /* --board-azimuth: azimuth of the board's x axis before the rig was turned */
+    GArray *pictures;              /* of struct cameras_picture, one per frame */
+    struct calibrate_video *video; /* NULL unless --images names a video */
+    gboolean turns; /* a session's rig file has a turntable, or the turntable has turned */
+    /* With --board-azimuth: azimuth of the board's x axis before the rig was turned. */
+    double board_deg;
 };
 
 static void add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -64,7 +65,7 @@ static gboolean gather_session(struct job *job, int lay, GError **error) {
     for (guint i = 0; i < frames->len; i++) {
         struct calibrate_frame *frame = frames->pdata[i];
         job->turns |= frame->turntable_deg != 0;
-        /* One light is enough: the first of each pose. */
+        /* One light per pose is enough. The first one is used. */
         gboolean wanted = frame->camera < job->base.calibration->rig.n_cameras;
         for (guint k = 0; wanted && k < job->pictures->len; k++) {
             const struct cameras_picture *p =
@@ -80,7 +81,7 @@ static gboolean gather_session(struct job *job, int lay, GError **error) {
     return TRUE;
 }
 
-/* Names of the frames of a video that are used. */
+/* Returns the names of the video frames that are used. */
 static GPtrArray *gather_video(struct job *job, GError **error) {
     job->video = calibrate_video_read(images_option, &job->board, job->base.work, error);
     if (!job->video)
@@ -126,7 +127,7 @@ static gboolean on_step(int step, int n, gpointer data) {
     return work_tell(job->work, "boards", step, n, job->begun_us, NULL);
 }
 
-/* Some of the residuals of each camera, for pictures of them. */
+/* Keeps a selection of a camera's residuals, which the report draws. */
 static void keep_residuals(struct job *job, int camera) {
     static const struct calibrate_column columns[] = {
         {"x_px", "%.4f"}, {"y_px", "%.4f"}, {"dx_px", "%.4f"}, {"dy_px", "%.4f"}};
@@ -232,7 +233,7 @@ static gboolean find(struct calibrate_job *base, GError **error) {
     return job->result != NULL && (!corners_option || write_corners(job, error));
 }
 
-/* Each camera's lens model, and for photographs the evidence for it. */
+/* Reports each camera's lens model and, for photographs, the evidence for the model. */
 static void tell_lenses(Record *to, const struct calibration *calibration,
                         const struct cameras_result *result) {
     const struct rig *rig = &calibration->rig;
@@ -261,7 +262,7 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
     record_end(to);
 }
 
-/* The camera arm: its axis, and how far the stops are from it. */
+/* Reports the axis of the camera arm, and the RMS deviation of the arm's stops from it. */
 static void tell_arm(Record *to, const struct calibration *calibration,
                      const struct cameras_result *result) {
     const struct rig_swing_fit *arm = &result->arm;
@@ -293,14 +294,16 @@ static void tell_arm(Record *to, const struct calibration *calibration,
                    predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
 }
 
-/* A ChArUco board's markers are numbered row by row, so the corners of a board with fewer rows than
- * it is said to have are found where they are. Returns the number of rows that the pictures show:
- * that of the board, unless SHORT_PICTURES of them or more end with the same row of corners before
- * its last. */
+/* Returns the number of rows that the pictures show. A user may have given too many rows. The
+ * markers of a ChArUco board are numbered row by row, so the corners of a board with fewer rows are
+ * still found at the right places. The result is the board's number of rows, unless at least
+ * SHORT_PICTURES pictures end with the same row of corners. Then it is the number of rows that this
+ * row of corners implies. */
 static int rows_shown(const struct job *job) {
     const GArray *all = job->result->residuals;
     const int across = job->board.columns - 1;
-    g_autofree int *last = g_new0(int, job->pictures->len + 1); /* row of corners, from 1 on */
+    g_autofree int *last =
+        g_new0(int, job->pictures->len + 1); /* last row of corners of each picture, from 1 */
     int lowest = 0, n = 0;
     for (guint i = 0; i < all->len; i++) {
         const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
@@ -371,8 +374,8 @@ static void tell(Record *to, const struct calibrate_job *base) {
                    "  the board seems to have %d rows of squares, not %d; the calibration does not "
                    "depend on that\n",
                    rows, job->board.rows);
-    /* The errors of the calibration contain the excess: they follow from the residuals and their
-     * scatter between pictures (bundle.h). */
+    /* The standard errors of the calibration already contain the excess of the residual, because
+     * they follow from the residuals and their scatter between pictures (bundle.h). */
     const struct residual residual = {
         .of = "the board",
         .value = result->rms_px,

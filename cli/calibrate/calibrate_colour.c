@@ -1,4 +1,4 @@
-/* calibrate colour: a colour matrix from a captured and processed colour chart. */
+/* calibrate colour: finds a colour matrix from a captured and processed colour chart. */
 #include "base/input_file.h"
 #include "calibrate.h"
 #include "targets/chart_session.h"
@@ -6,7 +6,7 @@
 #include <math.h>
 
 #define MAX_CHART_BYTES (1 << 20)
-#define BRIGHTNESS      0.2 /* relative difference from the chart's values that is told */
+#define BRIGHTNESS      0.2 /* relative difference from the chart's values that is reported */
 
 static char *chart_option;
 static const GOptionEntry entries[] = {

@@ -1,4 +1,5 @@
-/* calibrate laser: sheets and sweeps from sessions of flat plates of different height. */
+/* calibrate laser: finds the sheets and sweep axes of lasers from sessions of flat plates of
+ * different heights. */
 #include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_laser_images.h"
@@ -8,10 +9,10 @@
 #include <math.h>
 #include <string.h>
 
-#define ALL_POINTS 60000 /* of all sweeps; more do not improve the result */
-#define MIN_POINTS 40    /* of each */
+#define ALL_POINTS 60000 /* points of all sweeps; more do not improve the result */
+#define MIN_POINTS 40    /* minimum and maximum number of points of each sweep */
 #define MAX_POINTS 2000
-#define EDGE_MM    1.0 /* of the plate, that is not looked at */
+#define EDGE_MM    1.0 /* width of the plate's edge that is ignored */
 #define UNEVEN_MM  0.03
 #define UNEVEN_RAD (0.02 * G_PI / 180)
 #define RAD(deg)   ((deg) * (G_PI / 180))
@@ -46,7 +47,7 @@ struct plate {
 
 struct job {
     struct calibrate_job base;
-    GArray *plates; /* struct plate, one per frame */
+    GArray *plates; /* of struct plate, one per frame */
     GArray *points;
     GPtrArray *names; /* paths, borrowed */
     struct laser_result result;
@@ -54,7 +55,7 @@ struct job {
     double worst_mm, worst_rad;
 };
 
-/* planes: NULL if they are not given. */
+/* planes contains one height in mm for each session, or is NULL. */
 static gboolean gather_session(struct job *job, int i, const double *planes, GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = calibrate_open(&job->base, i, error);
@@ -169,7 +170,8 @@ static void keep_steps(struct job *job) {
     calibrate_keep(&job->base, "laser steps", columns, 5, rows);
 }
 
-/* A sweep most of whose points were left out is not one of this laser on this plate. */
+/* Rejects the sweeps of which most points were left out. Such a sweep does not show this laser on
+ * this plate. */
 static void reject_sweeps(struct job *job) {
     const guint n = job->base.frames->len;
     g_autofree int *all = g_new0(int, n), *out = g_new0(int, n);
@@ -220,8 +222,9 @@ static void keep(struct job *job) {
     keep_steps(job);
 }
 
-/* The standard errors of the arc from the calibration of the lamps, at least as large as the arc's
- * own steps; typical values if the lamps are not calibrated. */
+/* Returns the standard errors of the arc. They come from the calibration of the lamps, and are at
+ * least as large as the arc's own steps. If the lamps are not calibrated, typical values are
+ * returned. */
 static struct laser_arc arc_known(const struct calibration *calibration) {
     const struct calibration_arc *arc = &calibration->arc;
     if (!arc->known || !(arc->centre_mm[0] > 0))

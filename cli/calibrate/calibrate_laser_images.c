@@ -1,4 +1,5 @@
-/* calibrate laser --images: the plane of a laser that stands still, from photographs of a board. */
+/* calibrate laser --images: finds the plane of a laser that stands still from photographs of a
+ * board. */
 #include "calibrate_laser_images.h"
 
 #include "base/residual.h"
@@ -11,13 +12,13 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST 1000 /* photographs */
+#define MOST 1000 /* maximum number of photographs */
 #define DEG  (180 / G_PI)
 
 char *laser_images_folder, *laser_images_dark, *laser_images_board, *laser_images_name,
     *laser_images_plane;
 
-struct seen { /* a photograph that shows board and line */
+struct seen { /* a photograph that shows the board and the line */
     char *path;
     GArray *corners, *dots;
 };
@@ -26,8 +27,8 @@ struct job {
     struct calibrate_job base;
     struct board board;
     int camera, laser;
-    OutputFile *table; /* NULL: --plane is not given */
-    GArray *seen;      /* struct seen */
+    OutputFile *table; /* NULL if --plane is not given */
+    GArray *seen;      /* of struct seen */
     struct laser_plane *plane;
 };
 
@@ -38,7 +39,8 @@ static void clear_seen(gpointer data) {
     g_clear_pointer(&seen->dots, g_array_unref);
 }
 
-/* Linear R, G, B of a photograph; grey ones have three equal numbers. g_free(). */
+/* Returns the linear R, G, B of a photograph. A grey photograph has three equal values per pixel.
+ * Free the result with g_free(). */
 static float *read_colours(const char *path, const struct picture *grey, gboolean *ret_grey,
                            GError **error) {
     const gsize n = (gsize)grey->width * (gsize)grey->height;
@@ -62,7 +64,7 @@ static float *read_colours(const char *path, const struct picture *grey, gboolea
     return rgb;
 }
 
-/* The photograph of the same name without the laser. */
+/* Reads the photograph of the same name that was taken without the laser. */
 static struct picture *read_dark(const char *path, GError **error) {
     g_autofree char *name = g_path_get_basename(path);
     g_autofree char *dark = g_build_filename(laser_images_dark, name, NULL);
@@ -76,8 +78,8 @@ static struct picture *read_dark(const char *path, GError **error) {
     return NULL;
 }
 
-/* How strongly the laser lit each pixel, and the reflectance there; the latter is NULL if it is not
- * known. dark: NULL: there is none. */
+/* Returns how strongly the laser lit each pixel. *ret_reflectance is the reflectance of each pixel,
+ * or NULL if it is not known. dark is the photograph without the laser; it may be NULL. */
 static struct picture *read_strength(const struct picture *picture, const struct picture *dark,
                                      struct picture **ret_reflectance, GError **error) {
     const gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -100,8 +102,8 @@ static gboolean same_size(const struct picture *a, int width, int height) {
     return a->width == width && a->height == height;
 }
 
-/* Finds board and line in a photograph. Returns FALSE, and an error, if the work must end; a
- * photograph that shows too little is listed as rejected. */
+/* Finds the board and the line in a photograph. A photograph that shows too little is listed as
+ * rejected. Returns FALSE with an error if the whole calibration must end. */
 static gboolean look_at(struct job *job, const char *path, BoardCensus *census, GError **error) {
     const struct rig_camera *camera = &job->base.calibration->rig.cameras[job->camera];
     g_autoptr(Picture) picture = calibrate_read_photograph(path, error);
@@ -136,7 +138,7 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
-        /* Without the board's reflectance there, white print is brighter than the line. */
+        /* If the board's reflectance is not known, white print is brighter than the line. */
         const char *advice = corners && strength && !reflectance
                                  ? "; the laser has no colour of its own in it: take the same "
                                    "photographs without the laser, and give --dark-images"
@@ -154,7 +156,8 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     return TRUE;
 }
 
-/* The laser of that name, which must stand by itself; in a calibration of photographs a new one. */
+/* Chooses the laser of the given name, which must stand by itself. In a calibration from
+ * photographs, a new laser is added if there is none of that name. */
 static gboolean choose_laser(struct job *job, GError **error) {
     struct rig *rig = &job->base.calibration->rig;
     const char *name = laser_images_name    ? laser_images_name
@@ -185,7 +188,7 @@ static gboolean choose_laser(struct job *job, GError **error) {
     return TRUE;
 }
 
-/* The camera of a lens's calibration, or the one of that many pixels. */
+/* Chooses the only calibrated camera that has as many pixels as the photograph. */
 static gboolean choose_camera(struct job *job, const char *path, GError **error) {
     const struct calibration *calibration = job->base.calibration;
     const struct rig *rig = &calibration->rig;
@@ -214,8 +217,8 @@ static gboolean choose_camera(struct job *job, const char *path, GError **error)
     return FALSE;
 }
 
-/* A sheet of light that does not turn: any axis in the plane will do. One that has an axis keeps
- * it, as far as it lies in the plane. */
+/* Keeps the plane as that of a laser. The sheet of light does not turn, so that any axis in the
+ * plane will do. A laser that has an axis keeps it, projected onto the plane. */
 static void keep_laser(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     struct rig_laser *laser = &calibration->rig.lasers[job->laser];
@@ -250,8 +253,8 @@ static void append_row(GString *to, const double *values, int n, const char *bet
     }
 }
 
-/* The plane with its covariance, in a section of its own: the calibration's form of a laser has no
- * place for it. */
+/* Keeps the plane with its covariance in a separate section of the calibration, because the section
+ * of a laser has no key for it. */
 static void keep_plane(struct job *job) {
     const struct laser_plane *found = job->plane;
     GKeyFile *to = job->base.calibration->extra;
@@ -276,7 +279,7 @@ static void keep_plane(struct job *job) {
     g_key_file_set_value(to, group, "covariance", covariance->str);
 }
 
-/* For numpy.loadtxt(): six rows of four numbers. */
+/* Writes a table for numpy.loadtxt(): six rows of four numbers. */
 static gboolean write_table(const struct job *job, GError **error) {
     const struct laser_plane *found = job->plane;
     const struct vec3 n = found->plane.normal, p = found->point_mm;

@@ -1,5 +1,5 @@
-/* calibrate laser --images: a laser that stands still, from photographs of a board with its line.
- */
+/* calibrate laser --images: calibrates a laser that stands still from photographs of a board with
+ * the laser's line. */
 #pragma once
 
 #include "common/cli.h"

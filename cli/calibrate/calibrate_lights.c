@@ -1,5 +1,5 @@
-/* calibrate lights: lamps and the arc from a captured session of posts or balls; or the directions
- * that photographs were lit from, by balls in them. */
+/* calibrate lights: finds the lamps and the arc from a captured session of posts or balls. With
+ * --images, it finds the directions of light in photographs from balls in them. */
 #include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_photos.h"
@@ -9,16 +9,18 @@
 #include <math.h>
 #include <string.h>
 
-#define ROUNDS       2   /* of measuring, each from the positions that the last one found */
-#define LOCATE_VIEWS 6   /* in which the plate is looked for */
-#define LOCATE_SHOTS 8   /* of each */
-#define MAX_A_LAMP   160 /* pictures: more of them improve the result little */
-#define REACH_MM     5.0 /* how far off the target may lie, and */
-#define REACH_RAD    (5 * G_PI / 180)
-#define DECISIVE     0.15 /* so much better agreement of the pictures shows a mistake */
-#define MISSES       4.0  /* so do so many times fewer misses */
-#define MIN_USED     0.5  /* of all sights; with fewer a mistake is looked for */
-#define DEGREES      (180 / G_PI)
+/* Number of rounds of measuring. Each begins with the positions that the previous one found. */
+#define ROUNDS       2
+#define LOCATE_VIEWS 6   /* maximum number of views in which the plate is searched for */
+#define LOCATE_SHOTS 8   /* maximum number of pictures of each of these views */
+#define MAX_A_LAMP   160 /* maximum number of pictures of a lamp; more improve the result little */
+/* The largest displacement and rotation of the target. */
+#define REACH_MM  5.0
+#define REACH_RAD (5 * G_PI / 180)
+#define DECISIVE  0.15 /* a mistake is certain if undoing it raises the agreement by this */
+#define MISSES    4.0  /* or if undoing it divides the misses by this */
+#define MIN_USED  0.5  /* if a smaller share of the sights is used, a mistake is searched for */
+#define DEGREES   (180 / G_PI)
 
 static char *target_option;
 static const GOptionEntry entries[] = {
@@ -46,22 +48,24 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-struct view { /* pictures of one camera at one turntable angle */
+struct view { /* the pictures of one camera at one turntable angle */
     int camera;
     double turntable_deg;
-    GPtrArray *frames; /* struct calibrate_frame, borrowed */
+    GPtrArray *frames; /* of struct calibrate_frame, borrowed */
 };
 
 struct job {
     struct calibrate_job base;
     struct lamp_target target;
-    GArray *views; /* struct view */
+    GArray *views; /* of struct view */
     struct plate_map *maps[RIG_MAX_CAMERAS];
-    struct rig rig; /* as far as it is known */
+    struct rig rig; /* the rig as known so far */
     GArray *sights;
     struct lamps_result result;
     int done, total;
-    GHashTable *kept; /* frame → Picture, while find_mistake() reads the same ones; else NULL */
+    /* Maps a frame to its Picture while find_mistake() reads the same pictures several times;
+     * otherwise NULL. */
+    GHashTable *kept;
 };
 
 static void clear_view(gpointer data) {
@@ -140,7 +144,8 @@ static gboolean gather(struct job *job, GError **error) {
     return TRUE;
 }
 
-/* ret: of the caller, unless pictures are kept. */
+/* Returns the picture of a frame. If pictures are kept, job->kept owns it. Otherwise *ret is set to
+ * it as well, and the caller owns it. */
 static struct picture *read_frame(struct job *job, const struct calibrate_frame *frame,
                                   struct picture **ret, GError **error) {
     struct picture *picture = job->kept ? g_hash_table_lookup(job->kept, frame) : NULL;
@@ -196,8 +201,8 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-/* The first hypothesis about sights that do not fit is that the marks have other sizes: it needs no
- * other sights. */
+/* If sights do not fit, the first hypothesis is that the marks have other sizes, because it needs
+ * no other sights. */
 static gboolean adjust(struct job *job, GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
     const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;
@@ -259,8 +264,8 @@ static gboolean measure_balls(struct job *job, GError **error) {
     return adjust(job, error);
 }
 
-/* A mistake in what is noted of the pictures: the true angles are the noted ones times these
- * factors, and where lamp i is noted, lamp lamps[i] was lit. */
+/* A mistake in the values that were noted for the pictures. The true angles are the noted ones
+ * times these factors. Where lamp i was noted, lamp lamps[i] was lit. */
 struct mistake {
     double turntable, arc;
     int lamps[RIG_MAX_LAMPS];
@@ -273,11 +278,11 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* First none, then all mistakes that are tried: wrong signs, radians instead of degrees, two lamps
- * exchanged, and lamps numbered from the other end or from a neighbour. Each mistake is tried on
- * all pictures; therefore, where there are many lamps, only lamps with neighbouring numbers are
- * exchanged. With balls no mistake of lamps is tried: balls show lamps wherever they are, and
- * lamps_fit() tells which are exchanged. */
+/* Returns the mistakes that are tried. The first one is no mistake. The others are wrong signs,
+ * radians instead of degrees, two exchanged lamps, and lamps that are numbered from the other end
+ * or from a neighbour. Each mistake is tried on many pictures. If there are many lamps, only lamps
+ * with neighbouring numbers are therefore exchanged. For balls, mistakes of lamps are not tried:
+ * balls show lamps wherever they are, and lamps_fit() finds exchanged lamps. */
 #define MAX_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{1, 1},       {-1, 1},      {1, -1},           {-1, -1},
@@ -320,8 +325,9 @@ static void set_mistake(struct job *job, const struct calibrate_frame *noted,
     sort_into_views(job);
 }
 
-/* How well the pictures agree with what is noted of them, if each of the mistakes is undone, 0 to
- * 1: the share of the posts' shadows that is dark. FALSE: cancelled, or a picture is of no use. */
+/* Computes how well the pictures agree with the noted values if each mistake is undone: the share
+ * of the posts' shadows that is dark, 0 to 1. Returns FALSE if the work was cancelled or a picture
+ * cannot be used. */
 static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     gboolean ok = TRUE;
@@ -338,8 +344,8 @@ static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
     return ok;
 }
 
-/* The same: the share of the balls that show the lamp at the place at which all others show it.
- * Each picture is read once. */
+/* The same for balls: the share of the balls that show the lamp at the place at which all others
+ * show it. Reads each picture once. */
 static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     g_autoptr(GPtrArray) sights = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
@@ -421,16 +427,17 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
             job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name, fit);
 }
 
-/* Whether the better agreement cannot be chance: much more of what should be visible is seen, or
- * hardly anything of it is missed. */
+/* Returns whether a better agreement cannot be chance: much more of the expected shadows or
+ * highlights is seen, or hardly any is missing. */
 static gboolean decisive(double is, double would_be) {
     return would_be >= SHADOWS_MIN_SCORE &&
            (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
 }
 
-/* Called after a failure, or where little fits. If one mistake explains the pictures decisively
- * better than what is noted of them, sets the error to that mistake. target: as its file has it.
- * FALSE: no mistake does. The sights and the result of the job stay. */
+/* Called after a failure, or if little fits. If one mistake explains the pictures decisively better
+ * than the noted values, sets the error to that mistake and returns TRUE. Otherwise returns FALSE.
+ * target is the target as described in its file. The sights and the result of the job do not
+ * change. */
 static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
     const guint n = job->base.frames->len;
     g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);
@@ -504,7 +511,7 @@ static gboolean find(struct calibrate_job *base, GError **error) {
             g_propagate_error(error, g_steal_pointer(&cause));
         return ok;
     }
-    /* Nothing was found: the reason is then the better error. */
+    /* If nothing was found, the reason of the first rejection explains the failure best. */
     if (!ok && base->rejected->len > 0)
         g_prefix_error(&cause, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
                        base->rejected->len - 1);
@@ -564,7 +571,7 @@ static void tell(Record *to, const struct calibrate_job *base) {
     else if (has_arc)
         record_say(to, "; too few of its angles were captured to determine its axis\n");
     calibrate_say_doubts(to, base, part, "sights");
-    /* The errors of the lamps contain the excess (geometry/fit.h). */
+    /* The standard errors of the lamps contain the excess of the residual (geometry/fit.h). */
     const struct residual residual = {
         .of = "the target",
         .value = part->residual_rms,

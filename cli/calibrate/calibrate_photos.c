@@ -1,4 +1,4 @@
-/* calibrate lights --images: the directions of light in photographs, by balls in them. */
+/* calibrate lights --images: finds the directions of light in photographs from balls in them. */
 #include "calibrate_photos.h"
 
 #include "calibrate.h"
@@ -9,35 +9,42 @@
 #include <math.h>
 #include <string.h>
 
-#define INSIDE     0.97 /* of a ball's radius: the part that is searched */
-#define AROUND     1.3  /* of it: a highlight up to here shows that the given circle is wrong */
-#define BRIGHTER   5.0  /* times the energy of the one on the ball: such a highlight */
-#define SPOT_SHARE 0.05 /* of a ball's disc, that a highlight may take up: 26° around the lamp */
+#define INSIDE 0.97 /* part of a ball's radius within which the highlight is searched for */
+/* Part of a ball's radius. A much brighter highlight outside of the ball but within this shows that
+ * the given circle is wrong. */
+#define AROUND 1.3
+/* Factor by which such a highlight has more energy than the one on the ball. */
+#define BRIGHTER 5.0
+/* Largest part of a ball's disc that a highlight may cover: 26° around the lamp. */
+#define SPOT_SHARE 0.05
 #define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
-#define MOVED      0.05 /* of the radius: largest error of such a circle */
-#define MOVED_PX   4    /* the same of small balls */
-#define WHITE      0.98 /* of the brightest pixel, that counts as clipped */
-#define LOST       0.25 /* of the radius: an outline within this shows that the circle is a mistake */
-#define DEG        (180 / G_PI)
+#define MOVED      0.05 /* largest error of such a circle, as a part of the radius */
+#define MOVED_PX   4    /* the same for small balls, in pixels */
+#define WHITE      0.98 /* part of the brightest pixel from which a pixel counts as clipped */
+/* Part of the radius. An outline that differs from the circle by more than MOVED, but by less than
+ * this, shows that the circle is a mistake. */
+#define LOST 0.25
+#define DEG  (180 / G_PI)
 
 char *photos_folder, **photos_balls;
 double photos_radius_mm, photos_focal_px, photos_within_deg = 0.5;
 
 struct light {
-    char *name; /* of the file */
+    char *name; /* name of the file */
     struct ball_light found;
 };
 
 struct job {
     struct ball_outline given[BALL_LIGHT_MAX], balls[BALL_LIGHT_MAX];
-    double sigma_px[BALL_LIGHT_MAX];   /* of balls */
-    gboolean outlined[BALL_LIGHT_MAX]; /* balls is from the pictures, not as given */
-    BallEdges *edges[BALL_LIGHT_MAX];  /* NULL: the ball is too small */
+    double sigma_px[BALL_LIGHT_MAX];   /* standard deviations of the circles in balls */
+    gboolean outlined[BALL_LIGHT_MAX]; /* whether the circle in balls was found in the pictures */
+    BallEdges *edges[BALL_LIGHT_MAX];  /* NULL if the ball is too small */
     int n_balls;
     GPtrArray *names; /* paths */
-    Picture *mean;    /* of the square roots of light, of pictures that are not overexposed */
+    /* Mean of the square roots of light, over the pictures that are not overexposed. */
+    Picture *mean;
     int n_mean;
-    GArray *lights; /* struct light */
+    GArray *lights; /* of struct light */
     GPtrArray *rejected;
     OutputFile *to;
 };
@@ -50,8 +57,8 @@ static void reject(struct job *job, const char *name, int ball, const char *why)
     g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
 }
 
-/* Whether more of a ball is white than a lamp's highlight takes up. The glare of such a picture
- * reaches over the outline. */
+/* Returns whether a larger part of a ball is white than a lamp's highlight can cover. The glare in
+ * such a picture extends beyond the outline. */
 static gboolean overexposed(const struct job *job, const struct picture *picture, int i) {
     const struct ball_outline *ball = &job->given[i];
     const int reach = (int)ball->radius_px, x = (int)ball->x_px, y = (int)ball->y_px;
@@ -87,9 +94,9 @@ static void add_to_mean(struct job *job, const struct picture *picture) {
     job->n_mean++;
 }
 
-/* Takes the ball's outline from the pictures, since it is nearer to the truth than a circle that
- * somebody has drawn. If the only outline in the pictures is far from that circle, the circle is a
- * mistake. */
+/* Finds a ball's outline in the pictures, because it is more accurate than a circle that somebody
+ * has drawn. Fails if the only outline in the pictures is far from that circle, because the circle
+ * is then a mistake. If there is no outline, uses the circle. */
 static gboolean outline(struct job *job, int i, GError **error) {
     const struct ball_outline *given = &job->given[i];
     struct ball_outline seen;
@@ -124,8 +131,8 @@ static int count_of(const GArray *sizes, const struct size *size) {
     return n;
 }
 
-/* Leaves out pictures of another size than most have, since the balls must be at the same place in
- * all of them: thumbnails, or pictures of something else. */
+/* Leaves out pictures whose size differs from that of most pictures, for instance thumbnails or
+ * pictures of something else. The balls must be at the same place in all pictures. */
 static gboolean leave_out_sizes(struct job *job, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     const int n = (int)job->names->len;
@@ -179,8 +186,8 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
     return FALSE;
 }
 
-/* NULL, or why the lamp's highlight is not within the circle. energy: of the highlight on the ball.
- */
+/* Returns the reason why the lamp's highlight is not within the circle, or NULL if it is. energy is
+ * the energy of the highlight on the ball. */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double max_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};
@@ -197,7 +204,8 @@ static char *look_around(const struct job *job, const struct picture *picture,
         around.x_px, around.y_px);
 }
 
-/* Where a ball shows the light, in radii from the first one; NULL, or why not. */
+/* Measures the direction in which a ball shows the light. Positions are in radii, from the first
+ * ball on. Returns NULL on success, otherwise the reason of the failure; g_free(). */
 static char *measure_ball(const struct job *job, const struct picture *picture, int i,
                           struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
@@ -219,7 +227,7 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
                                    found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
                                    &shift_rad))
         return g_strdup("shows the lamp outside of its outline");
-    /* Balls of one size that appear larger are nearer; that small effect is neglected. */
+    /* A ball that appears larger than another of the same size is nearer. This is neglected. */
     if (photos_focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
                                              (first->y_px - ball->y_px) / ball->radius_px, 0));

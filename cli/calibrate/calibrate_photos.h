@@ -1,13 +1,15 @@
-/* calibrate lights --images: no rig, photographs with balls in them. */
+/* calibrate lights --images: works without a rig, on photographs with balls in them. */
 #pragma once
 
 #include "common/cli.h"
 
 extern char *photos_folder, **photos_balls;
-extern double photos_radius_mm, photos_focal_px; /* 0: not given */
-extern double photos_within_deg; /* standard error of a direction, from which it is refused */
+extern double photos_radius_mm, photos_focal_px; /* 0 if not given */
+/* A direction whose standard error is larger than this is refused. */
+extern double photos_within_deg;
 
-/* Writes an .lp file to -o as RTI programs read it: a line with the number of photographs, then one
- * a photograph: its name and the direction of its light, x to the right, y up, z to the camera.
- * With several balls also the lamp's place. Returns an exit code. */
+/* Writes an .lp file to -o, as RTI programs read it. Its first line is the number of photographs.
+ * Each further line has the name of a photograph and the direction of its light: x to the right, y
+ * up, z to the camera. With several balls, the record also contains the lamp's place. Returns an
+ * exit code. */
 int photos_calibrate(const struct call *call, GError **error);

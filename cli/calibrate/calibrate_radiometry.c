@@ -1,13 +1,13 @@
-/* calibrate radiometry: cameras, lamps and marks from a captured white tile. */
+/* calibrate radiometry: calibrates cameras, lamps and marks from a captured white tile. */
 #include "base/residual.h"
 #include "calibrate.h"
 #include "targets/tile_session.h"
 
 #include <string.h>
 
-#define MAX_GLARE   0.02 /* less is usual of good lenses */
+#define MAX_GLARE   0.02 /* good lenses usually have less */
 #define MAX_FLICKER 0.005
-/* How well a rig file says how lamps shine. */
+/* Expected errors of the lamps' light distribution in a rig file. */
 #define EXPONENT_ERROR 1.0
 #define AIM_ERROR_RAD  (5 * G_PI / 180)
 
@@ -32,7 +32,7 @@ struct job {
     struct tile_result result;
 };
 
-/* What the result says of the rig. */
+/* Adds warnings about the rig that follow from the result. */
 static void warn(const struct calibrate_job *base, const struct tile_result *r) {
     const struct calibration *calibration = base->calibration;
     GPtrArray *ret = base->warnings;
@@ -41,7 +41,8 @@ static void warn(const struct calibrate_job *base, const struct tile_result *r) 
                                   "lamps that are not where the calibration says, light that is "
                                   "scattered in the lens, a sensor of uneven gain"};
     calibrate_warn_residual(base, &tile);
-    /* Of exponent and the two tilts of the aim, each by what is known of it. */
+    /* The RMS of the errors of the exponent and of the two tilts of the aim, each relative to its
+     * expected error. */
     const double off =
         hypot(r->exponent_off / EXPONENT_ERROR, r->aim_off_rad / AIM_ERROR_RAD) / sqrt(3);
     if (off > RESIDUAL_LIMIT)
@@ -122,7 +123,7 @@ static void tell(Record *to, const struct calibrate_job *base) {
     warn(base, r);
 }
 
-/* Returns what is wrong with --reflectance, or NULL; g_free(). */
+/* Parses --reflectance. Returns the mistake in it, or NULL if there is none; g_free(). */
 static char *parse_reflectance(double ret[3]) {
     if (!reflectance_option)
         return g_strdup("no reflectance of the tile is given: give --reflectance, a number from "
@@ -151,7 +152,7 @@ static gboolean find(struct calibrate_job *base, GError **error) {
     struct rig own;
     if (!text || !rig_from_text(&own, text, session_path(session), error))
         return FALSE;
-    /* Marks that the rig file knows of, where the calibration is older than they are. */
+    /* Uses the marks of the rig file if the calibration was made before the rig file had marks. */
     struct rig *rig = &base->calibration->rig;
     if (rig->n_fiducials == 0) {
         memcpy(rig->fiducials, own.fiducials, sizeof rig->fiducials);

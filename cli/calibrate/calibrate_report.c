@@ -1,13 +1,13 @@
-/* calibrate report: a calibration file as a page to look at. */
+/* calibrate report: shows a calibration file as an HTML page. */
 #include "calibrate.h"
 #include "calibrate_tables.h"
 
 #include <string.h>
 
 #define DEG(rad) ((rad) * (180 / G_PI))
-#define PLOT     320 /* px of the page */
+#define PLOT     320 /* size of a plot on the page, in px */
 
-#define MAX_SHOWN 5 /* rejected pictures of a part */
+#define MAX_SHOWN 5 /* maximum number of rejected pictures that are listed for a part */
 
 static char *output_option;
 static const GOptionEntry entries[] = {
@@ -168,9 +168,10 @@ static void add_cameras(GString *to, const struct calibration *calibration) {
     g_string_append_printf(to, "</table></div>\n");
 }
 
-/* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
+/* A drawing of the rig from the side (x, z) or from above (x, y), with the arc at 0. */
 struct plan {
-    double scale, left_mm, top_mm; /* of the page's corner */
+    /* Scale in px per mm, and the position of the drawing's top left corner. */
+    double scale, left_mm, top_mm;
     gboolean above;
 };
 
@@ -193,7 +194,8 @@ static void stretch(double range[2], double value) {
     range[1] = MAX(range[1], value);
 }
 
-/* Makes everything fit, with a turntable of 150 mm and the names next to. */
+/* Chooses the scale so that all devices, their names and a turntable with a radius of 150 mm fit
+ * in. */
 static void fit_plan(struct plan *plan, const struct rig *rig) {
     double x[2] = {-150, 150}, y[2] = {plan->above ? -150 : -20, plan->above ? 150 : 20};
     for (int i = 0; i < rig->n_cameras + rig->n_lamps + rig->n_lasers; i++) {
@@ -236,7 +238,8 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
                            PLOT / plan.scale);
 }
 
-/* A column of a table that calibrate_keep() has kept. *n: MIN of it and the column's length. */
+/* Returns a column of a table that calibrate_keep() has kept. *n is reduced to the column's length
+ * if the column is shorter. */
 static double *report_column(const struct calibration *calibration, const char *group,
                              const char *key, gsize *n) {
     gsize length = 0;
@@ -245,7 +248,8 @@ static double *report_column(const struct calibration *calibration, const char *
     return values;
 }
 
-/* Adds arrows, scaled so that the longest tenth of them are a few pixels of the page long. */
+/* Adds the residuals of a camera as arrows. An arrow of the RMS residual is 8 pixels of the page
+ * long. */
 static void add_vectors(GString *to, const struct calibration *calibration, int camera) {
     const struct rig_camera *c = &calibration->rig.cameras[camera];
     const struct calibration_camera *e = &calibration->cameras[camera];
@@ -274,7 +278,7 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
         name, e->residual_rms_px, arrow / scale);
 }
 
-/* Deviations over a turn, or over time, about a line in the middle. */
+/* Begins a diagram of deviations over a turn or over time, with a line at zero in the middle. */
 static void begin_diagram(GString *to, const char *title) {
     g_string_append_printf(to,
                            "<h2>%s</h2>\n<figure><svg width=\"%d\" height=\"160\" viewBox=\"0 0 "
@@ -282,7 +286,7 @@ static void begin_diagram(GString *to, const char *title) {
                            title, 2 * PLOT, 2 * PLOT, 2 * PLOT);
 }
 
-/* across: 0 … 1; up: −1 … 1. */
+/* Adds a dot to a diagram. across is 0 … 1, up is −1 … 1. */
 static void add_dot(GString *to, double across, double up, double radius, const char *colour) {
     g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%g\" fill=\"%s\"/>\n",
                            8 + across * (2 * PLOT - 16), 80 - 72 * up, radius, colour);

@@ -1,4 +1,4 @@
-/* calibrate show: what a calibration file says. */
+/* calibrate show: prints the contents of a calibration file. */
 #include "calibrate.h"
 
 static const char *const titles[CALIBRATION_PARTS] = {"cameras and turntable", "lamps and arc",

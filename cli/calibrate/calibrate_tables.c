@@ -11,7 +11,7 @@ static void add_name(GString *to, const char *name) {
     g_string_append_printf(to, "<tr><td>%s</td>", text);
 }
 
-/* Standard error of a place along a unit direction. */
+/* Returns the standard error of a position along a unit direction. */
 static double along(const double covariance[3][3], struct vec3 d) {
     const double v[3] = {d.x, d.y, d.z};
     double sum = 0;

@@ -8,10 +8,12 @@
 
 #include <math.h>
 
-#define MAX_KEPT   64 /* frames that are searched for the board, the sharpest of their windows */
+/* Maximum number of frames that are searched for the board; each is the sharpest of its window. */
+#define MAX_KEPT   64
 #define MAX_CHOSEN 30
-#define DOUBLED    0.03 /* of the picture's width: nearer boards are the same one again */
-#define WITHIN_PX  3    /* corners farther from the homography do not count */
+/* Part of the picture's width. Boards that are less than this apart count as one. */
+#define DOUBLED   0.03
+#define WITHIN_PX 3 /* corners farther than this from the homography do not count */
 
 struct telling {
     const struct work *work;
@@ -23,8 +25,8 @@ static gboolean progress(int done, int n, gpointer data, GError **error) {
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Where the board's outer corners are in a frame. corners: NULL: it is not seen. Returns the number
- * of corners; 0: too few. */
+/* Computes the places of the board's four outer corners in a frame. corners is NULL if the board is
+ * not seen. Returns the number of corners, or 0 if there are too few. */
 static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];
@@ -50,7 +52,8 @@ static guint board_place(const struct board *board, const GArray *corners, doubl
     return (guint)n;
 }
 
-/* A board that looks the same upside down may be found either way round. */
+/* Returns the RMS distance of the outer corners. A board that looks the same upside down may be
+ * found either way round, so that the smaller distance counts. */
 static double places_apart(const double a[8], const double b[8]) {
     double sum[2] = {0, 0};
     for (int turned = 0; turned < 2; turned++)
@@ -70,8 +73,8 @@ static double sharpness(const struct calibrate_video *video, guint i) {
     return g_array_index(video->video->frames, struct video_frame, i).sharpness;
 }
 
-/* The sharpest of the frames that show a board at the same place, and are not nearer to one that
- * was chosen before. */
+/* Returns the sharpest of the frames that show the board at the same place as frame at. Frames
+ * within least of a chosen frame are not considered. */
 static guint sharpest_beside(const struct calibrate_video *video, const double *places,
                              const double *apart, guint at, double least) {
     guint best = at;
@@ -82,7 +85,8 @@ static guint sharpest_beside(const struct calibrate_video *video, const double *
     return best;
 }
 
-/* Farthest first. places: 8 numbers of each kept frame; corners: how many each shows. */
+/* Chooses frames, the farthest from all chosen ones first. places contains 8 numbers for each kept
+ * frame, corners the number of corners that it shows. */
 static void choose(struct calibrate_video *video, const double *places, const guint *corners) {
     const guint n = video->video->frames->len;
     const double least = DOUBLED * video->video->width;
@@ -104,7 +108,7 @@ static void choose(struct calibrate_video *video, const double *places, const gu
     g_array_sort(video->chosen, by_frame);
 }
 
-/* kept: number of a frame that was kept. */
+/* kept is the index of a frame that was kept. */
 static char *frame_name(const struct calibrate_video *video, guint kept) {
     return g_strdup_printf("%s#%d", video->path,
                            g_array_index(video->video->frames, struct video_frame, kept).index);

@@ -1,12 +1,13 @@
 /*
- * Photographs of a board from a video: frames that are sharp, that show the board, and in which it
- * lies at places that are far from each other.
+ * Chooses photographs of a board from a video: frames that are sharp, that show the board, and in
+ * which it lies at places that are far from each other.
  *
- * A homography is fitted to the corners found; the place of a board is where it puts the four outer
- * corners. The frame with the most corners is chosen first, and then, one after the other, the
- * frame whose board is farthest from the boards of all chosen frames: the distance is the RMS over
- * the four corners. Boards nearer to each other than a share of the picture's width count as one
- * board that was held still, and of its frames the sharpest is taken.
+ * A homography is fitted to the corners that were found. It gives the positions of the four outer
+ * corners, which are the place of the board. The distance of two places is the RMS over the four
+ * corners. The frame with the most corners is chosen first. Then, one after the other, the frame is
+ * chosen whose board is farthest from the boards of all chosen frames. Boards that are closer than
+ * a certain part of the picture's width count as one board that was held still. The sharpest of its
+ * frames is taken.
  */
 #pragma once
 
@@ -17,16 +18,17 @@
 typedef struct calibrate_video {
     Video *video;
     char *path, *checksum;
-    GArray *chosen; /* guint, of video->frames, in order */
-    int n_seen;     /* frames of those kept that show the board */
+    GArray *chosen; /* of guint: indices into video->frames, in order */
+    int n_seen;     /* number of kept frames that show the board */
 } CalibrateVideo;
 
-/* NULL: none of its frames shows the board, or it cannot be read. */
+/* Returns NULL with an error if no frame of the video shows the board, or if the video cannot be
+ * read. */
 struct calibrate_video *calibrate_video_read(const char *path, const struct board *board,
                                              const struct work *work, GError **error);
 void calibrate_video_free(struct calibrate_video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CalibrateVideo, calibrate_video_free)
 
-/* "PATH#FRAME" of a chosen frame; g_free(). */
+/* Returns the name "PATH#FRAME" of chosen frame i. Free it with g_free(). */
 char *calibrate_video_name(const struct calibrate_video *video, guint i);
 struct picture *calibrate_video_picture(const struct calibrate_video *video, guint i);

@@ -8,12 +8,12 @@
 #include "sessions/info.h"
 #include "unattended.h"
 
-/* The time for which “safe” asks devices that have not confirmed, and the time between two
- * requests. */
+/* The time for which “safe” repeats its request for devices that have not confirmed, and the time
+ * between two requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
 #define SAFE_PAUSE_US (100 * 1000)
 
-/* NULL if none was given. g_free() */
+/* Returns the directory that was given, or NULL; g_free(). */
 static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }

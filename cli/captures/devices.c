@@ -1,4 +1,4 @@
-/* devices: the devices on the buses, and the rig file sections that would use them. */
+/* devices: lists the devices on the buses, and the rig file sections that would use them. */
 #include "captures.h"
 #include "common/cli.h"
 #include "rig/finder.h"

@@ -272,7 +272,7 @@ static const struct command queue_resume = {
 static const struct command *const commands[] = {
     &queue_add, &queue_list, &queue_remove, &queue_move, &queue_pause, &queue_resume, NULL};
 
-/* Beside the commands for people, that of the daemon. */
+/* Runs a command for people, or the command that only the daemon uses. */
 static int run_queue(const struct command *command, int argc, char **argv) {
     return argc > 1 && strcmp(argv[1], "try") == 0 ? cli_run(&unattended_try, argc - 1, argv + 1)
                                                    : cli_run_child(command, argc, argv);

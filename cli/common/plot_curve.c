@@ -67,7 +67,7 @@ static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, doubl
         plot_text(cr, LEFT - 10, y + 6, 1, text);
 }
 
-/* One model. */
+/* The points of one model. */
 struct series {
     const struct plot_point *points; /* in order of size */
     int n, colour;

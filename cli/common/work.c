@@ -15,7 +15,7 @@ struct bar {
     gint64 json_us, begun_us;
 };
 
-/* The CPU time that the program has used in all its threads. */
+/* Returns the CPU time that the program has used in all its threads. */
 static double cpu_s(void) {
     struct timespec now;
     return clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0

@@ -7,37 +7,41 @@
 #include "trial.h"
 
 #define FIRST_US     4000
-#define MAX_PICTURES 10 /* of one camera under one light */
+#define MAX_PICTURES 10 /* maximum number of pictures of one camera under one light */
 /* Parts of a camera's range, above black. */
 #define LAMP_HIGH    0.7
 #define LAMP_LOW     0.2
-#define LAMP_MIN     0.05 /* rather than none */
+#define LAMP_MIN     0.05 /* for the dimmest picture, LAMP_LOW is wanted but this is sufficient */
 #define LINE_LOW     0.05
 #define LINE_HIGH    0.7
-#define FULL_PART    0.95 /* saturated, or nearly */
-#define TELLING_PART 0.1  /* enough to tell the exposure that another part takes */
+#define FULL_PART    0.95 /* from here on, a picture counts as saturated */
+#define TELLING_PART 0.1  /* bright enough to compute the exposure for another part */
 #define NOTHING_PART 0.0005
 #define MAX_RATIO    (AUTO_MAX_FACTOR * AUTO_MAX_FACTOR)
-#define LINE_RATIO   64 /* at most between laser_exposure_us and laser_short_us */
+#define LINE_RATIO   64 /* maximum ratio of laser_exposure_us to laser_short_us */
 #define LINE_LASERS  2
 #define LINE_PLACES  3
 
-struct measured { /* a camera under a light */
+struct measured { /* the measurement of a camera under a light */
     int camera;
     const char *light;
-    double high, low; /* parts of the range a microsecond, of few pixels and of many */
-    gboolean full;    /* saturated at the shortest exposure that the camera has: high is more */
+    /* Values per microsecond, as parts of the range: those that few and many of the brightest
+     * pixels reach. */
+    double high, low;
+    /* The picture is saturated even at the camera's shortest exposure. The true value of high is
+     * larger. */
+    gboolean full;
 };
 
 struct choice {
     struct trial trial;
     const struct rig_timing *timing;
-    double dark[RIG_MAX_CAMERAS]; /* part of the range a microsecond, without a light */
+    double dark[RIG_MAX_CAMERAS]; /* part of the range per microsecond, without a light */
     double arc_deg;
     GArray *lamps, *lines; /* of struct measured */
 };
 
-/* The value that the n brightest pixels reach. */
+/* Returns the value that the n brightest pixels reach. */
 static int value_of(const Frame *frame, gsize n) {
     const gsize pixels = (gsize)frame->width * (gsize)frame->height;
     const int top = (1 << frame->bits) - 1;
@@ -52,8 +56,8 @@ static int value_of(const Frame *frame, gsize n) {
     return dn;
 }
 
-/* The value that the n brightest pixels reach, as a fraction of the range above black and dark
- * current. */
+/* Returns the value that the n brightest pixels reach, above black and dark current, as a part of
+ * the range above black. */
 static double part_of(const struct choice *choice, int camera, const Frame *frame, gsize n) {
     const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
     return (value_of(frame, n) - frame->black_level) / range_dn -
@@ -65,8 +69,9 @@ static gint64 least_us(const struct choice *choice, int camera) {
 }
 
 /* Searches for an exposure at which the picture is neither saturated nor dark. Begins with *us, and
- * sets *us to what it finds. ret->high and ret->low are the values that the brightest n_high and
- * n_low pixels reach, per microsecond; both are 0 if there is no light. FALSE: a device failed. */
+ * sets *us to the result. ret->high and ret->low are the values per microsecond that the brightest
+ * n_high and n_low pixels reach. Both are 0 if there is no light. Returns FALSE if a device has
+ * failed. */
 static gboolean measure(const struct choice *choice, int camera, const char *light, gboolean line,
                         double *us, struct measured *ret, GError **error) {
     const struct rig_camera *shape = &choice->trial.rig->cameras[camera];
@@ -95,7 +100,7 @@ static gboolean measure(const struct choice *choice, int camera, const char *lig
         else if (!full && high < TELLING_PART && *us < longest_us)
             *us *= high > TELLING_PART / 8 ? 0.5 / high : 8;
         else if (!full && high < MAX(NOTHING_PART, 8 / range_dn))
-            ret->high = ret->low = 0; /* no more than noise */
+            ret->high = ret->low = 0; /* not more than noise */
         else
             break;
         if (ret->high == 0)
@@ -146,7 +151,8 @@ static gboolean try_lamps(struct choice *choice, GError **error) {
     return TRUE;
 }
 
-/* A laser at places of the sample, as in a sweep. sweep: its axis. */
+/* Measures a laser at several places of the sample, as in a sweep. sweep is the name of its sweep
+ * axis. */
 static gboolean try_laser(struct choice *choice, int laser, const char *sweep, double *us,
                           GError **error) {
     const struct trial *trial = &choice->trial;
@@ -194,7 +200,7 @@ static gboolean try_lasers(struct choice *choice, const char *rig_path, GError *
     return TRUE;
 }
 
-/* The brightest and the dimmest; NULL: nothing was seen. */
+/* Returns the brightest or the dimmest measurement. Returns NULL if nothing was seen. */
 static const struct measured *extreme(const GArray *all, gboolean brightest) {
     const struct measured *found = NULL;
     for (guint i = 0; i < all->len; i++) {
@@ -209,7 +215,7 @@ static const char *name_of(const struct choice *choice, const struct measured *m
     return choice->trial.rig->cameras[measured->camera].name;
 }
 
-/* The shortest exposure of which all cameras that the session plans with are capable. */
+/* Returns the shortest exposure that all cameras of the session's plan can make. */
 static double common_us(const struct choice *choice) {
     gint64 us = 1;
     for (int i = 0; i < choice->trial.n_cameras; i++)
@@ -217,8 +223,9 @@ static double common_us(const struct choice *choice) {
     return (double)us;
 }
 
-/* Whether exposures from shortest_us, which the brightest allows, to needed_us, which the dimmest
- * needs, can serve both; else says by what key they could. */
+/* Returns whether exposures from shortest_us to needed_us are possible. The brightest picture
+ * allows shortest_us at most, and the dimmest needs needed_us at least. If they are not possible,
+ * the error names the key to change. */
 static gboolean check_ends(const struct choice *choice, const struct measured *brightest,
                            const struct measured *dimmest, const char *key, double shortest_us,
                            double needed_us, double max_ratio, GError **error) {
@@ -248,7 +255,8 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
     return FALSE;
 }
 
-/* The exposure that brings a measured part of the range to the wanted one. */
+/* Returns the exposure that reaches the wanted part of the range. part_a_us is the measured part of
+ * the range per microsecond. */
 static double exposure_for(double wanted, double part_a_us) {
     return part_a_us > 0 ? wanted / part_a_us : INFINITY;
 }
@@ -295,12 +303,12 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
     if (!brightest)
         return refuse_dark(choice, "a laser's line", key, error);
     double shortest_us = LINE_HIGH / brightest->high, long_us = conf->laser_exposure_us;
-    /* What a line must rise above the background to count, twice. */
+    /* Twice the threshold above which a line counts. */
     const double range_dn = (1 << choice->timing->bits[dimmest->camera]) - 1;
     const double least = 2 * conf->laser_threshold_dn / range_dn;
     const double needed_us = exposure_for(least, dimmest->low);
     if (conf->is_auto[AUTO_LASER]) {
-        /* Alone, it must not saturate. */
+        /* Without a short exposure, this exposure must not saturate. */
         const double max_us = may_short ? LINE_RATIO * shortest_us : FULL_PART / brightest->high;
         if (!check_ends(choice, brightest, dimmest, key, shortest_us, needed_us,
                         max_us / shortest_us, error))
@@ -347,7 +355,8 @@ char *auto_exposure_choose(Link *link, const struct session_conf *conf, const ch
     trial_init(&choice.trial, link, conf, &rig);
     if (!take_dark(&choice, error))
         return NULL;
-    /* Of what the session does not have any value will do: its bound. */
+    /* If the session has no lamps or no lasers, any value is suitable. The value that stands for
+     * "auto" is used. */
     if (want_lamps && choice.trial.n_lamps == 0)
         g_string_append_printf(chosen, "%s = %.0f\n", auto_key_names[AUTO_EXPOSURES],
                                conf->exposures_us[0]);

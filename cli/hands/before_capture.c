@@ -38,7 +38,8 @@ static gboolean take_test_shots(Link *link, const struct before_capture *what,
     return warnings->len == 0 || what->yes;
 }
 
-/* Errors of the session file are reported before anything moves. */
+/* Chooses the exposures that are "auto". Errors of the session file are reported before anything
+ * moves. */
 static gboolean choose(Link *link, const struct before_capture *what, struct session_conf *conf,
                        char **ret_chosen, GError **error) {
     gboolean ok = FALSE;

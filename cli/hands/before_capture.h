@@ -1,4 +1,4 @@
-/* What is done before a capture begins: exposures that are "auto" are chosen by pictures on trial
+/* The steps before a capture begins: exposures that are "auto" are chosen from trial pictures
  * (auto_exposure.h), and test shots are taken before a long session (guard.h). */
 #pragma once
 
@@ -6,17 +6,19 @@
 
 struct before_capture {
     const char *rig_path;
-    const char *session, *session_text; /* path; text NULL: that file is read */
-    const char *calibration;            /* path; NULL: that which the rig file names */
-    const char *calibration_text;       /* NULL: that file is read */
-    gboolean yes;                       /* go on whatever test shots say */
-    gboolean *ret_uncalibrated; /* NULL, or set to TRUE if a warning says that nothing is calibrated
-                                 */
+    /* Path and content of the session file. If session_text is NULL, the file is read. */
+    const char *session, *session_text;
+    const char *calibration;      /* path; NULL for the calibration that the rig file names */
+    const char *calibration_text; /* content of that file; NULL if it is to be read */
+    gboolean yes;                 /* continue even if the test shots give warnings */
+    /* Set to TRUE if there are warnings and no part of the rig is calibrated. May be NULL. */
+    gboolean *ret_uncalibrated;
 };
 
-/* Does nothing while the rig is busy. ret_chosen: for Start's option chosen, g_free(), or NULL.
- * FALSE: the test shots, of which each warning is printed, predict that the capture would be
- * spoilt; or a device has failed, or a file is wrong. Mistakes of a session file without "auto" are
- * not reported: Start does that. */
+/* Chooses exposures and takes test shots, and prints each warning. Does nothing while the rig is
+ * busy. *ret_chosen is the value of Start's option chosen, or NULL; g_free(). Returns FALSE with an
+ * error if the test shots give warnings and yes is FALSE, if a device has failed, or if a file has
+ * a mistake. Mistakes in a session file without "auto" are not reported here, because Start reports
+ * them. */
 gboolean before_capture(Link *link, const struct before_capture *what, char **ret_chosen,
                         GError **error);

@@ -9,31 +9,31 @@
 #include "trial.h"
 
 #define LONG_PICTURES 500
-/* Part of a camera's pixels that may be saturated at the shortest exposure, such as a few
- * highlights. */
+/* Maximum part of a camera's pixels that may be saturated at the shortest exposure. A few
+ * highlights are allowed. */
 #define SATURATED_PART 0.05
-/* The 99th percentile must reach at least this part of the range, at the longest exposure under the
- * brightest lamp; a suggested exposure is to reach it as well. */
+/* At the longest exposure under the brightest lamp, the 99th percentile must reach at least
+ * BRIGHT_PART of the range. An exposure that is suggested reaches WANTED_PART. */
 #define BRIGHT_PART 0.1
 #define WANTED_PART 0.5
-/* Part of the range by which a lamp raises the mean of a picture that sees it. */
+/* A camera sees a lamp if the lamp raises the mean of its picture by this part of the range. */
 #define LAMP_PART 0.0005
-/* A saturated picture is taken again with an exposure shorter by this factor, to find one that is
- * short enough. */
+/* A saturated picture is taken again with an exposure that is shorter by this factor, to find an
+ * exposure that is short enough. */
 #define SHORTER 32
-/* Of fiducials, as in a capture (capture_marks.c). */
+/* Limits for fiducials, the same as in a capture (capture_marks.c). */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
-#define TURNTABLE     (1u << 31) /* what has moved; the other bits are cameras */
+#define TURNTABLE     (1u << 31) /* bit of a moved turntable; the other bits are cameras */
 
-struct seen { /* by a camera, of all lamps */
+struct seen { /* what a camera has seen of all lamps */
     int bits;
     double dark_dn;
     double high_dn;    /* highest 99th percentile at the longest exposure */
-    double saturated;  /* largest part at the shortest exposure */
-    int saturated_by;  /* that lamp */
-    double shorter_us; /* how short would be short enough; 0: not known */
-    gboolean any;      /* it sees a lamp */
+    double saturated;  /* largest saturated part of a picture at the shortest exposure */
+    int saturated_by;  /* the lamp of that picture */
+    double shorter_us; /* an exposure that is short enough; 0 if not known */
+    gboolean any;      /* the camera sees at least one lamp */
 };
 
 struct guard {
@@ -71,7 +71,7 @@ static void warn(struct guard *guard, const char *format, ...) {
     va_end(args);
 }
 
-/* What the session needs and the calibration lacks. */
+/* Warns of parts that the session needs and the calibration lacks. */
 static void judge_calibration(struct guard *guard) {
     const struct session_conf *conf = guard->trial.conf;
     const gboolean lights = conf->n_lights > 0 || conf->lights_of;
@@ -124,7 +124,8 @@ static gboolean take_darks(struct guard *guard, GError **error) {
     return TRUE;
 }
 
-/* Fiducials in one picture, if it is calibrated where they are. */
+/* Finds the fiducials in a picture, if the cameras are calibrated and the calibration has
+ * fiducials. */
 static void find_fiducials(struct guard *guard, int camera, int lamp, const Frame *frame) {
     const struct calibration *known = guard->calibration;
     const gsize n = (gsize)frame->width * (gsize)frame->height;
@@ -149,9 +150,9 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
                     (int)(guard->fiducials->len - from), SYSTEMATIC_PX, MIN_DEG, ret);
 }
 
-/* Finds what has moved by the fiducials that a shot shows, those with index from and above. A
- * bright sample next to a fiducial may make it look displaced under one lamp; therefore two shots
- * in a row have to agree, if there is more than one lamp. */
+/* Finds what has moved from the fiducials of one shot, which begin at index from. A bright sample
+ * next to a fiducial may make it look displaced under one lamp. If there is more than one lamp, two
+ * consecutive shots must therefore agree. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)
@@ -165,12 +166,13 @@ static void compare_shot(struct guard *guard, guint from) {
     guard->moved_before = bits;
 }
 
-/* Finds how long a camera that saturates should expose, from one more picture of the same shot. */
+/* Returns a suitable exposure for a camera that saturates, found with one more picture of the same
+ * shot. Returns 0 if none was found. */
 static double find_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;
-    g_autoptr(Frame) frame =
-        snap(guard, camera, us, &report, NULL); /* it may be shorter than the camera can */
+    /* This may fail if the camera cannot expose so briefly. */
+    g_autoptr(Frame) frame = snap(guard, camera, us, &report, NULL);
     const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
     return frame && report.saturated < SATURATED_PART && above_dn > 1
                ? us * WANTED_PART * range_dn(guard, camera) / above_dn
@@ -262,7 +264,7 @@ static void judge_fiducials(struct guard *guard) {
              what);
 }
 
-/* Of the shots up to now. */
+/* Adds warnings about the shots up to now. */
 static void judge(struct guard *guard) {
     const struct trial *trial = &guard->trial;
     gboolean any = FALSE;
@@ -295,7 +297,7 @@ GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct r
     const struct trial *trial = &guard.trial;
     const int n_first = MIN(trial->n_lamps, TRIAL_FIRST_LAMPS);
     *ret_shots = 0;
-    if (trial->n_cameras == 0 || trial->n_lamps == 0) /* the plan will say what there is not */
+    if (trial->n_cameras == 0 || trial->n_lamps == 0) /* the plan reports what is missing */
         return g_steal_pointer(&warnings);
     judge_calibration(&guard);
     const guint n_before = warnings->len;
@@ -304,7 +306,7 @@ GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct r
         ok = try_lamp(&guard, trial->lamps[i], error);
     if (ok)
         judge(&guard);
-    /* What the first five cannot show is a dead lamp among the others. */
+    /* The other lamps may still be dead, which the first five shots cannot show. */
     const gboolean rest = warnings->len == n_before;
     for (int i = n_first; i < trial->n_lamps && rest && ok; i++) {
         const int l = trial->lamps[i];

@@ -1,4 +1,4 @@
-/* Calls of devices by hand, for the commands snap, live, lamp, laser, move, home and test. */
+/* Calls that use devices by hand, for the commands snap, live, lamp, laser, move, home and test. */
 #pragma once
 
 #include "common/link.h"
@@ -12,19 +12,24 @@ extern char *hand_rig; /* --rig */
             "Rig file, if no daemon has a rig open; a simulated rig needs no daemon", "RIG"        \
     }
 
-/* Finds a daemon with a rig open: that of --rig, or whichever rig it has. Lights and moves that
- * this process has begun end with its connection. */
+/* Finds a daemon for the rig of --rig, and opens the rig if necessary. Without --rig, finds a
+ * daemon that has any rig open. Lights and moves that this process has begun end when its
+ * connection closes. */
 Link *hand_link(GError **error);
 
-/* How long a light stays on unless hand_snap(), hand_light() or hand_renew() is called. */
+/* Lease of a light in seconds: the light goes off after this time unless hand_snap(), hand_light()
+ * or hand_renew() is called. */
 #define HAND_LEASE_S 30
 
-/* Each calls the method of the same name and waits for the answer. hand_snap() and hand_light()
- * renew the leases of the lights that are on, hand_light() also while a light warms up. */
+/* Each function calls the daemon's method of the same purpose and waits for the answer. hand_snap()
+ * renews the leases of all lights that this process has switched on. hand_light() does so
+ * repeatedly while it waits for the answer, because a light may have to warm up. The caller owns
+ * the frame of hand_snap(); frame_unref(). */
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
-/* The same for at most for_s from now, or from the last renewal while the light warms up. */
+/* Switches a light on with a lease of for_s. The lease is renewed while the light warms up, so that
+ * it ends at most for_s after the last renewal. */
 gboolean hand_light_for(Link *link, gboolean laser, const char *name, double for_s, GError **error);
 
 /* Renews the leases of the lights that this process has switched on, without waiting for the

@@ -1,4 +1,4 @@
-/* lamp, laser, move, home: one device by hand. */
+/* lamp, laser, move, home: use one device by hand. */
 #include <glib-unix.h>
 #include <math.h>
 #include <signal.h>
@@ -7,8 +7,8 @@
 #include "hand_link.h"
 #include "hands.h"
 
-/* A light that is held is renewed every RENEW_MS, for LEASE_S: after that time it goes off if this
- * program is stopped or its connection hangs. */
+/* The lease of a light that is held is LEASE_S, and is renewed every RENEW_MS. If this program is
+ * stopped or its connection hangs, the light goes off when the lease ends. */
 #define LEASE_S  10
 #define RENEW_MS 3000
 
@@ -25,8 +25,8 @@ static const GOptionEntry axis_entries[] = {HAND_RIG_ENTRY, {NULL}};
 struct waiting {
     GMainLoop *loop;
     Link *link;
-    gint64 until_us; /* end of --for; 0: none */
-    int n_open;      /* open interlocks at the start */
+    gint64 until_us; /* the end of --for; 0 if there is none */
+    int n_open;      /* number of open interlocks at the start */
     char *fault;     /* the fault that has ended it, or NULL */
 };
 
@@ -35,7 +35,7 @@ static gboolean on_end(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* The daemon measures the time: the last lease ends when --for does. */
+/* The daemon measures the time. The last lease ends at the end of --for. */
 static gboolean on_renew(gpointer data) {
     struct waiting *waiting = data;
     const double left_s = waiting->until_us == 0
@@ -158,7 +158,7 @@ static int run_move(const struct call *call, GError **error) {
     g_autoptr(Link) link = hand_link(error);
     if (!link)
         return CLI_FAILED;
-    /* A rig that was opened for this call has not been homed. */
+    /* The axes of a rig that was opened for this call are not homed yet. */
     if (hand_rig && link_is_private(link) && !hand_home(link, axis, &deg, error))
         return CLI_FAILED;
     if (!hand_move(link, axis, to, &deg, error)) {

@@ -45,7 +45,7 @@ struct picture_report picture_report(const Frame *frame) {
     return ret;
 }
 
-/* Bars of the square roots, so that small bins stay visible. */
+/* Draws bars whose heights are square roots, so that small bins stay visible. */
 static char *histogram_text(const guint bins[PICTURE_BINS]) {
     static const char *const bars[] = {" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
     GString *text = g_string_new(NULL);

@@ -1,4 +1,4 @@
-/* Exposure and focus of a camera's frame, and the frame as a file. */
+/* Measures exposure and focus of a camera's frame, and writes the frame to a file. */
 #pragma once
 
 #include "common/record.h"
@@ -11,20 +11,20 @@ struct picture_report {
     double high_dn;           /* 99th percentile */
     double saturated;         /* part of the pixels at the end of the converter's range */
     double dark;              /* part of the pixels less than 1/256 of the range above black */
-    double focus;             /* see below; 0: it is dark */
-    guint bins[PICTURE_BINS]; /* pixels in equal parts of the range 0 … 2^bits − 1 */
+    double focus;             /* see below; 0 if the frame is dark */
+    guint bins[PICTURE_BINS]; /* number of pixels in equal parts of the range 0 … 2^bits − 1 */
 };
 
-/* focus: RMS of the Laplacian 4 I(x, y) − I(x ± s, y) − I(x, y ± s) over the mean of I, both above
- * black, where s = 2 behind a colour filter, else 1 (Pech-Pacheco et al. 2000 take its variance).
- * It grows as the picture becomes sharper, and compares pictures of one scene under one light only.
- */
+/* Measures a frame. focus is the RMS of the Laplacian 4 I(x, y) − I(x ± s, y) − I(x, y ± s),
+ * divided by the mean of I. I is the value above black. s is 2 behind a colour filter, otherwise 1.
+ * (Pech-Pacheco et al. 2000 use the variance of the Laplacian.) focus grows as the picture becomes
+ * sharper. It can only be compared between pictures of the same scale under the same light. */
 struct picture_report picture_report(const Frame *frame);
 
-/* Adds the values, with a text of three lines. */
+/* Adds the values to the record, with a text of three lines. */
 void picture_report_tell(Record *to, const char *camera, const Frame *frame,
                          const struct picture_report *report);
 
-/* Writes the file: .png 8 bits for people (sRGB, white at the 99th percentile), .exr what the
- * sensor gave, in DN. */
+/* Writes a picture. A .png file has 8 bits, in sRGB with the 99th percentile as white. An .exr file
+ * has the sensor's values in DN. */
 gboolean picture_write(const char *path, const char *camera, const Frame *frame, GError **error);

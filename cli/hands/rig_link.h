@@ -3,10 +3,11 @@
 
 #include "common/link.h"
 
-/* Finds a daemon that has the rig open, or may open it; a simulated rig gets a private daemon.
- * ret_simulated: whether every driver of the rig file is. Mistakes in the file are reported before
- * all else. */
+/* Finds a daemon that has the rig open or can open it. For a simulated rig without a daemon, starts
+ * a private one. *ret_simulated says whether every driver of the rig file is simulated. Mistakes in
+ * the rig file are reported before anything else. */
 Link *rig_link_find(const char *rig, gboolean *ret_simulated, GError **error);
 
-/* Sees to it that the daemon has this rig open, and no other. */
+/* Makes the daemon open this rig, unless it is open already. Fails with G_IO_ERROR_BUSY if the
+ * daemon has another rig open. */
 gboolean rig_link_open(Link *link, const char *rig, GError **error);

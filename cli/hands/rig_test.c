@@ -1,4 +1,4 @@
-/* test: every device of a rig once, and what it answers. */
+/* test: uses every device of a rig once and reports the result. */
 #include <math.h>
 #include <string.h>
 
@@ -9,8 +9,8 @@
 
 #define EXPOSURE_US 10000
 #define MOVE_DEG    5
-/* Parts of the range by which a lamp must raise the mean of a camera's picture, and a laser its
- * brightest pixel. */
+/* A camera sees a lamp if the lamp raises the mean of its picture by LAMP_PART of the range. It
+ * sees a laser if the laser raises the brightest pixel by LASER_PART. */
 #define LAMP_PART  0.0005
 #define LASER_PART 0.004
 
@@ -31,7 +31,7 @@ struct trial {
     int n, n_good;
 };
 
-/* The result of a device; what: g_free() here. */
+/* Reports the result of a device. Takes ownership of what. */
 static void tell(struct trial *trial, const char *class_name, const char *name, gboolean good,
                  char *what) {
     record_begin(trial->to, NULL);
@@ -49,7 +49,7 @@ static void fail(struct trial *trial, const char *class_name, const char *name, 
     tell(trial, class_name, name, FALSE, g_strdup(error->message));
 }
 
-/* To its reference, a little away, and back. */
+/* Homes an axis, moves it a little, and moves it back. */
 static void try_axis(struct trial *trial, const char *name) {
     g_autoptr(GError) error = NULL;
     double home, there, back;
@@ -88,7 +88,7 @@ static void try_camera(struct trial *trial, int i) {
                          frame->width, frame->height, frame->bits, trial->dark[i].mean_dn));
 }
 
-/* A lamp or laser: whether any camera sees it. */
+/* Switches a lamp or laser on and off, and checks whether any camera sees it. */
 static void try_light(struct trial *trial, gboolean laser, const char *name) {
     const char *class_name = laser ? "laser" : "lamp";
     g_autoptr(GError) error = NULL;
@@ -132,7 +132,8 @@ static void try_interlock(struct trial *trial, const char *name, const char *hea
          g_strdup(closed ? "closed" : "open: lasers and axes are refused; close it"));
 }
 
-/* Interlocks first, since they decide; then what moves, what sees, and what gives light. */
+/* Tries interlocks first, because lasers and axes depend on them. Then tries axes, cameras, lamps
+ * and lasers. */
 static void try_all(struct trial *trial) {
     static const char *const classes[] = {"interlock", "axis"};
     g_autoptr(GVariant) devices = bus_rig1_dup_devices(link_rig(trial->link));
@@ -161,7 +162,8 @@ static void try_all(struct trial *trial) {
     if (!devices)
         return;
     GVariantIter iter;
-    g_variant_iter_init(&iter, devices); /* a further place of a unit has no device of its own */
+    /* Further places of a laser unit are not separate devices. */
+    g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health))
         if (strcmp(class_name, "laser") == 0)
             try_light(trial, TRUE, name);

@@ -1,4 +1,4 @@
-/* snap and live: look through a camera. */
+/* snap and live: show the picture of a camera. */
 #include <glib-unix.h>
 #include <signal.h>
 #include <stdio.h>
@@ -11,7 +11,7 @@
 #include "picture_report.h"
 
 #define EXPOSURE_US 10000
-#define TEXT_LINES  5 /* below the picture */
+#define TEXT_LINES  5 /* number of lines of text below the picture */
 #define PAUSE_MS    100
 
 static char *output, *lamp, *laser;
@@ -66,7 +66,7 @@ static void show(const Frame *frame, enum picture_way way) {
     thumbnail_make_sized(frame, G_MAXINT16, &width, &height, &rgb);
     g_autofree char *text =
         picture_text(rgb, width, height, way, columns, lines - TEXT_LINES, NULL, NULL);
-    fputs(text, stdout); /* past g_print(), which replaces control characters */
+    fputs(text, stdout); /* g_print() would replace control characters */
 }
 
 static gboolean snap_write(OutputFile *to, const char *camera, const Frame *frame, GError **error) {
@@ -105,8 +105,8 @@ static gboolean on_signal(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* On a terminal each picture is drawn over the one before; elsewhere each is a few lines of text,
- * or with --json one of JSON. */
+/* Takes and shows the next picture. On a terminal, it is drawn over the previous one. Elsewhere,
+ * each picture is a few lines of text or, with --json, one line of JSON. */
 static gboolean show_next(Link *link, const char *camera, enum picture_way way, gboolean first,
                           GError **error) {
     g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);

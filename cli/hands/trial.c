@@ -6,7 +6,7 @@
 #include "geometry/rig.h"
 #include "hand_link.h"
 
-/* How far a device may stand from the ring that it serves; as the plan has it. */
+/* Maximum angle between a device and the ring that it serves, the same as in the plan. */
 #define TOLERANCE_DEG 0.5
 
 static gboolean is_planned(const struct ring *rings, int n, char **devices, const char *name,
@@ -22,7 +22,7 @@ static gboolean is_planned(const struct ring *rings, int n, char **devices, cons
     return planned;
 }
 
-/* On the sample's middle, W·m⁻². */
+/* Returns the irradiance of a lamp at the middle of the sample, in W·m⁻². */
 static double irradiance(const struct rig *rig, int lamp) {
     const struct vec3 at = rig_lamp_position_mm(NULL, &rig->lamps[lamp], 0);
     return rig_lamp_irradiance(NULL, &rig->lamps[lamp], 0, vec3(0, 0, 0)) * at.z /
@@ -35,7 +35,8 @@ static int by_irradiance(gconstpointer a, gconstpointer b, gpointer rig) {
     return x != y ? (x < y) - (x > y) : *(const int *)a - *(const int *)b;
 }
 
-/* The brightest, the dimmest, those at a third and at two thirds, and the others. */
+/* Sorts the lamps: the brightest, the dimmest, those at one third and two thirds of the order by
+ * brightness, then all others. */
 static void sort_lamps(struct trial *trial) {
     const int n = trial->n_lamps, firsts[TRIAL_FIRST_LAMPS] = {0, n - 1, n / 3, 2 * n / 3};
     int sorted[RIG_MAX_LAMPS], k = 0;
@@ -71,7 +72,8 @@ void trial_init(struct trial *trial, Link *link, const struct session_conf *conf
     sort_lamps(trial);
 }
 
-/* The azimuth of a ring, with the turntable at 0, that is farthest from all cameras. */
+/* Returns the azimuth of the position on a ring that is farthest from all cameras, with the
+ * turntable at 0. */
 static double free_azimuth_deg(const struct rig *rig, const struct ring *ring) {
     double best_deg = ring->offset_deg, farthest_deg = -1;
     for (int k = 0; k < ring->count; k++) {

@@ -1,20 +1,20 @@
-/* Pictures on trial before a capture, for test shots (guard.h) and for exposures that are "auto"
- * (auto_exposure.h): where the rig stands meanwhile, and which devices they are of. */
+/* Trial pictures before a capture, for test shots (guard.h) and for exposures that are "auto"
+ * (auto_exposure.h): the pose of the rig, and the devices that are tried. */
 #pragma once
 
 #include "common/link.h"
 #include "plan/plan.h"
 
-/* Lamps that are tried first: with a dark shot they make five. */
+/* Number of lamps that are tried first. With a dark shot this makes five shots. */
 #define TRIAL_FIRST_LAMPS 4
 
 struct trial {
     Link *link;
     const struct session_conf *conf;
     const struct rig *rig;                   /* nominal */
-    int cameras[RIG_MAX_CAMERAS], n_cameras; /* the session plans with these */
-    /* The session plans with these lamps. By the rig file, the first four are the brightest and the
-     * dimmest on the sample and two between. */
+    int cameras[RIG_MAX_CAMERAS], n_cameras; /* the cameras in the session's plan */
+    /* The lamps in the session's plan. According to the rig file, the first four are the brightest
+     * and the dimmest on the sample, and two between them. */
     int lamps[RIG_MAX_LAMPS], n_lamps;
     int lasers[RIG_MAX_LASERS], n_lasers;
 };
@@ -22,18 +22,20 @@ struct trial {
 void trial_init(struct trial *trial, Link *link, const struct session_conf *conf,
                 const struct rig *rig);
 
-/* Homes turntable, arc, arm and probe, and turns the arc to the planned light or laser position
- * (lasers) farthest from the cameras, where it stands in no picture. An axis that the rig lacks is
- * left out. ret_arc_deg: where the arc stands now. */
+/* Homes turntable, arc, arm and probe. Turns the arc to the position on the first planned ring of
+ * lights (of lasers, if lasers is TRUE) that is farthest from all cameras, so that it is not in
+ * their pictures. Axes that the rig lacks are left out. *ret_arc_deg is the angle of the arc, or 0
+ * if there is none. */
 gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
                     GError **error);
 
-/* Takes a picture, after the arm has moved to the camera's stop; a dark picture is taken wherever
- * the arm stands. */
+/* Moves the arm to the camera's stop and takes a picture. For a dark picture, the arm does not
+ * move. The caller owns the frame; frame_unref(). */
 Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, gboolean dark,
                   GError **error);
-/* Switches a lamp, after the probe has moved to the lamp's stop. */
+/* Switches a lamp on or off. Before a lamp on the probe is switched on, the probe moves to the stop
+ * of the lamp. */
 gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error);
 
-/* Rounds an exposure to two digits, since it is not known more exactly. */
+/* Rounds an exposure to two digits, because it is not known more exactly. */
 double trial_rounded_us(double us);

@@ -1,4 +1,4 @@
-/* compare: the difference between two forms of a material, or the errors of every codec. */
+/* compare: computes the difference of two forms of a material, or the errors of every codec. */
 #include "base/data_error.h"
 #include "btf/btf_sigma.h"
 #include "codecs/codecs.h"

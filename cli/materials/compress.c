@@ -14,7 +14,7 @@ struct compress {
     /* found */
     struct codec_result result;
     char *written;
-    OutputFile *to; /* of that name */
+    OutputFile *to; /* the output file; written is its name */
     int texels, views, lights;
     gint64 holes, bounds, raw_bytes, bytes, file_bytes;
 };

@@ -1,6 +1,5 @@
-/* Local PCA of a BTF by several processes, each with some of its texels in memory:
- * docs/research/compression.md.
- */
+/* Computes the local PCA of a BTF with several processes, each of which holds some of the texels in
+ * memory: docs/research/compression.md. */
 #include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
@@ -37,7 +36,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* The first rank reports for all, a line for each tenth of a stage. */
+/* The first rank reports the progress for all ranks, with a line for each tenth of a stage. */
 static void on_progress(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
@@ -87,7 +86,7 @@ static gboolean write_file(OutputFile *to, const struct lpca *lpca, GError **err
     return TRUE;
 }
 
-/* to: of the first rank. */
+/* to is the output of the first rank, and NULL on the others. */
 static gboolean compress(const char *path, const struct team *team, OutputFile *to,
                          enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
@@ -113,8 +112,8 @@ static gboolean compress(const char *path, const struct team *team, OutputFile *
     return ok;
 }
 
-/* The first rank alone writes, and holds the lock of the file meanwhile. A rank that fails ends all
- * of them; the kernel gives its lock back. */
+/* Only the first rank writes. It holds the lock of the file meanwhile. A rank that fails ends all
+ * ranks, and the kernel then releases the lock. */
 static gboolean compress_locked(const char *path, const struct team *team,
                                 enum lpca_quantise quantise, GError **error) {
     g_autoptr(OutputFile) to = NULL;
@@ -123,7 +122,8 @@ static gboolean compress_locked(const char *path, const struct team *team,
     return compress(path, team, to, quantise, error);
 }
 
-/* The launcher gives each process its rank in the environment; -1 if there is none. */
+/* Returns the rank of this process, which the launcher has put into the environment, or −1 if there
+ * is none. */
 static int rank_of_environment(void) {
     static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
                                         "SLURM_PROCID"};
@@ -133,8 +133,9 @@ static int rank_of_environment(void) {
     return -1;
 }
 
-/* Returns 2 for bad usage. The first rank reports bad usage for all ranks, and answers --help and
- * --version, in UTF-8 in any locale and even where MPI does not work. */
+/* Parses the options. Returns 2 for bad usage, otherwise 0. The first rank reports bad usage for
+ * all ranks, and answers --help and --version. Both are printed in UTF-8 in any locale, even if MPI
+ * does not work. */
 static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context = g_option_context_new("SESSION -o FILE");
     const gboolean first = rank_of_environment() <= 0;
@@ -182,7 +183,7 @@ int main(int argc, char **argv) {
     const struct team team = mpi_team();
     if (!compress_locked(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
-        /* One may have failed where the others wait for it. */
+        /* The other ranks may be waiting for this one. */
         MPI_Abort(MPI_COMM_WORLD, 1);
     }
     MPI_Finalize();

@@ -3,7 +3,7 @@
 #include <mpi.h>
 #include <string.h>
 
-#define PIECE ((gsize)1 << 26) /* elements a call: MPI counts in int */
+#define PIECE ((gsize)1 << 26) /* maximum number of elements per call: MPI counts in int */
 
 static void team_sum(void *values, gsize n, gsize size, MPI_Datatype type) {
     for (gsize i = 0; i < n; i += PIECE)

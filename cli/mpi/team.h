@@ -1,7 +1,8 @@
-/* The ranks of an MPI program as a team that compresses together. One thread. */
+/* The ranks of an MPI program as a team that compresses a BTF. Only one thread may use it. */
 #pragma once
 
 #include "base/team.h"
 
-/* The team of all ranks of MPI_COMM_WORLD; MPI must be initialised. An MPI error ends all ranks. */
+/* Returns the team of all ranks of MPI_COMM_WORLD. MPI must be initialised. An MPI error ends all
+ * ranks. */
 struct team mpi_team(void);

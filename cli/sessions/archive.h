@@ -47,7 +47,7 @@ struct archive_picture {
 };
 
 struct archive {
-    char *path, *name, *program, *created; /* created: ISO 8601, UTC */
+    char *path, *name, *program, *created; /* created is in ISO 8601, UTC */
     /* The keys sample, operator, notes and license of [session]; "" if a key is not given. */
     char *sample, *operator_name, *notes, *license;
     char *state;    /* "done", "unfinished", "paused", "aborted" */

@@ -1,4 +1,4 @@
-/* The calibration that the products of a session were made with, in words. */
+/* Describes in words the calibration that the products of a session were made with. */
 #include "archive.h"
 
 #include "session/made_with.h"

@@ -12,7 +12,7 @@
 
 /* Views whose elevations differ by less than this are one ring. */
 #define SAME_RING_DEG 1.0
-/* Shares and ratios from which on a check gives a warning, or fails. */
+/* Limits of shares and ratios from which a check gives a warning or fails. */
 #define RETAKES_WARN     0.01
 #define LATE_WARN        1.25
 #define HOLES_WARN       0.01

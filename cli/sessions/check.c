@@ -1,5 +1,5 @@
-/* check: whether the measurement is plausible: energy, reciprocity, views that agree on the
- * surface. */
+/* check: checks whether a measurement is plausible: energy, reciprocity, and agreement of the views
+ * on the surface. */
 #include "check.h"
 #include "base/data_error.h"
 #include "btf/btf_sigma.h"
@@ -12,7 +12,8 @@
 
 static char *plot_option;
 
-/* Whether the folder holds views: it also exists without any, in a session of sweeps only. */
+/* Returns whether the folder contains views. In a session of sweeps only, the folder exists without
+ * views. */
 static gboolean has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     const char *name;
@@ -143,7 +144,8 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
         return;
     }
     record_int(to, "sigma_worse", sigma.worse);
-    /* What most pictures have is no warning: it would come in every session of a fine structure. */
+    /* If most pictures have large error bars, this is not a warning, because it is so in every
+     * session of a fine structure. */
     if (2 * sigma.large > sigma.known)
         record_say(to,
                    "  in %d of %d pictures σ is more than %.0f %% of half of the values: %s reduce "

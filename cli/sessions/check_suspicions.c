@@ -16,7 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MIN_COS    0.05 /* least difference of cos θ within a pair */
+#define MIN_COS    0.05 /* minimum difference of cos θ within a pair */
 #define MIN_PAIRS  6
 #define MIN_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
 #define BETTER     4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
@@ -24,10 +24,11 @@
 #define MAX_ALBEDO 1.05
 #define MIN_ALBEDO 0.002 /* the blackest paints have more */
 #define MIN_SEEN   0.3
-#define MAX_ABOVE  0.01 /* of the texels, that the laser shows above the reference plane */
-#define DEAD       0.03 /* of a view's upper quartile: less is a picture without light */
-#define MIN_LIGHTS 4    /* of a view, for that quartile */
-#define FEW_NAMES  4    /* of dark lights that are named */
+/* Maximum part of the texels that the laser shows above the reference plane. */
+#define MAX_ABOVE  0.01
+#define DEAD       0.03 /* part of a view's upper quartile below which a picture has no light */
+#define MIN_LIGHTS 4    /* minimum number of a view's lights for that quartile */
+#define FEW_NAMES  4    /* maximum number of dark lights that are named */
 #define ROWS       256
 
 enum tone { AS_IS, ENCODED, DECODED, TONES };
@@ -50,7 +51,8 @@ static double cos_deg(double deg) {
     return cos(deg * G_PI / 180);
 }
 
-/* struct exchanged, of lights at different polar angles. */
+/* Returns the pairs of directions in which view and light are exchanged, as struct exchanged. Only
+ * pairs whose lights have different polar angles are included. */
 static GArray *find_exchanged(const struct btf_layout *layout) {
     const int n_lights = (int)layout->lights.n, n = (int)layout->views.n * n_lights;
     g_autofree int *other = energy_exchanges(layout);
@@ -65,8 +67,8 @@ static GArray *find_exchanged(const struct btf_layout *layout) {
     return pairs;
 }
 
-/* TONES × view × light: means over texels of the luminance, to the power of 1, 1/2.2 and 2.2; NULL:
- * an error. */
+/* Returns the means over texels of the luminance to the power of 1, 1/2.2 and 2.2: TONES × view ×
+ * light values. Returns NULL on error. */
 static double *find_means(const struct btf_matrix *btf, GError **error) {
     static const double power[TONES] = {1, 1 / DISPLAY, DISPLAY};
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
@@ -92,7 +94,7 @@ static double *find_means(const struct btf_matrix *btf, GError **error) {
     return g_steal_pointer(&means);
 }
 
-/* The asymmetry s of the values minus a pedestal. */
+/* Returns the asymmetry s of the values minus a pedestal. */
 static double asymmetry(const GArray *pairs, const double *values, double pedestal) {
     double differences = 0, squares = 0;
     for (guint i = 0; i < pairs->len; i++) {
@@ -105,7 +107,7 @@ static double asymmetry(const GArray *pairs, const double *values, double pedest
     return squares > 0 ? sqrt(differences / squares) : 0;
 }
 
-/* The p that minimises Σ (a − b − p w)² with w = 1/cos θ_a − 1/cos θ_b: Σ (a − b) w / Σ w². */
+/* Returns p = Σ (a − b) w / Σ w² with w = 1/cos θ_a − 1/cos θ_b. It minimises Σ (a − b − p w)². */
 static double best_pedestal(const GArray *pairs, const double *values) {
     double up = 0, down = 0;
     for (guint i = 0; i < pairs->len; i++) {

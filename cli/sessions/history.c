@@ -29,7 +29,7 @@ struct take { /* a picture set of one shot, with the time of its last picture */
 struct history {
     cairo_t *cr;
     GPtrArray *shots, *frames, *events;
-    GArray *takes; /* struct take, by time */
+    GArray *takes; /* of struct take, sorted by time */
     double end_s, bound_s;
     int retakes;
 };

@@ -1,4 +1,4 @@
-/* info: the contents of a session directory or an EXR. */
+/* info: prints the contents of a session directory or an EXR file. */
 #include "info.h"
 #include "sessions.h"
 
@@ -27,7 +27,7 @@ struct counts {
     gint64 bytes;
 };
 
-/* Takes the array. */
+/* Returns the length of an array, and releases the array. */
 static int length_of(GPtrArray *array) {
     const int n = array ? (int)array->len : 0;
     g_clear_pointer(&array, g_ptr_array_unref);
@@ -140,7 +140,7 @@ static void tell_products(Record *to, const char *directory) {
                    PLURAL(n_views, "view"), view_bytes);
 }
 
-/* Tells only medians; `mesorig check` tells which pictures are worse. */
+/* Reports only medians. `mesorig check` reports which pictures are worse. */
 static void tell_sigma(Record *to, const char *directory) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(directory, &sigma);

@@ -47,8 +47,8 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->rig.guardian, TRUE);
     bus->rig.devices = devices_open(path, &failed);
     if (!bus->rig.devices) {
-        /* A device that has not answered may shine. A device that another process has open is the
-         * responsibility of that process. Wrong sections are found before any device is opened. */
+        /* A device that has not answered may give light, unless another process has it open: that
+         * process is then responsible. Wrong sections are found before any device is opened. */
         const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->rig.guardian,
                      failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
@@ -124,8 +124,8 @@ void bus_close_rig(Bus *bus) {
     show_idle(bus);
 }
 
-/* Ends all operations, and commands every device off or to a stop. A device that does not confirm
- * appears in the property Unsafe. Without a rig, it only ends calls that have not begun. */
+/* Ends all operations, and commands every device off or to stop. A device that does not confirm
+ * appears in the property Unsafe. Without a rig, only calls that have not begun are ended. */
 static void make_safe(gpointer data) {
     Bus *bus = data;
     g_autoptr(GError) error = NULL;

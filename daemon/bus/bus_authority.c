@@ -77,7 +77,7 @@ static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     return !on;
 }
 
-/* Answers a call that may not begin because of the safe state with an error. */
+/* If a call may not begin because of the safe state, answers it with an error. */
 static gboolean refuse_latched(struct bus_authority *authority, GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     GError *error = NULL;
@@ -120,7 +120,7 @@ static void pass_on(GDBusMethodInvocation *invocation) {
                                         invocation, object);
 }
 
-/* Ends the question with an error. Takes ownership of the error. */
+/* Answers the call of a question with an error. Takes ownership of the error. */
 static void question_refuse(struct question *question, GError *error) {
     g_dbus_method_invocation_take_error(g_steal_pointer(&question->invocation),
                                         bus_errors_wrap(error));

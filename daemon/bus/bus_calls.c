@@ -2,8 +2,8 @@
 #include "bus_private.h"
 #include "bus_safety.h"
 
-/* Ends a failed method call: returns the error to the client. Handlers emit changed properties
- * before they return a result, so that the client never reads an old state after its call. */
+/* Answers a failed method call with an error. Handlers emit changed properties before they return a
+ * result, so that the client never reads an old state after its call. */
 static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;
@@ -210,7 +210,7 @@ static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation,
     return TRUE;
 }
 
-/* Connects all handlers except that of SafeState, which bus_latch.c answers. */
+/* Connects all handlers except the handler of SafeState, which bus_latch.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
         const char *signal;

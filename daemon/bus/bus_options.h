@@ -9,7 +9,7 @@ struct bus_options {
     char *calibration; /* path; NULL for the file that the rig file names */
     /* Contents of those files; NULL if they have to be read. */
     char *session_text, *calibration_text;
-    /* For session_conf_choose(); NULL if no exposure is auto. */
+    /* Lines for session_conf_choose(); NULL if no exposure is auto. */
     char *exposures;
 };
 

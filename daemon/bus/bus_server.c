@@ -13,9 +13,10 @@
 #include <unistd.h>
 
 /*
- * GDBusServer is not used, for two reasons. If the table of descriptors is full, it is ready all
- * the time and logs an error each time that it cannot accept. And a client that does not
- * authenticate itself keeps a thread for ever.
+ * GDBusServer is not used, for two reasons:
+ * - If the table of descriptors is full, its socket is ready all the time, and it logs an error for
+ *   each connection that it cannot accept.
+ * - A client that does not authenticate itself keeps a thread for ever.
  */
 
 #define RESERVED_PART 8  /* clients leave 1/8 of the descriptors to devices and files */

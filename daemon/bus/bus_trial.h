@@ -18,7 +18,7 @@ enum bus_trial_end {
 typedef void (*BusTrialFunc)(const char *chosen, const char *said, enum bus_trial_end end,
                              gpointer data);
 
-/* Starts the program. address is that of bus_new(). */
+/* Starts the program. address is the argument of bus_new(). */
 struct bus_trial *bus_trial_start(const char *address, const struct queue_item *item,
                                   BusTrialFunc func, gpointer data, GError **error);
 

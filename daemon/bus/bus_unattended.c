@@ -11,7 +11,7 @@
 /* Number of sessions in a row that have stopped, after which a fault of the rig is assumed. */
 #define MAX_STOPPED 2
 
-/* The moment of a capture that was last reported to clients. */
+/* The moments of a capture that are reported to clients. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
 
 struct bus_unattended {
@@ -25,7 +25,8 @@ struct bus_unattended {
     guint stopped_in_row;
     gboolean has_worked; /* a session has run since the axes were last parked */
     guint n_parking;     /* number of axes that are being parked */
-    /* State of the rig when the queue became empty, or the reason why there is none, or NULL. */
+    /* The state in which the rig was left when the queue became empty, or the reason why this
+     * daemon has no queue. NULL if neither applies. */
     char *rest;
     GString *not_parked;    /* axes that could not be parked, and the reasons */
     gboolean held_by_fault; /* the queue is paused because its session is paused by a fault */
@@ -210,7 +211,7 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
         stop_item(at, error->message, FALSE);
 }
 
-/* Begins or resumes a session of the queue in a child process, like Start and Resume. */
+/* Makes or examines a session of the queue in a child process, as Start and Resume do. */
 static void start_job(struct bus_unattended *at, const struct queue_item *item, gboolean resumes) {
     struct bus_caller caller = {.uid = item->uid};
     caller.n_groups = (int)MIN(item->groups->len, BUS_CALLER_GROUPS);

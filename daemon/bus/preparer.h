@@ -35,7 +35,7 @@ struct preparer_request {
     const char *directory;    /* may be empty with PREPARER_CHECK */
     /* Path of a calibration that replaces the one in the rig file. NULL keeps that one. */
     const char *calibration;
-    /* PREPARER_BEGIN: for session_conf_choose(); NULL if no exposure is auto */
+    /* PREPARER_BEGIN: lines for session_conf_choose(); NULL if no exposure is auto. */
     const char *chosen;
     const char *calibration_text; /* contents of that file; NULL if it has to be read */
     const struct bus_caller

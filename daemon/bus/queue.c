@@ -149,7 +149,8 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     g_ptr_array_add(queue->items, g_steal_pointer(&taken));
     if (queue_file_write(queue, error)) {
         while (n_ended-- > MAX_ENDED)
-            g_ptr_array_remove_index(queue->items, 0); /* the next change also writes that */
+            g_ptr_array_remove_index(queue->items,
+                                     0); /* the next change also writes this removal */
         return TRUE;
     }
     queue->next_id--;
@@ -157,7 +158,8 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     return FALSE;
 }
 
-/* Returns FALSE if the session has begun or is about to begin. */
+/* Returns FALSE with an error if a session is being captured or its test shots are being taken.
+ * what names the refused action. */
 static gboolean is_still(const struct queue_item *item, const char *what, GError **error) {
     if (item->state == QUEUE_WAITING || item->state == QUEUE_HANDS || has_ended(item))
         return TRUE;
@@ -213,7 +215,7 @@ gboolean queue_set(Queue *queue, struct queue_item *item, enum queue_state state
     g_free(before);
     item->state = state;
     if (has_ended(item)) {
-        /* It is put behind the sessions that have ended before it, and in front of those that
+        /* The session is put behind those that have ended before it, and in front of those that
          * wait. */
         guint from, to = 0;
         g_ptr_array_find(queue->items, item, &from);

@@ -40,7 +40,7 @@ struct queue_item {
     char *calibration, *calibration_text; /* replaces the rig's calibration; empty to keep it */
     /* What a user must do before the session; empty for nothing. */
     char *prompt;
-    /* For session_conf_choose(); empty if nothing is chosen yet. */
+    /* Lines for session_conf_choose(); empty if nothing is chosen yet. */
     char *chosen;
     char *message; /* reason why it has stopped */
     double predicted_s;

@@ -42,7 +42,7 @@ static void on_event(const char *level, const char *source, const char *message,
         capture->callbacks.event(capture, level, source, message, capture->callbacks.data);
 }
 
-/* Makes everything that captures into the session. Nothing is started yet. */
+/* Makes the intake and the sequencer, and loads the values of earlier runs. Starts nothing. */
 static gboolean open_parts(Capture *capture, GError **error) {
     struct capture_session *session = &capture->session;
     struct intake_hooks intake_hooks = capture_intake_hooks;

@@ -102,5 +102,5 @@ void capture_abort(Capture *capture);
 void capture_get_status(Capture *capture, struct capture_status *ret);
 
 /* Returns the latest picture of a camera, scaled so that the 99th percentile is white. Returns NULL
- * before the first picture. */
+ * before the first picture. The capture owns it. Valid until control returns to the main loop. */
 const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera);

@@ -28,7 +28,8 @@ static double planned_bytes(struct capture_bytes *bytes, const struct capture_se
                                    &footprints(bytes, session)[camera]);
 }
 
-/* Kept exposures and laser frames have no rows, and have their planned size. */
+/* Returns whether the sizes of a camera's frames vary. Kept exposures and laser frames have no
+ * rows, and count with their planned sizes. */
 static gboolean vary(const struct capture_session *session, int camera) {
     return plan_bytes_vary(&session->devices->geometry.cameras[camera]) &&
            !session->conf.keep_exposures && !session->conf.keep_laser_frames;

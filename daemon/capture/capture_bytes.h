@@ -1,6 +1,6 @@
 /* Estimate of the disk space of a session that is being captured. It begins with the plan's
- * estimate and is corrected by the frames stored so far. The struct belongs to the
- * Capture. Main loop's thread. */
+ * estimate and is corrected by the frames stored so far. The struct belongs to the Capture. Main
+ * loop's thread. */
 #pragma once
 
 #include "capture_session.h"
@@ -29,9 +29,10 @@ void capture_bytes_clear(struct capture_bytes *bytes);
 void capture_bytes_begin(struct capture_bytes *bytes, const struct capture_session *session,
                          const GPtrArray *frames);
 
-/* Counts the frames of a shot that was committed, the shot number n_committed of this run; is_last
- * says that it is the last one. Adds an event when the expected size of the whole
- * session differs by more than a twentieth from the size in the last event. */
+/* Counts the frames of a shot that was committed. n_committed is the number of shots that this run
+ * has committed, including this one. is_last says that the shot is the last one of the run. Adds an
+ * event when the expected size of the whole session differs by more than a twentieth from the size
+ * in the last event. */
 void capture_bytes_add(struct capture_bytes *bytes, const struct capture_session *session,
                        const struct session_shot *shot, const struct session_frame *frames, int n,
                        guint n_committed, gboolean is_last);

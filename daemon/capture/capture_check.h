@@ -11,7 +11,7 @@ guint64 capture_free_bytes(const char *path);
 /* Returns whether writing failed because the disk is full. */
 gboolean capture_is_full(const char *directory, const GError *error);
 
-/* Fails if the disk has not that many free bytes, and says how many are missing. */
+/* Fails if the disk has fewer free bytes than this. The error says how many are missing. */
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 
 /* Fails for a session of another rig, or if the shots name devices that this rig lacks. */
@@ -27,8 +27,8 @@ char *capture_check_options(Session *session, const struct devices *devices);
 #define CAPTURE_DEVICES_KEY "devices"
 char *capture_check_devices_text(const struct devices *devices);
 
-/* Returns a warning that lists the devices if other devices answer now than then, otherwise NULL;
- * g_free(). Only devices whose identity is known both times are compared. */
+/* Returns a warning that lists the devices if other devices answer now than when the session was
+ * begun, otherwise NULL; g_free(). Only devices whose identity is known both times are compared. */
 char *capture_check_devices(Session *session, const struct devices *devices);
 
 /* Returns a warning if the rig's calibration has changed since the session was begun, otherwise

@@ -1,7 +1,6 @@
 /* Evaluates the marks on the turntable during a capture. They give the output of each lamp, which
  * the session stores, and show whether a camera or the turntable has moved since the calibration.
- * The
- * struct belongs to the Capture. Main loop's thread. */
+ * The struct belongs to the Capture. Main loop's thread. */
 #pragma once
 
 #include "capture_session.h"

@@ -1,6 +1,6 @@
-/* A capture: the parts that capture.c (opening a session, its state and its commands) and
- * capture_run.c (running it) put together. Each part has a header of its own and knows nothing of
- * the others but what it is given. Main loop's thread. */
+/* The Capture puts together the parts of a capture. capture.c opens a session and has its state and
+ * commands. capture_run.c runs it. Each part has a header of its own, and knows only the other
+ * parts that it is given. Main loop's thread. */
 #pragma once
 
 #include "capture.h"
@@ -37,7 +37,7 @@ struct Capture {
     struct time_left time_left;
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
 
-    /* what is known of rig and sample */
+    /* what is known about the rig and the sample */
     struct capture_mounts mounts;
     struct capture_lasers lasers;
     struct capture_marks marks;

@@ -140,7 +140,8 @@ static void pause_for_mounting(Capture *capture) {
 
 static void when_all_is_committed(Capture *capture) {
     const struct run_shots *run = &capture->run;
-    /* Shots that have returned may be held for shots that a pause has postponed. */
+    /* If a pause has postponed the shots that check the lasers, shots that have returned stay held.
+     * The capture does not wait for them. */
     const gboolean held = run->n_committed < run->n_held && flights_are_back(&capture->flights);
     if (!capture->all_taken || !(flights_n(&capture->flights) == 0 || held))
         return;
@@ -153,7 +154,7 @@ static void when_all_is_committed(Capture *capture) {
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
 }
 
-/* Returns FALSE after a fault; nothing is in flight then. */
+/* Commits a shot. Returns FALSE after a fault, after which nothing is in flight. */
 static gboolean commit(Capture *capture, const struct flight *flight) {
     struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -190,9 +191,9 @@ static gboolean commit(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Returns a camera whose picture was repeated, possibly after the lamp had died, and which saw
- * nothing while other cameras saw light; −1 if there is none. A camera whose first picture shows
- * nothing may see a black object. */
+/* Returns a camera whose picture was repeated and shows nothing, because the lamp may have died
+ * before the repetition. Returns −1 if there is none. A camera whose first picture shows nothing is
+ * not returned, because it may see a black object. */
 static int find_blind(const struct flight *flight, int n_cameras, double min_dn) {
     for (int c = 0; c < n_cameras; c++)
         if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
@@ -328,7 +329,7 @@ static void on_homed(gpointer data) {
     Capture *capture = data;
     const struct capture_session *session = &capture->session;
     time_left_predict(&capture->time_left, 0, capture_session_now_s(session));
-    /* For the history: since the last shot, or the beginning, only axes have been homed. */
+    /* Tells the history that axes were only homed since the last shot or the beginning. */
     session_add_event(session->store, capture_session_now_s(session), "info", "capture",
                       SESSION_EVENT_HOMED, NULL);
     if (capture->state == CAPTURE_HOMING)
@@ -381,8 +382,8 @@ static void on_fault(const char *source, const char *reason, gboolean rig, gpoin
     capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
-/* Reports this even if no shots are being taken, and adds it to the reason for the pause, which is
- * read later. */
+/* Reports an unsafe device even if no shots are being taken. Also adds it to the reason for the
+ * pause, which is read later. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))

@@ -17,7 +17,7 @@ struct capture_session {
     struct calibration *calibration;
     GPtrArray *shots;   /* of struct session_shot: all shots of the session */
     Adaptive *adaptive; /* chooses shots; NULL if all shots are taken */
-    /* Numbers of shots that will be taken as far as is known, and that are done. */
+    /* Number of shots that will be taken, as far as known, and number of shots that are done. */
     int n_shots, n_done;
     struct run_clock clock;
     /* Receives each event that is added; may be NULL. */

@@ -10,10 +10,12 @@ struct event_limit {
     int suppressed;
 };
 
-/* Adds a warning, or counts it if the last one was added less than a minute ago. */
+/* Adds a warning as an event, together with the number of warnings that were counted before. If the
+ * last warning was added less than a minute ago, only counts this one. */
 void event_limit_warn(struct event_limit *limit, const struct capture_session *session,
                       const char *source, const char *message);
 
-/* Reports how many frames were counted since, "3 more frames were " and what, and begins again. */
+/* If warnings were counted since the last event, adds an event with their number: "3 more frames
+ * were " followed by what. Then starts again. */
 void event_limit_flush(struct event_limit *limit, const struct capture_session *session,
                        const char *source, const char *what);

@@ -1,8 +1,8 @@
 #include "exposure_advice.h"
 
 #define KEY         "saturated_retakes"
-#define MAX_LACKING 0.5 /* maximum share of values without advice */
-#define MAX_RETAKEN 0.5 /* maximum number of repetitions per picture without advice */
+#define MAX_LACKING 0.5 /* up to this share of lacking values, no advice is given */
+#define MAX_RETAKEN 0.5 /* below this number of repetitions per picture, no advice is given */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)

@@ -18,5 +18,5 @@ struct run_totals {
 gboolean run_totals_load(struct run_totals *totals, const struct capture_session *session,
                          GError **error);
 void run_totals_save(struct run_totals *totals, const struct capture_session *session);
-/* Saves the totals if they were last saved 10 s ago on the session's clock. */
+/* Saves the totals if they were last saved at least 10 s ago on the session's clock. */
 void run_totals_save_if_due(struct run_totals *totals, const struct capture_session *session);

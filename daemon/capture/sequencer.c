@@ -346,7 +346,7 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
            !(seq->waiting & 1u << c))
-        c++; /* the camera of its stops that is awaited */
+        c++; /* finds the stop of this camera whose frame is awaited */
     const gboolean passing = seq->state == PASSING;
     if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
         seq->devices->cameras[c] != camera)
@@ -396,7 +396,8 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
         seq->units[c] = (struct sequencer_unit){.sequencer = seq, .camera = c};
-        if (devices_is_unit(&devices->geometry, c)) /* to the camera of its stop: see on_camera() */
+        /* All stops of a camera share one listener: see on_camera(). */
+        if (devices_is_unit(&devices->geometry, c))
             camera_listen(devices->cameras[c], on_camera, &seq->units[c]);
     }
     return seq;

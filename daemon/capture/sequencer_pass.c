@@ -118,8 +118,8 @@ void sequencer_pass_start(Sequencer *seq) {
     stage_turn(seq->stage, way->by_deg, way->speed_deg_s);
 }
 
-/* Gives the time when the cameras must be triggered for a shot. Returns FALSE if the time is not
- * known yet. */
+/* Computes the time at which the cameras must be triggered for a shot. Returns FALSE if the time is
+ * not known yet. */
 static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *shot,
                                 gint64 *ret_us) {
     const struct axis_motion *motion = &seq->devices->turntable->motion;
@@ -183,7 +183,7 @@ static void pass_schedule(Sequencer *seq) {
     }
 }
 
-/* Passes on an accepted frame with its angle of the table. */
+/* Passes on an accepted frame with the angle at which it was exposed. */
 static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double off_deg) {
     struct pass_shot *shot = &seq->pass.shots[told->shot];
     const double stored_off_deg = ldexp(rint(ldexp(off_deg, POSE_BITS)), -POSE_BITS);

@@ -8,7 +8,7 @@
 struct track { /* an axis */
     Stage *stage;
     Axis *axis;
-    double at_deg; /* last position that it was sent to and reached; NAN if not known */
+    double at_deg; /* the last goal position that the axis has reached; NAN if not known */
     double target_deg;
     gboolean homing, homed;
 };
@@ -122,8 +122,8 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
         track->at_deg = track->target_deg;
         changed(track->stage);
     } else {
-        /* The axis stopped without a command: a limit switch, or somebody at the drive's own
-         * panel. */
+        /* The axis has stopped without a command, because of a limit switch or because somebody
+         * stopped it at the drive's own panel. */
         g_autoptr(GError) stalled = NULL;
         device_error_set(&stalled, DEVICE_ERROR_STALLED, axis->device.who,
                          "it was stopped on its way to %g°", track->target_deg);

@@ -42,13 +42,13 @@ gboolean stage_is_homed(const Stage *stage);
  * changed. Lights that must be dark are switched off first. */
 void stage_pursue(Stage *stage, const struct stage_goal *goal);
 
-/* Turns the turntable, which must stand still, by an angle at a speed (axis_turn()). Its reports
- * and its arrival are reported as changes. Afterwards its position is not known to be that of any
- * goal. */
+/* Turns the turntable by an angle at a speed (axis_turn()). The turntable must stand still before.
+ * Its position reports and its arrival are reported as changes. Afterwards the stage does not
+ * assume that the turntable stands at the position of any goal. */
 void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 
-/* Returns whether everything is as the goal says. ret_at_us is the time from which its light is
- * stable. */
+/* Returns whether all axes and lights are as the goal says. *ret_at_us is the time from which the
+ * light is stable. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
 /* Brings the rig into the safe state immediately. Positions are unknown afterwards. Until

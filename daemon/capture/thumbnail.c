@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Mean of each colour over a square of side pixels, above black. */
+/* Computes the mean of each colour above black, over a square of side × side pixels. */
 static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb[3]) {
     double sum[3] = {0};
     int n[3] = {0};

@@ -1,7 +1,7 @@
 #include "time_left.h"
 
-/* This number of shots that are as late as planned is added to those that were exposed, so that the
- * first shots are not believed too much. */
+/* For the mean delay, this number of shots without a delay is added to the shots that were exposed.
+ * The first shots then do not count too much. */
 #define DOUBTED 0.5
 
 gboolean time_left_load(struct time_left *left, const struct capture_session *session,
@@ -29,7 +29,8 @@ static struct shots_left *plan_shots(const struct capture_session *session,
     return ret;
 }
 
-/* Returns the time that shots will take if they are as late as those of their kind were so far. */
+/* Returns the time that shots will take if they are delayed as much as the earlier shots of their
+ * kind. */
 static double predict(const struct time_left *left, const struct shots_left *shots) {
     double sum_s = shots->planned_s;
     for (int k = 0; k <= SHOT_SWEEP; k++)

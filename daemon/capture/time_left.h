@@ -5,8 +5,8 @@
 
 #include "capture_session.h"
 
-/* What is left before a shot: the time by the plan, and the number of shots of each kind (enum
- * session_shot_kind). */
+/* The work that is left before a shot: the time according to the plan, and the number of shots of
+ * each kind (enum session_shot_kind). */
 struct shots_left {
     double planned_s;
     int n[SHOT_SWEEP + 1];
@@ -14,10 +14,11 @@ struct shots_left {
 
 struct time_left {
     double predicted_s, lower_bound_s; /* of the whole session, by the plan */
-    /* Before each of the n_shots shots of this run, and after the last; NULL before the run. */
+    /* The work that is left before each of the n_shots shots of this run and, in the last element,
+     * after the last shot. NULL before the run. */
     struct shots_left *plan;
     guint n_shots;
-    /* By which time the shots of each kind took longer than planned, and the number of these
+    /* The time by which the shots of each kind took longer than planned, and the number of these
      * shots. */
     struct {
         double late_s;
@@ -41,9 +42,9 @@ void time_left_begin(struct time_left *left, const struct capture_session *sessi
  */
 void time_left_predict(struct time_left *left, guint n, double at_s);
 
-/* Counts the time since the last prediction as spent on the shots that were exposed since, of which
- * the last, number n, is of this kind. Call it before time_left_predict(). If several cameras end
- * the same shot, each counts what it took longer. */
+/* Assigns the time since the last prediction to the shots that were exposed since then. The last of
+ * them is shot n of the run and is of this kind. Call it before time_left_predict(). If several
+ * cameras end the same shot, each adds its additional time. */
 void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint n, double at_s);
 
 /* Returns the time left at now_s, counted down from the last prediction. */

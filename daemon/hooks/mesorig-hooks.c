@@ -1,5 +1,5 @@
-/* mesorig-hooks: tells others what happens to captures and to the rig. It is a separate process
- * that receives the daemon's signals and has no rights to call methods. */
+/* mesorig-hooks: reports events of captures and of the rig to other programs and to the desktop. It
+ * is a separate process that receives the daemon's signals and has no rights to call methods. */
 #include "base/program.h"
 #include "hooks.h"
 

@@ -48,9 +48,10 @@ static int fail(const GError *error) {
     return 1;
 }
 
-/* systemd's ExecStopPost (it sets SERVICE_RESULT) also runs after a service that could not start
- * because another daemon has the rig, which must not be switched off then. What is not safe after
- * it is left to a guardian, if none is at work. */
+/* Makes the rig safe. systemd also runs this as ExecStopPost, with SERVICE_RESULT set. It does so
+ * even if the service could not start because another daemon has the rig, which must not be
+ * switched off in this case. Devices that are not safe afterwards are left to a guardian, unless
+ * one is already at work. */
 static int safe_state(const char *path) {
     const gboolean service = g_getenv("SERVICE_RESULT") != NULL;
     g_autoptr(GError) error = NULL;
@@ -68,7 +69,7 @@ static int safe_state(const char *path) {
     return safe ? 0 : 1;
 }
 
-/* To the journal as it is, with its level; elsewhere a line that people can read. */
+/* Writes a message with its level to the journal, or elsewhere a line that people can read. */
 static GLogWriterOutput write_log(GLogLevelFlags level, const GLogField *fields, gsize n,
                                   gpointer data) {
     const char *message = NULL, *domain = NULL;
@@ -166,7 +167,7 @@ static void on_name_lost(GDBusConnection *connection, const char *name, gpointer
 
 static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
-        /* For the socket only: its owner may connect. */
+        /* The mask applies only to the socket: only its owner may connect. */
         const mode_t before = umask(0077);
         daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);

@@ -29,9 +29,10 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
 struct passes_speed {
     double deg_s;
     gboolean by_axis; /* the speed is the maximum speed of the turntable */
-    gboolean by_pose; /* otherwise the speed is limited by the pose's error instead of the blur */
+    /* If by_axis is FALSE: the speed is limited by the error of the pose, not by the blur. */
+    gboolean by_pose;
     double blur_texels, blur_mm; /* blur of the sample's corner at that speed */
-    double pose_texels;          /* 2 δ */
+    double pose_texels;          /* movement of the sample's corner during 2 δ at that speed */
 };
 struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
                                  const struct rig_timing *timing, guint32 cameras);

@@ -204,7 +204,8 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     return positions;
 }
 
-/* Gives cameras in whose picture the arc stands another pose with a shifted arc, or none. */
+/* Adds a pose for cameras in whose pictures the arc stands: with a shifted arc if that helps,
+ * otherwise as skipped. Fails if on_blocked is refuse. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
     g_autofree char *names = plan_camera_names(b, p.cameras);
@@ -390,7 +391,7 @@ static gboolean plan_check_sampling(const struct plan_build *b, GError **error) 
     return unit == NULL;
 }
 
-/* Sets is_first. */
+/* Sets is_first of all shots. */
 static void plan_find_first(struct plan_build *b) {
     const int n = (int)b->shots->len;
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, n + 1);
@@ -466,7 +467,7 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
     for (guint i = 0; i < later->len; i++)
         g_array_index(later, struct session_shot, i).pose += plan->n_poses;
     plan->n_poses += n_later;
-    /* The same shots in another order. The shots keep their strings, which are not copied. */
+    /* The result has the same shots in another order. Their strings are not copied. */
     g_array_append_vals(first, later->data, later->len);
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
 }
@@ -611,8 +612,8 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
     return array;
 }
 
-/* The planning time grows with the square of the number of poses, the memory with that of the arc's
- * angles. */
+/* The planning time grows with the square of the number of poses. The memory grows with the square
+ * of the number of the arc's angles. */
 static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most, const char *what,
                                 GError **error) {
     if (n <= (guint64)most)

@@ -49,8 +49,8 @@
 #define PLAN_MAX_SHOTS      100000
 #define PLAN_MAX_ARC_ANGLES 8192
 
-/* Checks the order of two arguments: a command takes the rig file first. Returns whether neither
- * path is that of the other kind of file. */
+/* Checks the order of two arguments: a command takes the rig file first. Returns FALSE with an
+ * error if one path is a file of the other kind. */
 gboolean plan_check_order(const char *rig_path, const char *session_path, GError **error);
 
 struct plan {
@@ -121,9 +121,9 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
                                      const struct rig_camera *camera);
 
 /* Returns the disk space of one camera's part of a shot, including kept frames and the row.
- * Pictures for which plan_bytes_vary() is true are compressed, and their size depends on their
- * noise. A sweep is assumed to be visible wherever it passes the sample. Pixels without a line take
- * almost no space. footprint is that of the camera. */
+ * footprint is the footprint of this camera. Pictures for which plan_bytes_vary() is true are
+ * compressed, and their size depends on their noise. A sweep is assumed to be visible wherever it
+ * passes the sample. Pixels without a line take almost no space. */
 guint64 plan_shot_bytes(const struct session_conf *conf, const struct rig *rig,
                         const struct session_shot *shot, int camera, int bits,
                         const struct plan_footprint *footprint);
@@ -139,9 +139,9 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
 /* Finds which of n shots belong to the first round of [lasers] stop = covered (ret_first, n). These
  * are all shots except the sweeps that may add little according to the rig's geometry. The sweeps
- * of each turntable angle are chosen one after the other. Each time, the sweep is chosen for which
- * coverage_model_adds() gives the maximum over all of its cameras together. The order of the shots
- * does not matter. Without STOP_COVERED all shots belong to it. */
+ * of each turntable angle are chosen one after the other. Each time, the sweep is chosen whose sum
+ * of coverage_model_adds() over its cameras is the largest. The order of the shots does not matter.
+ * Without STOP_COVERED, all shots belong to the first round. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 

@@ -5,7 +5,7 @@
 #include <math.h>
 
 /* Overhead of an uncompressed scan line: its entry in the table of offsets, its number and its
- * size. In a file of several parts also the number of its part. */
+ * size. In a file of several parts, the line also has the number of its part. */
 #define LINE_BYTES      16
 #define PART_LINE_BYTES 20
 /* File systems allocate space in blocks of this size (ext4, XFS, Btrfs, tmpfs). */
@@ -23,7 +23,7 @@
 
 /* Files with more pixels are compressed with PIZ (intake_write.c). Each block of 32 rows has a
  * separate table of codes, and the size of its values depends on their noise. The size of a file is
- *     values · (surroundings + (lit − surroundings) · share) + blocks · table
+ *     pixels · (surroundings + (lit − surroundings) · share) + blocks · table
  * bytes. Here share is the part of the pixels that shows the sample (lamp) or that the laser's line
  * passes (sweep); pixels that are not lit take little space. The constants are a least-squares fit
  * over captures of five simulated materials (woven, brick, brushed, peanuts, ridges) at 384² to
@@ -33,8 +33,8 @@
 #define BLOCK_ROWS   32
 #define NOISE_BITS   12 /* of the cameras of those captures */
 
-struct packing {              /* of a pixel of a part */
-    double surroundings, lit; /* bytes */
+struct packing {              /* disk space of a compressed part */
+    double surroundings, lit; /* bytes per pixel */
     double table;             /* bytes of a block */
     double bit;               /* reduction of the bytes for each bit that a camera has fewer */
 };
@@ -46,7 +46,7 @@ static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
  * bytes for each doubling of the number of dark frames, up to eight. Beyond eight, a half cannot
  * store a finer level. */
 #define DARK_DIGITS 0.13
-#define DARK_FRAMES 4 /* in those captures */
+#define DARK_FRAMES 4 /* number of dark frames in those captures */
 #define MAX_DIGITS  8
 /* If no pixel shows the line of a sweep, the file contains only zeros. */
 static const struct packing packed_nothing = {0, 0, 100, 0};

@@ -63,7 +63,7 @@ struct candidates {                  /* of one kind */
     char **of; /* the devices whose directions are wanted; NULL for rings */
     const struct ring *rings;
     int n_rings;
-    enum session_shot_kind shot; /* lamps and lasers */
+    enum session_shot_kind shot; /* kind of the shots; only used for lamps and lasers */
     enum plan_error missing;
     int sign; /* angle = sign · (φ of the device − φ of the direction) */
     /* limits of the turntable, which turns to the angle; NULL if there are none */

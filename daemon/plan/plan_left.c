@@ -1,4 +1,4 @@
-/* Puts some of a session's shots, those of a further round, into a quick order. */
+/* Puts the shots of a further round into a quick order. */
 #include "plan_private.h"
 
 #include <string.h>

@@ -165,8 +165,9 @@ static int lamp_beside_sweeps(const struct orderer *o) {
 }
 
 /* Takes one lamp in all poses before the next lamp. This is the quickest order if lamps take longer
- * to warm up than axes take to move. Sweeps are taken together with the lamp "beside". Sweeps of
- * poses without that lamp, and all sweeps if beside is −1, come at the end. */
+ * to warm up than axes take to move. The sweeps of a pose are taken next to the shot of the lamp
+ * that the parameter beside gives. Sweeps of poses without that lamp come at the end, and so do all
+ * sweeps if beside is −1. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     g_autofree int *poses = g_new(int, o->moves->n);
 
@@ -244,9 +245,9 @@ static GArray *arranged(GArray *shots, const Order *order) {
     return result;
 }
 
-/* Cost: the time between the end of one shot's exposures and the start of the next. The first shot
- * follows the previous block, or the dark frames, which are taken in its pose. After the last shot
- * there is its read-out. */
+/* Returns the cost of a step: the time between the end of one shot's exposures and the start of the
+ * next. The first shot follows the previous block or the dark frames, which are taken in its pose.
+ * The cost after the last shot is its read-out. */
 static double between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
@@ -373,8 +374,9 @@ static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
         *best = order;
 }
 
-/* Returns the quickest of several orders: everything in blocks by mount, nested or not; and lamps,
- * which may be in any block, distributed over the blocks. */
+/* Returns the quickest of several orders. In some of them, every shot stays in its block by mount,
+ * and each block has its best or its nested order. In the others, lamps are distributed over the
+ * blocks, because they may be in any block. */
 static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     GArray *shots = o->shots;
     Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
@@ -395,8 +397,8 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
             block_of[i] = last[shot_at(shots, i)->pose];
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
 
-    /* One lamp at a time: if lamps take long to warm up, every block visits the poses with another
-     * lamp. */
+    /* Takes one lamp at a time. If lamps take long to warm up, every block visits the poses with
+     * another lamp. */
     for (guint i = 0; i < shots->len; i++)
         if (shot_at(shots, i)->kind == SHOT_LAMP)
             block_of[i] = shot_at(shots, i)->device % n_blocks;

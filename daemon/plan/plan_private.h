@@ -37,7 +37,7 @@ struct plan_build {
     /* of int: the azimuth of each light and laser position, as an index into azimuths */
     GArray *light_at, *laser_at;
     GArray *poses;          /* of struct plan_pose */
-    GHashTable *pose_index; /* of poses, number + 1 */
+    GHashTable *pose_index; /* maps a struct plan_pose to its index in poses + 1 */
     GArray *shots;          /* of struct session_shot; pose: index into poses */
     /* for each shot, before they are ordered: whether it is of the first round */
     gboolean *is_first;
@@ -115,7 +115,7 @@ struct plan_axis_moves {
     gboolean wraps;
     int *at;   /* row of each pose in the table s */
     int n;     /* number of different positions of the axis */
-    double *s; /* n × n: time of the move from the position of the row to that of the column */
+    double *s; /* n × n: s[i · n + j] is the time of the move from position i to position j */
 };
 
 struct plan_moves {
@@ -198,8 +198,7 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
 /* Returns the angles of a shot's pose. */
 struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig *rig);
 
-/* Returns the time of the move from one shot's pose to that of another, with all axes moving
- * together. */
+/* Returns the time of the move between the poses of two shots, with all axes moving together. */
 double plan_shots_move_s(const struct session_shot *from, const struct session_shot *to,
                          const struct rig *rig, const struct rig_timing *timing);
 

@@ -118,7 +118,7 @@ static double exposure_s(const struct session_shot *shot, const struct session_c
 }
 
 /* Returns the time from the end of the last exposure at a place to the first trigger of a shot.
- * ret_to is the place where that leaves the axes. */
+ * *ret_to is the place of the axes after the shot. */
 static double enter_s(const struct place *from, const struct session_shot *previous,
                       const struct session_shot *shot, const struct session_conf *conf,
                       const struct rig *rig, const struct rig_timing *timing,
@@ -205,17 +205,20 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
 }
 
 /* The lower bound. In any order, a shot s either follows another shot in the same pose p, or it
- * enters p by a move. Let R be the shortest read-out of any shot, M the quickest move into p from
- * any other pose of the plan, M' that from any other pose with the same lamp, and W the time that
- * its light takes. Then the time before s is at least
+ * enters p by a move. Let
+ *   R be the shortest read-out of any shot,
+ *   M the time of the quickest move into p from any other pose of the plan,
+ *   M' the time of the quickest move into p from any other pose with the same lamp,
+ *   W the time that the light of s takes.
+ * Then the time before s is at least
  *   l = max(W, R)                    if s is a sweep: its laser was off before;
- *   l = min(max(W, R), max(M', R))   if s has a lamp: it warms up, or it was left on in another
- *                                    pose, which a move then has to leave.
+ *   l = min(max(W, R), max(M', R))   if s has a lamp: the lamp warms up, or it was left on in
+ *                                    another pose. A move must then leave that pose.
  * Every pose except the first is entered by a move, and the time before the shot that enters it is
  * at least max(M, R, l). Pose p therefore takes at least Σ l + min over its shots of max(0, max(M,
- * R) − l). The first pose takes at least this time without its largest l and without the move,
- * because its first shot may have no lead. All exposures, the read-out and the steps between them,
- * and the last read-out are added. */
+ * R) − l). For the first pose, the move and the largest l do not count, because no time may pass
+ * before the first shot. All exposures, the read-out and the steps between them, and the last
+ * read-out are added. */
 struct pose_bound {
     double sum_s;   /* Σ l */
     double extra_s; /* time that the move adds */

@@ -113,8 +113,8 @@ static int compare_cells(gconstpointer a, gconstpointer b) {
     return x->pose - y->pose;
 }
 
-/* Appends a row. It is entered at the pose where it costs least in total, and traversed up or down
- * and once around. */
+/* Appends a row at the lowest cost. The row is entered at any of its poses and traversed once
+ * around, upwards or downwards. */
 static void append_row(struct tour *t, const struct cell *row, int k) {
     int best_start = 0, best_step = 1;
     double best = G_MAXDOUBLE;

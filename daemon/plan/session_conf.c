@@ -510,7 +510,8 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
         config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
 }
 
-/* also lists keys that options lacks, or is NULL. */
+/* Reads a section with options, and passes it to take. also lists further keys that are valid, or
+ * is NULL. */
 static void read_section(const Config *config, const char *class_name, const struct option *options,
                          const char *const *also, struct fields *f,
                          gboolean (*take)(const struct config_section *section, struct fields *f,

@@ -119,10 +119,10 @@ void devices_close(struct devices *devices);
  * commanded, even if others fail. The first error is returned. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* Returns the result of that command as a(sss), floating: for each laser, lamp bank and axis its
- * class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe". *ret is
- * DEVICE_TOLD if a device has not answered, else DEVICE_UNSAFE if a device is unsafe, else
- * DEVICE_SAFE. */
+/* Returns the result of devices_make_safe() as a(sss), floating: for each laser, lamp bank and axis
+ * its class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe". *ret is
+ * DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a device is unsafe,
+ * otherwise DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
 /* Set the permit and the watch function (drivers/device.h) of each axis, lamp bank and laser. */

@@ -80,7 +80,8 @@ static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) 
     if (pid == 0)
         return FORMER_STRANGER;
     if (!is_ready(fd, HELLO_MS)) {
-        *ret_at_work = TRUE; /* or its daemon is alive, and the devices are then locked */
+        /* It is assumed to be at work. If its daemon is alive, the devices are locked. */
+        *ret_at_work = TRUE;
         kill_frozen(pid);
         return FORMER_AT_WORK;
     }

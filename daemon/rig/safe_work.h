@@ -40,8 +40,8 @@ gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms);
 /* Returns, after the end, whether every device was read back and is safe. */
 gboolean safe_work_is_safe(const SafeWork *work);
 
-/* Returns what is known of the devices that are not safe yet, separated by "; ". Free it with
- * g_free(). */
+/* Returns the last result of each device that is not safe yet, or its name if it was not tried yet,
+ * separated by "; ". Free it with g_free(). */
 char *safe_work_unsafe(const SafeWork *work);
 
 /* Does the whole work with SAFE_UNTIL_TIRED. Returns TRUE if every device was read back and is

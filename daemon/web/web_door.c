@@ -202,7 +202,7 @@ void web_visitor_close(WebVisitor *visitor, const char *status) {
     soup_server_message_unpause(visitor->message);
 }
 
-/* Returns whether a is to be closed rather than b. */
+/* Returns whether connection a is to be closed before connection b. */
 static gboolean is_less(const WebVisitor *a, const WebVisitor *b) {
     if (a->peer->connections != b->peer->connections)
         return a->peer->connections > b->peer->connections;

@@ -13,8 +13,8 @@
  */
 #define BATCH 8
 /* LASER_PIXELS pixels with a signal above the threshold are a laser line. MIN_LASER_PIXELS pixels
- * above half the threshold are one if the line lit them, and at most twice as many, when it was
- * there. */
+ * above half the threshold are also a line, if the line lit them in the middle of the sweep, and if
+ * they are at least half of the pixels that it lit there. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
@@ -23,7 +23,7 @@
 
 struct job {
     guint generation;
-    /* The camera is that of the lane, or a further stop of it. The frame is owned. */
+    /* The camera of the lane, or a further stop of it. The job owns the frame. */
     struct taken_frame taken;
 };
 
@@ -392,7 +392,7 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Takes consecutive frames of a sweep. The frame without the laser comes alone. */
+/* Takes consecutive frames of a sweep. The frame without the laser is passed separately. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;

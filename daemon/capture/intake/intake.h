@@ -74,7 +74,7 @@ struct intake_result {
 
 struct intake_hooks {
     void (*result)(const struct intake_result *result, gpointer data); /* valid during the call */
-    void (*room)(gpointer data); /* the intake was full and is no longer */
+    void (*room)(gpointer data); /* the intake was full, and can take frames again */
     gpointer data;
 };
 

@@ -16,7 +16,8 @@ struct intake_darks {
     struct intake_dark guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures without dark frames */
 };
 
-/* Takes ownership of pixels. index is that of shot_dark_exposures(). */
+/* Sets the dark level of an exposure. Takes ownership of pixels. index is an index of
+ * shot_dark_exposures(). */
 void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us, float *pixels,
                       double mean_dn);
 

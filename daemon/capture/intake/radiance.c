@@ -26,8 +26,8 @@ static double mean_above(const Frame *frame, const float *dark) {
     return n > 0 ? sum / n : 0;
 }
 
-/* Inverts y = x·(1 − bend·x). Beyond the vertex of the parabola there is no solution: returns the
- * vertex. */
+/* Inverts y = x·(1 − bend·x). Beyond the vertex of the parabola there is no solution. The result is
+ * then the vertex. */
 static inline float straight(float above_dark, float bend) {
     if (bend == 0)
         return above_dark;
@@ -35,11 +35,12 @@ static inline float straight(float above_dark, float bend) {
     return 2 * above_dark / (1 + sqrtf(MAX(root, 0)));
 }
 
-/* With x_i DN above dark at exposure t_i, and shortest exposures first: Σ x_i / Σ t_i over the k
- * exposures up to the longest that this same mean says to be below the limit. If each exposure that
- * is itself above it were left out, those that noise makes brighter would be missing, and the rest
- * would be too dark. The error of this mean is uncorrelated with the additional error of a mean of
- * fewer exposures (weights by exposure are optimal for photon noise), so that this choice causes no
+/* The value of a pixel is Σ x_i / Σ t_i, with x_i DN above dark at exposure t_i. The sums go over
+ * the first k exposures, the shortest first. Exposure k is the longest one that is below the limit
+ * according to this mean. If each exposure whose own value is above the limit were left out,
+ * exposures that are brighter because of noise would be missing, and the mean would be too dark.
+ * The error of this mean is uncorrelated with the additional error of a mean of fewer exposures,
+ * because weights by exposure are optimal for photon noise. The choice of k therefore causes no
  * bias. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {

@@ -10,7 +10,7 @@ struct taken_frame {
     const struct session_shot *shot;
     int sub; /* the number of the frame among those of its camera in this shot */
     Frame *frame;
-    /* The row of the camera's part of the shot. Complete are shot, camera, retakes (those of this
-     * camera in this shot so far), turned and turntable_deg. */
+    /* The row of the camera's part of the shot. shot, camera, retakes (of this camera in this shot
+     * so far), turned and turntable_deg are set when the frame is accepted. */
     struct session_frame row;
 };

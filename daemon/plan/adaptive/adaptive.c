@@ -18,7 +18,7 @@ struct choice { /* the result of a thread */
 struct Adaptive {
     struct adaptive_setup setup;
     Readers *readers;
-    struct rounds of_sweeps, of_lamps; /* also over if they do not come in rounds */
+    struct rounds of_sweeps, of_lamps; /* empty if the kind does not come in rounds */
     Sweeps *sweeps;                    /* NULL if all are taken */
     Lamps *lamps;                      /* NULL if all are taken */
     GThread *thread;                   /* while a choice is made */

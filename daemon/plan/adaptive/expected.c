@@ -6,7 +6,7 @@
 #include "lamps_private.h"
 
 #define SAME_DIRECTION 1e-4 /* distance of unit vectors */
-#define MORE           0.5  /* shots of a further point, relative to those before it */
+#define MORE           0.5  /* number of shots between two points, relative to those before */
 /* The choice sums the error over at most PREDICTION_TARGETS pairs. If there are more pairs, the
  * pairs of the first shots are used. If nothing is measured, the error is therefore too small
  * beyond this part of the shots. */
