@@ -22,8 +22,8 @@
 
 struct factor {
     int n;
-    double *g; /* G, column by column, for JᵀJ scaled to a unit diagonal, */
-    /* because units differ by orders of magnitude: parameter = scale · scaled parameter */
+    double *g; /* G, column by column, for JᵀJ scaled to a unit diagonal */
+    /* The units differ by orders of magnitude: parameter = scale · scaled parameter. */
     double *scale;
 };
 

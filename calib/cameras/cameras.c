@@ -134,8 +134,7 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     return board_census_after(work->census, picture, seen->corners, error);
 }
 
-/* Searches large pictures for a board of another size before all others. The pictures are taken
- * from all lays. */
+/* If the pictures are large, first searches some from all lays for a board of another size. */
 static gboolean check_size(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures, most = MIN(n, SIZE_PICTURES);
     gboolean more = TRUE;
