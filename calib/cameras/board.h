@@ -26,7 +26,7 @@
 
 #include <glib.h>
 
-#define BOARD_MAX_SQUARES 40 /* in a column or row */
+#define BOARD_MAX_SQUARES 40 /* largest number of squares in a column or row */
 
 enum board_print {
     BOARD_CHESSBOARD,
@@ -75,9 +75,10 @@ char *board_spec(const struct board *board); /* g_free() */
  * position of anything. */
 gboolean board_check_upright(const struct board *board, GError **error);
 
-/* Width and height of the print, without a margin. */
+/* Gives width and height of the print in mm, without a margin. */
 void board_size_mm(const struct board *board, double ret[2]);
 
+/* Returns the number of corners, whose ids are 0 … n − 1, and the position of one of them. */
 int board_n_corners(const struct board *board);
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
 

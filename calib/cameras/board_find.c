@@ -168,7 +168,7 @@ static gboolean by_homography(const double xy_mm[2], gboolean straight, double r
     return TRUE;
 }
 
-struct map {     /* from the board to the picture */
+struct map {     /* a map from the board to the picture */
     double h[9]; /* homography */
     double reach_mm;
     int n;              /* number of points that were found, */

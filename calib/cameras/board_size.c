@@ -267,7 +267,7 @@ static enum end end_of(const struct picture *picture, const struct board *board,
 struct corner_grid {
     const struct board *board;
     const double *xy;
-    int columns, rows; /* of corners */
+    int columns, rows; /* columns and rows of corners */
 };
 
 static void parabola(double at, int n, int *ret_first, double ret[3]) {
@@ -479,7 +479,7 @@ gboolean board_measure(const struct picture *picture, const struct board *given,
 }
 
 struct sighting {
-    char *name; /* of the picture */
+    char *name; /* name of the picture */
     int columns, rows;
 };
 

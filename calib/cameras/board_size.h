@@ -22,6 +22,7 @@
 
 struct board_census;
 
+/* Starts a census with the description of the board, which is copied. */
 struct board_census *board_census_new(const struct board *given);
 void board_census_free(struct board_census *census); /* NULL is ignored */
 typedef struct board_census BoardCensus;

@@ -2,9 +2,9 @@
  * Calibrates cameras from pictures of a board. There are three cases:
  *
  * - all cameras and the turntable's axis, from pictures of a board that rotates with the turntable,
- * flat and tilted;
+ *   flat and tilted;
  * - the cameras of a rig without a turntable, from pictures of a board that is laid down flat and
- * held at several tilts;
+ *   held at several tilts;
  * - one camera, from photographs of a hand-held board.
  *
  * Frame: z is the turntable's axis, and z = 0 is the turntable's top. The print of a board that
@@ -83,8 +83,8 @@ struct cameras_task {
     CamerasProgress progress; /* may be NULL */
     gpointer data;
     gboolean no_turntable; /* the rig has no turntable: every lay is one position of the board */
-    /* use lens; FALSE: choose by cross-validation for photographs, or use the rig file's for a
-     * rig */
+    /* TRUE: the model is lens. FALSE: it is chosen by cross-validation for photographs, and is that
+     * of the rig file for a rig. */
     gboolean lens_given;
     enum rig_lens lens;
 };
@@ -92,7 +92,7 @@ struct cameras_task {
 struct cameras_residual {
     int camera, picture, corner; /* corner: board.h */
     float x_px, y_px;            /* position of a corner in the picture, */
-    float dx_px, dy_px;          /* and predicted minus seen position */
+    float dx_px, dy_px;          /* its predicted minus its seen position */
 };
 
 struct cameras_stop {
@@ -102,7 +102,7 @@ struct cameras_stop {
 
 struct cameras_lay {
     double tilt_deg;    /* angle between the board's normal and the axis */
-    double azimuth_deg; /* of the board's x axis with the turntable at 0, seen from above */
+    double azimuth_deg; /* azimuth of the board's x axis with the turntable at 0 */
     int pictures;
 };
 
@@ -118,13 +118,13 @@ struct cameras_result {
     double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
     gboolean arm_known;       /* the axis of the arm was fitted; */
     struct rig_swing_fit arm; /* its fit; valid if arm_known */
-    /* bits of the cameras whose poses were predicted from the axis */
+    /* Bits of the cameras whose poses were predicted from the axis. */
     guint32 predicted;
-    /* factor of the variances that accounts for the scatter of pictures; ≥ 1 */
+    /* Factor of the variances that accounts for the scatter of pictures; at least 1. */
     double inflation[RIG_MAX_CAMERAS];
     double expected_px;      /* RMS that the noise of the pictures explains; 0 if it is not known */
     double wobble_rad;       /* largest tilt of the turntable's axis; 0: no significant wobble */
-    double wobble_error_rad; /* its standard deviation, mean over a turn */
+    double wobble_error_rad; /* RMS error of the tilt over a turn */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 

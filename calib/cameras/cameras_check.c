@@ -20,7 +20,7 @@ double cameras_tilt_rad(const struct bundle_lay *lay) {
 }
 
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
-    double range_deg = 0; /* of the commanded angles of a lay, the largest */
+    double range_deg = 0; /* largest range of the commanded angles of a lay */
     int stops = 0;
     if (work->task->no_turntable)
         return TRUE;

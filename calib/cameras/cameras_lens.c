@@ -29,7 +29,7 @@ void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
 struct trial {
     struct bundle bundle;
     gboolean ok;
-    /* of each picture; its corners are predicted from the pictures of the other folds */
+    /* Loss of each picture. Its corners are predicted from the pictures of the other folds. */
     double *loss;
 };
 

@@ -71,7 +71,7 @@ gboolean cameras_start_lay(struct cameras_work *work, int lay);
 gboolean cameras_level(struct cameras_work *work, GError **error);
 void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
-double cameras_median(GArray *values); /* of double; sorts the array */
+double cameras_median(GArray *values); /* values are doubles; sorts them */
 
 /* cameras.c: runs a pass over pictures in several threads, and returns the first error. reach_px
  * has the search radius of each picture; a negative value skips the picture. If reach_px is NULL,

@@ -71,7 +71,7 @@ static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     return angle;
 }
 
-/* p' = Rz(a) p + d: R' = R Rz(−a), t' = t − R' d. */
+/* Moves the rig by p' = Rz(a) p + d. The cameras' poses become R' = R Rz(−a), t' = t − R' d. */
 void cameras_align(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     struct vec3 off = vec3(0, 0, 0);

@@ -84,7 +84,7 @@ struct lamp_sight {
 };
 
 struct lamps_result {
-    /* with lamps and arc as estimated; the aim of a lamp keeps its angle to the origin */
+    /* The rig with estimated lamps and arc. The aim of a lamp keeps its angle to the origin. */
     struct rig rig;
     gboolean seen[RIG_MAX_LAMPS];
     /* covariance of the lamp's position with the arc at 0 */
@@ -123,8 +123,8 @@ gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *targ
                            const struct lamps_result *as_said, GError **error);
 void lamps_result_clear(struct lamps_result *result);
 
-/* Predict the two kinds of sight. They return FALSE if it is not visible. lamp_mm, and foot_mm or
- * centre_mm, are in the same frame, z up from the turntable. */
+/* Predict a shadow's end and a highlight. They return FALSE if it is not visible. lamp_mm, and
+ * foot_mm or centre_mm, are in the same frame, z up from the turntable. */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm);
 gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,

@@ -101,7 +101,7 @@ static float *shade(const ShadowView *view, const struct picture *picture, int l
         struct vec3 q = rig_turn(p, -view->turntable_rad);
         values[i] = NAN;
         if (!(fabs(q.x) < view->target.plate_mm[0] / 2 && fabs(q.y) < view->target.plate_mm[1] / 2))
-            continue; /* not on the plate */
+            continue; /* the pixel does not show the plate */
         struct vec3 path = vec3_sub(at, p);
         double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * path.z /
                        vec3_length(path);

@@ -16,6 +16,7 @@ struct plate_map {
     int width, height;
     float *xy_mm; /* height × width × 2 */
 };
+/* Makes the map of a camera. Free it with plate_map_free(). */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target);
 void plate_map_free(struct plate_map *map); /* NULL is ignored */
 

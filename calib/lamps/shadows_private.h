@@ -17,7 +17,7 @@ struct pattern { /* statistics of one pixel over the pictures */
 };
 
 struct ShadowView {
-    struct rig *rig; /* in the frame of the plate: rig_at() */
+    struct rig *rig; /* in the frame of the plate; see rig_at() */
     const struct plate_map *map;
     struct plate_map *own_map; /* map for this angle if the turntable wobbles; otherwise NULL */
     struct lamp_target target; /* only its plate and the height of its plane are used */

@@ -39,13 +39,12 @@ G_DEFINE_QUARK(laser_error, laser_error)
 
 /* distance from the origin of the points that give the gradients of a sheet */
 #define SLOPE_MM 30.0
-#define PRIOR_SHARE                                                                                \
-    0.25           /* of a variance: one that exceeds it by its prior is that of the prior         \
-                    */
-#define APART    2 /* px between pixels whose noise is compared: one period of a colour filter */
-#define PIXELS   200000 /* largest number of pixels of a picture that are compared */
-#define BENT     5.0    /* number of standard errors from which a sheet's bend is significant */
-#define FLAT_RAD 1e-9   /* prior of the bend of a flat sheet, which keeps it at 0 */
+/* share of a variance; an error comes from the prior if the prior causes more than this share */
+#define PRIOR_SHARE 0.25
+#define APART       2 /* px between pixels whose noise is compared: one period of a colour filter */
+#define PIXELS      200000 /* largest number of pixels of a picture that are compared */
+#define BENT        5.0    /* number of standard errors from which a sheet's bend is significant */
+#define FLAT_RAD    1e-9   /* prior of the bend of a flat sheet, which keeps it at 0 */
 
 #define ARC 4 /* number of parameters of the arc; they come first */
 

@@ -45,7 +45,7 @@ struct laser_step { /* deviation of one step of one sweep from the model */
 };
 
 struct laser_result {
-    struct rig rig; /* with lasers and the arc's axis as estimated */
+    struct rig rig; /* the rig with the estimated lasers and axis of the arc */
     gboolean seen[RIG_MAX_LASERS];
     /* Standard errors of the source's position across the axis, of the axis, and of the sweep's
      * zero and stretch. The position along the axis is undetermined. */

@@ -213,7 +213,8 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
                                  struct vec3 normal, double ret[2][2]) {
     const struct mat3 *r = &view->pose.rotation;
     const struct vec3 on_board = mat3_mul_vec(r, vec3(view->across[0], view->across[1], 0));
-    const struct vec3 n = mat3_mul_vec(&camera->rotation, normal); /* in the camera's frame */
+    /* The normal in the camera's frame. */
+    const struct vec3 n = mat3_mul_vec(&camera->rotation, normal);
     const struct vec3 board_normal = vec3(r->m[0][2], r->m[1][2], r->m[2][2]);
     const double share = vec3_dot(n, on_board);
     const double o = pow(share * view->offset_sigma_mm, 2),

@@ -23,6 +23,7 @@ struct picture {
     float *values; /* height × width, top row first */
 };
 
+/* Makes a picture whose values are 0. The strings are copied. */
 struct picture *picture_new(const char *name, const char *checksum, int width, int height);
 void picture_free(struct picture *picture); /* NULL is ignored */
 typedef struct picture Picture;

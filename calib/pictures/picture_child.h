@@ -40,6 +40,7 @@ typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **err
 
 /* Returns FALSE if the bytes cannot be written; the program then ends with that error. */
 gboolean picture_child_write(gconstpointer bytes, gsize n);
+/* Reports to the caller of picture_child_run() that done of n steps are finished. */
 void picture_child_tell(int done, int n);
 
 /* Takes the arguments of picture_child_run(), and runs func with at most cpu_s seconds of processor

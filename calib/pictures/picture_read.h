@@ -25,6 +25,7 @@ typedef struct picture_codes {
     struct picture_says says; /* picture_tone_apply() makes the numbers linear */
 } PictureCodes;
 
+/* Reads a picture in colour. After success, call picture_codes_clear(). */
 gboolean picture_read_codes(const char *path, struct picture_codes *ret, GError **error);
 void picture_codes_clear(struct picture_codes *codes);
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(PictureCodes, picture_codes_clear)

@@ -148,7 +148,7 @@ static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct p
 }
 
 static void read_jpeg(const guint8 *bytes, gsize length, struct picture_says *ret) {
-    static const char exif[] = "Exif\0", icc[] = "ICC_PROFILE"; /* with their NULs */
+    static const char exif[] = "Exif\0", icc[] = "ICC_PROFILE"; /* both with a NUL at the end */
     g_autoptr(GByteArray) profile = g_byte_array_new();
     for (gsize at = 2; at + 4 <= length && bytes[at] == 0xff;) {
         const guint8 marker = bytes[at + 1];
