@@ -11,8 +11,8 @@
 #include <string.h>
 
 #define MIN_CORNERS    4
-#define TOLERANCE_PX   3.0  /* largest deviation of a marker from a homography, */
-#define TOLERANCE      0.15 /* or in marker sides, if larger */
+#define TOLERANCE_PX   3.0  /* largest deviation of a marker from a homography */
+#define TOLERANCE      0.15 /* the same in marker sides; the larger value applies */
 #define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
 #define BESIDE_OFF     0.25 /* its largest deviation from the prediction, in its sides */
 #define ANY_PX         1e6  /* no bound */
@@ -171,8 +171,8 @@ static gboolean by_homography(const double xy_mm[2], gboolean straight, double r
 struct map {     /* a map from the board to the picture */
     double h[9]; /* homography */
     double reach_mm;
-    int n;              /* number of points that were found, */
-    const double *from; /* n × 2: their places on the board, mm, */
+    int n;              /* number of points that were found */
+    const double *from; /* n × 2: their places on the board, mm */
     /* n × 2: place in the picture minus the place predicted by the homography */
     const double *off_px;
 };

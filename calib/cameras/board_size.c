@@ -35,7 +35,7 @@
 #define MIN_SPOTS  8    /* smallest number of markers that can show a size */
 #define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */
 #define ALONE      0.7  /* largest number that fit another size, relative to those */
-#define TOLERANCE  0.12 /* of the homography, relative to a marker's side */
+#define TOLERANCE  0.12 /* tolerance of the homography, in marker sides */
 #define ANY_PX     1e6  /* no bound */
 
 /* A place next to the board where the next column or row would be dark. */

@@ -91,7 +91,7 @@ struct cameras_task {
 
 struct cameras_residual {
     int camera, picture, corner; /* corner: board.h */
-    float x_px, y_px;            /* position of a corner in the picture, */
+    float x_px, y_px;            /* position of a corner in the picture */
     float dx_px, dy_px;          /* its predicted minus its seen position */
 };
 
@@ -116,7 +116,7 @@ struct cameras_result {
      * fitted. */
     double held_out_px[RIG_LENSES];
     double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
-    gboolean arm_known;       /* the axis of the arm was fitted; */
+    gboolean arm_known;       /* the axis of the arm was fitted */
     struct rig_swing_fit arm; /* its fit; valid if arm_known */
     /* Bits of the cameras whose poses were predicted from the axis. */
     guint32 predicted;

@@ -154,8 +154,8 @@ static double centre_distance(const struct bundle_camera *camera) {
 }
 
 /* If the squares are larger than specified, all distances come out too small by the same factor.
- * The check refuses a mean ratio to the nominal distances that differs from 1 by more than three
- * standard deviations of the ratios. */
+ * The mean ratio to the nominal distances is refused if it differs from 1 by at least MAX_SCALE and
+ * by three standard deviations of the ratios. */
 static gboolean check_scale(const struct cameras_work *work, GError **error) {
     double sum = 0, squares = 0;
     int n = 0;

@@ -415,9 +415,8 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
     ret->rig.arc = arc_at(problem, x);
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
-    for (int i = 0; i < ret->target.n;
-         /* keep the given sizes, because another round must not use measured ones as its prior */
-         i++)
+    /* Keep the given sizes, because another round must not use measured ones as its prior. */
+    for (int i = 0; i < ret->target.n; i++)
         ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
     for (int i = 0; i < ret->target.n; i++) {
         const int at = problem->size_at[i];

@@ -94,7 +94,7 @@ struct lamps_result {
     gboolean arc_known; /* whether the axis was determined; otherwise it is the nominal axis */
     double tilt_error_rad[2], centre_error_mm[2];
     struct lamp_target target;      /* the target with the estimated positions of its marks */
-    double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance, */
+    double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance */
     /* standard errors of these sizes; 0 for marks that were not seen */
     double size_error_mm[LAMP_MAX_MARKS];
     double rms;   /* RMS residual of the used sights: mm on the plate, or px */
