@@ -24,7 +24,7 @@ struct Config {
     GArray *sections;   /* of struct config_section */
     GHashTable *lines;  /* maps "class name" to the line of that section; keys are owned */
     GArray *problems;   /* of struct config_problem; NULL if mistakes has them */
-    Mistakes *mistakes; /* of the loader; NULL after loading */
+    Mistakes *mistakes; /* the loader's mistakes; NULL after loading */
     gboolean broken;    /* a section heading could not be parsed */
 };
 

@@ -1,8 +1,9 @@
 /* Directions and colours as arrays of floats, for large tables. */
 #pragma once
 
-/* A unit vector from polar angle θ (from +z) and azimuth φ (from +x, counter-clockwise). */
+/* Computes the unit vector with the polar angle θ (from +z) and the azimuth φ (from +x,
+ * counter-clockwise). */
 void direction_from_deg(double theta_deg, double phi_deg, float ret[3]);
 
-/* Y = 0.2126 R + 0.7152 G + 0.0722 B. */
+/* Returns the luminance Y = 0.2126 R + 0.7152 G + 0.0722 B. */
 float rgb_luminance(const float rgb[3]);

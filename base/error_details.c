@@ -91,7 +91,7 @@ void error_details_add_subject(GError **error, const char *subject) {
         g_free(details->text);
         g_free(details->what);
         g_free(details->subject);
-        /* Including the text that others have put in front. */
+        /* The text includes what other layers have put in front of it. */
         details->text = g_strdup((*error)->message);
         details->what = g_steal_pointer(&what);
         details->subject = g_strdup(subject);

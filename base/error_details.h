@@ -48,7 +48,7 @@ int error_details_line(const GError *error);
 
 /* The following functions return NULL if the error has no such part. The error owns the strings. */
 const char *error_details_subject(const GError *error);
-const char *error_details_file(const GError *error); /* of the place */
+const char *error_details_file(const GError *error); /* file of the place */
 const char *error_details_advice(const GError *error);
 
 /* Returns the text without its subject and the parts before it. Returns the whole text if the error

@@ -35,7 +35,7 @@ struct option {
     /* The default as written in a file; NULL if the user must give the key. */
     const char *fallback;
     const char *const *choices; /* CHOICE: NULL-terminated */
-    gsize offset;               /* of the field in the target struct */
+    gsize offset;               /* offset of the field in the target struct */
     const char *help;           /* one sentence, no full stop */
 };
 

@@ -15,9 +15,8 @@
 #include "new_file.h"
 
 #define KIND "mesorig.kind"
-#define LOOKED_AT                                                                                  \
-    ((gsize)1 << 20) /* bytes at a file's begin and end in which its kind is sought                \
-                      */
+/* number of bytes at the begin and at the end of a file in which its kind is searched */
+#define LOOKED_AT ((gsize)1 << 20)
 #define MAX_MARK  ((goffset)1 << 30) /* a larger file is not marked */
 #define TRIES     100
 #define PNG_HEAD  33 /* signature and IHDR */
@@ -28,7 +27,7 @@ enum found { FOUND_NOTHING, FOUND_OWN, FOUND_OTHER, FOUND_STREAM };
 struct OutputFile {
     char *path;   /* path as the user gave it */
     char *target; /* path after following symbolic links */
-    char *kind;   /* or NULL */
+    char *kind;   /* kind of product, or NULL */
     enum found found;
     struct stat before; /* status of an existing file */
     char *folder;       /* folder in which the file is written; NULL before output_file_path() */
@@ -94,7 +93,7 @@ gboolean output_file_move_folder(const char *folder, const char *path, GError **
     return FALSE;
 }
 
-/* Reads up to LOOKED_AT bytes of a file, from the offset at on. */
+/* Reads up to LOOKED_AT bytes of a file. The first of them is at the offset at. */
 static GByteArray *read_part(int fd, goffset at) {
     GByteArray *bytes = g_byte_array_new();
     guint8 some[1 << 14];
@@ -112,8 +111,8 @@ static gboolean is_png(const GByteArray *bytes) {
     return begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
 }
 
-/* Returns the bytes that mark the kind in a PNG, an EXR or another file. In the first two, a length
- * is among them. */
+/* Returns the bytes that mark the kind in a PNG, an EXR or another file. In a PNG and an EXR they
+ * include a length. */
 static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     GByteArray *mark = g_byte_array_new();
     const guint32 length = (guint32)strlen(kind);

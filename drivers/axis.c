@@ -51,7 +51,7 @@ struct axis_state {
     /* axis_turn() */
     gboolean turning;
     double turned_from_deg, turn_speed_deg_s;
-    gint64 steady_us;               /* from this time on it turns at constant speed */
+    gint64 steady_us;               /* time from which the axis turns at constant speed */
     struct passed passed[N_PASSED]; /* ring buffer */
     guint n_passed;
 };

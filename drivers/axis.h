@@ -32,7 +32,7 @@ struct axis_motion {
     gboolean wraps;
     double speed_deg_s;  /* > 0 */
     double accel_deg_s2; /* > 0; also the deceleration */
-    /* >= 0; the class takes it up by always arriving in the positive direction */
+    /* At least 0. The class takes it up by always arriving in the positive direction. */
     double backlash_deg;
     double settle_ms; /* time from arrival until the load is still; the class waits for it */
     double homing_s;  /* duration of homing, for predictions; 0 if it is not known */

@@ -27,4 +27,4 @@ struct found {     /* strings are owned */
  * NULL. */
 struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
                         const char *serial);
-GPtrArray *found_list_new(void); /* of struct found, which it owns */
+GPtrArray *found_list_new(void); /* an array of struct found, which it owns */

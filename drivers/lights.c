@@ -18,7 +18,7 @@ struct command {
 };
 
 struct light_output {
-    gboolean wanted; /* on */
+    gboolean wanted; /* the light should be on */
     gboolean dark;   /* the last "off" was confirmed, and no "on" was sent since */
     /* A command has failed, and neither "off" nor a wanted "on" was confirmed since. */
     gboolean failed;

@@ -1,5 +1,5 @@
-/* Specification and geometry of calibration boards. Middle of a cell: x = (column + ½ −
- * columns/2) · square, y = (rows/2 − row − ½) · square, from the centre of the board. */
+/* Specification and geometry of calibration boards. With the origin at the centre of the board, the
+ * middle of a cell is at x = (column + ½ − columns/2) · square, y = (rows/2 − row − ½) · square. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -21,9 +21,9 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
     return FALSE;
 }
 
-/* Number of white squares, which have markers, above a row. */
+/* Returns the number of white squares above a row. These squares have the markers. */
 static int whites_before(const struct board *board, int row) {
-    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* rows of an odd length */
+    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* if rows have an odd length */
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 
@@ -61,7 +61,7 @@ static gboolean board_check(const struct board *board, double gap_mm, const char
     return TRUE;
 }
 
-/* Takes a key that has words for values; FALSE: there is no such key or word. */
+/* Takes a key whose values are words. Returns FALSE if there is no such key or word. */
 static gboolean board_take_word(struct board *to, const char *key, const char *value) {
     static const struct {
         const char *value;
@@ -86,7 +86,7 @@ static gboolean board_take_word(struct board *to, const char *key, const char *v
     return FALSE;
 }
 
-/* Sets the board's print from the keys; FALSE: they contradict each other. */
+/* Sets the board's print from the keys. Returns FALSE if they contradict each other. */
 static gboolean board_take_print(struct board *to, double gap_mm, double spacing_mm) {
     const gboolean circles = spacing_mm > 0 || to->circle_mm > 0, grid = to->print != 0;
 
@@ -262,7 +262,7 @@ void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
     }
 }
 
-/* Returns the number of the marker in a square; −1 if it has none. */
+/* Returns the number of the marker in a square, or −1 if the square has no marker. */
 static int marker_of(const struct board *board, int column, int row) {
     if (board->print == BOARD_MARKERS)
         return (board->kalibr ? board->rows - 1 - row : row) * board->columns + column;
@@ -304,8 +304,8 @@ int board_border(const struct board *board) {
     return board->kalibr ? 2 : 1;
 }
 
-/* Printed value of a marker at u, v of its side from the top left as printed; bits: n × n, which
- * the border surrounds. */
+/* Returns the printed value of a marker at u, v. These are measured from the marker's top left
+ * corner as printed, relative to its side. bits are the n × n cells inside the border. */
 static double marker_value(const struct board *board, const guint8 *bits, int n, double u,
                            double v) {
     const int border = board_border(board), all = n + 2 * border;
@@ -324,7 +324,7 @@ static gboolean in_circle(const struct board *board, double x_mm, double y_mm) {
     return FALSE;
 }
 
-/* Printed value at a point of the board frame; bits: n × n of each marker. */
+/* Returns the printed value at a point of the board frame. bits has n × n cells for each marker. */
 static double board_value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
                              double y_mm) {
     double size[2];
@@ -341,7 +341,7 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
     const int marker = marker_of(board, column, row);
     if (board->print != BOARD_MARKERS && marker < 0)
         return (column + row + board->white_first) % 2 == 1;
-    const double part = board->marker_mm / board->square_mm; /* share of a cell's side */
+    const double part = board->marker_mm / board->square_mm; /* marker's side, in cell sides */
     const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
     const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;
     if (beside || above)

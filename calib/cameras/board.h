@@ -26,7 +26,7 @@
 
 #include <glib.h>
 
-#define BOARD_MAX_SQUARES 40 /* in a column or row */
+#define BOARD_MAX_SQUARES 40 /* largest number of squares in a column or row */
 
 enum board_print {
     BOARD_CHESSBOARD,
@@ -38,16 +38,17 @@ enum board_print {
 
 struct board {
     enum board_print print;
-    int columns, rows; /* squares, markers, or circles of one row and rows of them */
-    double square_mm; /* side of a square; markers: a marker and a gap; circles: from one row to the
-                         next, which is half the distance of neighbours in a staggered row */
-    double marker_mm; /* side of a marker; 0: there are none */
-    double circle_mm; /* diameter of a circle; 0: there are none */
-    char dictionary[24];  /* name of a dictionary of vision.h */
-    gboolean kalibr;      /* markers are printed as Kalibr prints them */
+    int columns, rows;    /* squares, markers, or circles of one row and rows of them */
+    double square_mm;     /* side of a square; for markers, a marker and a gap; for circles, the
+                             distance between rows, which is half the distance of neighbours in a row of
+                             a staggered grid */
+    double marker_mm;     /* side of a marker; 0 without markers */
+    double circle_mm;     /* diameter of a circle; 0 without circles */
+    char dictionary[24];  /* name of a dictionary in vision.h; only with markers */
+    gboolean kalibr;      /* the markers are printed as Kalibr prints them */
     double thickness_mm;  /* height of the print above the surface that the board lies on */
-    gboolean white_first; /* the top left square is white. board_find() finds that out where a
-                             chessboard looks the same upside down */
+    gboolean white_first; /* The top left square is white. board_find() detects and sets this for a
+                             chessboard that looks the same upside down. */
 };
 
 #define BOARD_ERROR board_error_quark()
@@ -68,27 +69,32 @@ enum board_error {
 gboolean board_parse(struct board *board, const char *spec, GError **error);
 char *board_spec(const struct board *board); /* g_free() */
 
-/* FALSE, and BOARD_ERROR_SPEC: the board looks the same upside down (a chessboard whose columns and
- * rows are both odd or both even, circles unless they are an odd number of staggered rows). A lens
- * can be calibrated with it, but nothing can be placed by it. */
+/* Returns FALSE with BOARD_ERROR_SPEC if the board looks the same upside down. This is so for a
+ * chessboard whose numbers of columns and rows are both odd or both even, and for circles, except a
+ * staggered grid with an odd number of rows. Such a board can calibrate a lens, but not the
+ * position of anything. */
 gboolean board_check_upright(const struct board *board, GError **error);
 
-/* Width and height of the print, without a margin. */
+/* Gives width and height of the print in mm, without a margin. */
 void board_size_mm(const struct board *board, double ret[2]);
 
+/* Returns the number of corners, whose ids are 0 … n − 1, and the position of one of them. */
 int board_n_corners(const struct board *board);
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
 
-/* Column (from the left) and row (from the top) of a marker; FALSE: there is no such marker. */
+/* Gives column (from the left) and row (from the top) of a marker. Returns FALSE if the board has
+ * no such marker. */
 gboolean board_marker_square(const struct board *board, int marker, int *ret_column, int *ret_row);
 
-/* A marker's corners, clockwise from its own top left one; FALSE: the board has no such marker. */
+/* Gives a marker's corners, clockwise from its own top left one. Returns FALSE if the board has no
+ * such marker. */
 gboolean board_marker_mm(const struct board *board, int marker, double ret_xy_mm[4][2]);
 
 /* Width of the black border of markers, in cells. */
 int board_border(const struct board *board);
 
-/* Printed values at n points of the board frame (n × 2, mm): 0 black … 1 white; −1 outside. */
+/* Gives the printed values at n points of the board frame (n × 2, mm), from 0 for black to 1 for
+ * white. Outside the board the value is −1. */
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret);
 
 /* Drawing options; margins are white. */
@@ -96,6 +102,6 @@ struct board_drawing {
     double margin_mm;
     double pixels_a_mm; /* resolution of a PNG */
 };
-/* Writes an SVG, PDF (true to scale) or PNG file, by the suffix of the path. */
+/* Writes an SVG, PDF (true to scale) or PNG file. The suffix of the path says which. */
 gboolean board_draw(const struct board *board, const char *path,
                     const struct board_drawing *drawing, GError **error);

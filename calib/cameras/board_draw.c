@@ -10,8 +10,9 @@
 #define POINTS_A_MM (72 / 25.4)
 #define MAX_PIXELS  20000
 
-/* Draws the black cells of a marker with its border. Adjacent cells of a row are one rectangle,
- * so that no seams appear between them. x, y: of its middle, in the drawing. */
+/* Draws the black cells of a marker and its border. x, y is the middle of the marker in the
+ * drawing. Adjacent cells of a row are drawn as one rectangle, so that no seams appear between
+ * them. */
 static void add_marker(cairo_t *to, const struct board *board, int marker, double x, double y) {
     guint8 bits[7 * 7] = {0};
     const int n = vision_dictionary(board->dictionary, NULL), border = board_border(board);
@@ -36,7 +37,7 @@ static void add_marker(cairo_t *to, const struct board *board, int marker, doubl
     cairo_restore(to);
 }
 
-/* Draws all black squares, markers and circles; x, y: of the board's middle, in the drawing. */
+/* Draws all black squares, markers and circles. x, y is the middle of the board in the drawing. */
 static void add_print(cairo_t *to, const struct board *board, double x, double y) {
     const double s = board->square_mm, gap = s - board->marker_mm;
     double corners[4][2];

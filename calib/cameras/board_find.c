@@ -1,7 +1,8 @@
-/* Finding a board: the points that the detector sees (of markers, or a whole chessboard) give a map
- * from the board to the picture: a homography, and local corrections of it, since a lens bends the
- * board. The map predicts every corner, and corner.c fits each of them. With a known geometry, the
- * predicted print is correlated with the picture first. */
+/* Finds a board in a picture. The points that the detector finds (corners of markers, a whole
+ * chessboard, or circles) give a map from the board to the picture. The map is a homography with
+ * local corrections, because lens distortion bends the board's image. The map predicts every
+ * corner, and corner.c fits each of them. If the geometry is known, the predicted print is first
+ * correlated with the picture. */
 #include "board_find.h"
 
 #include "pictures/vision.h"
@@ -10,18 +11,18 @@
 #include <string.h>
 
 #define MIN_CORNERS    4
-#define TOLERANCE_PX   3.0  /* of markers from a homography, since lenses distort, */
-#define TOLERANCE      0.15 /* or relative to a marker's side: accuracy of the detector's corners */
-#define BESIDE         2.1  /* distance of markers that count as neighbours, in squares */
-#define BESIDE_OFF     0.25 /* largest deviation of a neighbour, relative to its side */
+#define TOLERANCE_PX   3.0  /* largest deviation of a marker from a homography */
+#define TOLERANCE      0.15 /* the same in marker sides; the larger value applies */
+#define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
+#define BESIDE_OFF     0.25 /* its largest deviation from the prediction, in its sides */
 #define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
-/* Least correlation of a board that was found. */
+/* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
 #define STEP_MM 0.01 /* step of numerical derivatives */
-/* The local correction of the homography is a weighted linear fit to the detector's points. REACH:
- * radius in which points count, in squares. RIDGE: damping of the fit's slope, as a share of the
- * sum of weights. FEWEST: least sum of weights for a correction. */
+/* The local correction of the homography is a weighted linear fit to the detector's points. REACH
+ * is the length over which the weights fall off, in squares. RIDGE damps the fit's slope, as a
+ * share of the sum of weights. FEWEST is the smallest sum of weights for a correction. */
 #define REACH  1.0
 #define RIDGE  0.05
 #define FEWEST 1e-3
@@ -36,8 +37,8 @@ static GArray *refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-/* Even part of the projection about `at` along a step h: ½ (f(at + h) + f(at − h)) − f(at), that
- * is ½ hᵀ f″ h to second order. */
+/* Even part of the projection f about the point at, along a step h: ½ (f(at + h) + f(at − h)) −
+ * f(at). To second order it is ½ hᵀ f″ h. */
 static gboolean even_part(BoardProject project, gboolean straight, gconstpointer data,
                           const double at[2], const double step[2], double ret[2]) {
     const double there[2] = {at[0] + step[0], at[1] + step[1]};
@@ -51,7 +52,7 @@ static gboolean even_part(BoardProject project, gboolean straight, gconstpointer
     return TRUE;
 }
 
-/* Derivative of the picture's x, y (rows) by the board's x, y (columns), px/mm. */
+/* Derivative of the picture's x, y (rows) with respect to the board's x, y (columns), px/mm. */
 static gboolean slopes(BoardProject project, gboolean straight, gconstpointer data,
                        const double at[2], double ret[2][2]) {
     const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
@@ -66,7 +67,7 @@ static gboolean slopes(BoardProject project, gboolean straight, gconstpointer da
     return TRUE;
 }
 
-/* Solves a·x = b by Cramer's rule; FALSE: a is singular. */
+/* Solves a·x = b by Cramer's rule. Returns FALSE if a is singular. */
 static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
     const double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
                        a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
@@ -84,11 +85,11 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
     return fabs(det) > 1e-9;
 }
 
-/* Second-order terms s of the map from the distorted picture to an undistorted one with the same
- * first order: along each of three steps h with picture displacement (x, y) = J h, J S⁻¹ ½ hᵀ g″
- * h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y², f and g being the projections with and without
- * distortion, J and S their first derivatives. Perspective is common to both and keeps edges
- * straight; only distortion remains. */
+/* Computes the second-order terms s of a map from the distorted picture to an undistorted one that
+ * agrees with it to first order. f and g are the projections with and without distortion, and J and
+ * S their first derivatives. For each of three steps h with displacement (x, y) = J h in the
+ * picture, J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both projections include
+ * perspective, which keeps edges straight, so only distortion remains. */
 static void straighten(const struct board *board, BoardProject project, gconstpointer data,
                        const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
@@ -117,9 +118,10 @@ static void straighten(const struct board *board, BoardProject project, gconstpo
         memcpy(to->straighten, found, sizeof found);
 }
 
-/* Centre of the image of a circle minus the image of its centre, to second order of the radius r:
- * Q (r, 0) + Q (0, r), Q being the even part of the projection. For perspective, with
- * f (h) = J h (1 − c·h), the image of r u is J (r u − r² c) but for what moves along the curve. */
+/* Computes the centre of the image of a circle minus the image of the circle's centre, to second
+ * order of the radius r: Q (r, 0) + Q (0, r), where Q is the even part of the projection. For
+ * perspective, f (h) = J h (1 − c·h). The image of the point r u is then J (r u − r² c), apart from
+ * a displacement along the curve. */
 static void put_off_centre(const struct board *board, BoardProject project, gconstpointer data,
                            const double at[2], struct corner_guess *to) {
     const double r = board->circle_mm / 2, right[2] = {r, 0}, up[2] = {0, r};
@@ -131,8 +133,9 @@ static void put_off_centre(const struct board *board, BoardProject project, gcon
     to->off_centre_px[1] = a[1] + b[1];
 }
 
-/* Predicts position and scale for all corners, and if shift_px is not NULL that shift and the
- * edges' curvature; those that project() refuses are left 0. */
+/* Predicts position and scale of all corners. If shift_px is not NULL, it is added to the
+ * positions, and the curvature of the edges is predicted as well. Corners that project() refuses
+ * are left 0. */
 static void guess_all(const struct board *board, BoardProject project, gconstpointer data,
                       const double shift_px[2], struct corner_guess *guesses) {
     const int n = board_n_corners(board);
@@ -165,17 +168,18 @@ static gboolean by_homography(const double xy_mm[2], gboolean straight, double r
     return TRUE;
 }
 
-struct map {     /* from the board to the picture */
+struct map {     /* a map from the board to the picture */
     double h[9]; /* homography */
     double reach_mm;
-    int n;                /* points that were seen, */
-    const double *from;   /* n × 2: on the board, mm, */
-    const double *off_px; /* n × 2: seen minus projected by the homography */
+    int n;              /* number of points that were found */
+    const double *from; /* n × 2: their places on the board, mm */
+    /* n × 2: place in the picture minus the place predicted by the homography */
+    const double *off_px;
 };
 
-/* Homography plus a local linear correction from the deviations of nearby points: at x, e = e₀ of
- * the least Σ wᵢ (e₀ + E (xᵢ − x) − eᵢ)² + ridge |E|², wᵢ = exp(−|xᵢ − x|² / 2 reach²). The ridge
- * keeps E small where the points do not determine it. */
+/* Homography plus a local linear correction from the deviations eᵢ of nearby points xᵢ. At x the
+ * correction is e₀. It minimises Σ wᵢ |e₀ + E (xᵢ − x) − eᵢ|² + ridge |E|² with wᵢ = exp(−|xᵢ − x|²
+ * / 2 reach²). The ridge keeps E small where the points do not determine it. */
 static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                        gconstpointer data) {
     const struct map *map = data;
@@ -201,7 +205,7 @@ static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_p
     return TRUE;
 }
 
-/* Tolerance by the mean length of the markers' first edges. */
+/* Returns the tolerance that follows from the mean length of the markers' first edges. */
 static double tolerance_px(const GArray *markers) {
     double sum = 0;
     for (guint i = 0; i < markers->len; i++) {
@@ -212,7 +216,7 @@ static double tolerance_px(const GArray *markers) {
     return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
 }
 
-/* Number of markers with at least three corners that agree with one plane. */
+/* Returns the number of markers with at least three corners that agree with one plane. */
 static int board_find_agree(const guint8 *good, guint n) {
     int markers = 0;
     for (guint i = 0; i + 3 < n; i += 4)
@@ -220,11 +224,12 @@ static int board_find_agree(const guint8 *good, guint n) {
     return markers;
 }
 
-/* Two sides of a marker as a parallelogram, px by mm, and its middle; corners: four of x, y. */
+/* Approximates a marker's image by a parallelogram: its derivative, px per mm, and its middle on
+ * the board and in the picture. mm and px are the x, y of its four corners. */
 static void marker_frame(const double *mm, const double *px, double ret_slopes[2][2],
                          double ret_mm[2], double ret_px[2]) {
     const double u[2] = {mm[4] - mm[0], mm[5] - mm[1]}, v[2] = {mm[2] - mm[6], mm[3] - mm[7]};
-    const double det = u[0] * v[1] - u[1] * v[0]; /* u, v: the diagonals on the board */
+    const double det = u[0] * v[1] - u[1] * v[0]; /* u, v are the diagonals on the board */
     for (int k = 0; k < 2; k++) {
         const double p = px[4 + k] - px[k], q = px[2 + k] - px[6 + k];
         ret_slopes[k][0] = (p * v[1] - q * u[1]) / det;
@@ -234,8 +239,9 @@ static void marker_frame(const double *mm, const double *px, double ret_slopes[2
     }
 }
 
-/* Whether two markers lie as on the board: from middle to middle by the mean of their slopes, which
- * perspective and distortion leave alone but for their third derivative. */
+/* Returns whether two markers lie relative to each other as on the board. The vector between their
+ * middles is predicted with the mean of their derivatives. Perspective and distortion change this
+ * prediction only through their third derivatives. */
 static gboolean are_beside(const struct board *board, const double *mm_a, const double *px_a,
                            const double *mm_b, const double *px_b) {
     double a[2][2], b[2][2], from_mm[2], from_px[2], to_mm[2], to_px[2], off[2];
@@ -250,8 +256,8 @@ static gboolean are_beside(const struct board *board, const double *mm_a, const 
            hypot(off[0], off[1]) < MAX(TOLERANCE_PX, BESIDE_OFF * side_px);
 }
 
-/* The largest connected set of markers that lie next to their neighbours as printed, however the
- * lens bends the board. ret_good: of each corner. */
+/* Finds the largest connected set of markers that lie next to their neighbours as printed. This
+ * does not depend on how much the lens bends the board. ret_good has a flag for each corner. */
 static void take_piece(const struct board *board, const GArray *from, const GArray *to,
                        guint8 *ret_good) {
     const guint n = from->len / 8;
@@ -279,9 +285,11 @@ static void take_piece(const struct board *board, const GArray *from, const GArr
     }
 }
 
-/* Homography through the corners of the detected markers; from, to: of those that agree, of double,
- * two a point: in one piece, or else with one robust homography. Returns how many markers agree: 0
- * unless at least half do, and two; ret_n: how many markers are the board's. */
+/* Computes the homography through the corners of the detected markers that agree. These markers
+ * form one connected set, or otherwise agree with one robust homography. from and to get their
+ * corners, as doubles, two per point. Returns the number of markers that agree. It is 0 unless
+ * there are at least two and at least half of ret_n, the number of markers that belong to the
+ * board. */
 static int plane_through(const struct board *board, const GArray *found, double ret_h[9],
                          GArray *from, GArray *to, int *ret_n) {
     g_array_set_size(from, 0);
@@ -318,9 +326,10 @@ static int plane_through(const struct board *board, const GArray *found, double 
                : 0;
 }
 
-/* Homography through the corners of all detected markers; from, seen (of double, two a point) are
- * of those that agree. A ChArUco board's markers say which colour its first square has: if it is
- * not that of the board, it is set in board. The reason for a failure says what was seen. */
+/* Computes the homography through the corners of the detected markers that agree. from and seen get
+ * these corners, as doubles, two per point. The markers of a ChArUco board show which colour its
+ * first square has. If it differs from the description, it is set in board. The error of a failure
+ * says what was found. */
 static gboolean plane_of_markers(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from, GArray *to, GError **error) {
     const int border = board_border(board);
@@ -365,8 +374,8 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
     return FALSE;
 }
 
-/* Whether a chessboard's corners were found in the reverse order: its top left square would be
- * white. */
+/* Returns whether a chessboard's corners were found in the reverse order, so that its top left
+ * square would have the wrong colour. */
 static gboolean is_reversed(const struct picture *picture, const struct board *board,
                             const double h[9]) {
     double sum = 0;
@@ -388,9 +397,10 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
     return sum < 0;
 }
 
-/* A chessboard's corners have no ids: both orders are tried. All of them lie on the board, so that
- * all count for the homography, however far a lens bends them off it. If it looks the same upside
- * down the order does not matter, but the colour of its first square is open. */
+/* A chessboard's corners have no ids, so both orders are tried. All corners lie on the board, so
+ * all of them are used for the homography, even if the lens bends their positions. If the board
+ * looks the same upside down, any order is accepted, and the colour of its first square is set as
+ * found. */
 static gboolean plane_of_chessboard(const struct picture *picture, struct board *board,
                                     double ret_h[9], GArray *from_mm, GArray *seen_px,
                                     GError **error) {
@@ -423,8 +433,8 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
     return FALSE;
 }
 
-/* Circles have no ids, and in a symmetric grid the detector may begin with any of its corners: rows
- * are turned round if they run against the board's. */
+/* Circles have no ids, and in a symmetric grid the detector may begin at any corner. The order
+ * within the rows is reversed if the grid would otherwise be mirrored. */
 static gboolean plane_of_circles(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from_mm, GArray *seen_px,
                                  GError **error) {
@@ -456,7 +466,8 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
     return FALSE;
 }
 
-/* Fits all corners where points (of double, two a point) and homography say that they are. */
+/* Fits all corners at the places that the points (doubles, two per point) and the homography
+ * predict. */
 static GArray *fit_by_map(const struct picture *picture, const struct board *board, struct map *map,
                           const GArray *from, const GArray *seen) {
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
@@ -495,7 +506,7 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
                              "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
-    if (fine) { /* once more by all corners found: they are more accurate than the detector's */
+    if (fine) { /* once more from all corners found, which are more accurate than the detector's */
         g_array_set_size(from, 2 * corners->len);
         g_array_set_size(seen, 2 * corners->len);
         for (guint i = 0; i < corners->len; i++) {
@@ -515,12 +526,12 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
                   corners->len);
 }
 
-struct points { /* points of the board with the values that the picture should show */
+struct points { /* points of the board with the values that the picture should show there */
     int n;
     float *x, *y, *value; /* one allocation, freed by x */
 };
 
-/* Projects a grid of points of the board with their printed values. */
+/* Projects a grid of points of the board, with their printed values. */
 static void gather_points(const struct board *board, BoardProject project, gconstpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
@@ -543,8 +554,8 @@ static void gather_points(const struct board *board, BoardProject project, gcons
     board_values(board, at, to->n, to->value);
 }
 
-/* Pearson correlation of the printed values with the picture, shifted by (dx, dy) pixels: (Σuv −
- * ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). */
+/* Pearson correlation of the printed values u with the values v of the picture, shifted by (dx, dy)
+ * pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). */
 static double correlate(const struct picture *picture, const struct points *points, int dx,
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;

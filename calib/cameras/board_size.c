@@ -1,8 +1,8 @@
-/* A board of any size is recognised by its print: a chessboard by OpenCV's search for corners that
- * grows as far as there are some; markers by the number of columns at which the numbers of those in
- * sight lie on a plane; circles as a full rectangle of spots. Then it must end there: a larger
- * board of this print would be dark at places outside the one found, and these must be light, on
- * all four sides. */
+/* Finds the size of a board from its print. For a chessboard, OpenCV searches for corners and
+ * extends the grid as far as it can. For markers, the right number of columns is the one with which
+ * the numbers of the visible markers lie on a plane. For circles, the spots form a full rectangle.
+ * The board must also end there. A larger board of this print would be dark at certain places
+ * outside the board that was found. These places must be light on all four sides. */
 #include "board_size.h"
 
 #include "pictures/vision.h"
@@ -11,37 +11,39 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_EXAMINED 8    /* pictures */
-#define AGREE        2    /* pictures that must show the other size of a board of squares; */
-#define AGREE_GRIDS  3    /* of a grid of markers or circles, whose last row no edge ends; */
-#define AGREE_MORE   2    /* and so many more for each picture that shows a third size */
-#define MAX_PX       1000 /* longer side of the pictures that are examined */
-#define MARKERS_PX   2000 /* the same for markers, whose cells are small */
-#define LARGE        1.5  /* of this: a vain search of such a picture takes seconds */
+#define MAX_EXAMINED 8 /* largest number of pictures */
+/* number of pictures that must show the other size of a board of squares */
+#define AGREE       2
+#define AGREE_GRIDS 3    /* the same for grids of markers or circles, which have no edge */
+#define AGREE_MORE  2    /* more pictures that are needed per picture with a third size */
+#define MAX_PX      1000 /* longer side of the pictures that are examined */
+#define MARKERS_PX  2000 /* the same for markers, whose cells are small */
+#define LARGE       1.5  /* times MAX_PX: above, a failed search takes seconds */
 
-#define OUTSIDE    0.2  /* squares from the edge of a board of squares to a place outside it */
-#define NEAR_EDGE  0.6  /* of a circle's radius: such a place within the next circle */
-#define NEAR       1.1  /* squares around it, in which the print's black and white are compared */
-#define EDGE_REACH 0.35 /* squares inside and outside of an edge, in which it is looked for */
+#define OUTSIDE    0.2  /* distance of tested places from the edge of the squares, in squares */
+#define NEAR_EDGE  0.6  /* the same for circles, in radii within the next circle */
+#define NEAR       1.1  /* reach of the comparison of black and white, in squares */
+#define EDGE_REACH 0.35 /* half the length in which an edge is searched, in squares */
 #define EDGE_STEPS 35
-#define EDGE_OFF   0.08 /* squares from its place */
-#define STEPS      8    /* points of the print in a square */
-#define LEAST      0.5  /* of the print's contrast in the whole board, that is needed there */
-#define WHITE      0.6  /* from the local black to the local white: light */
-#define MAX_WHITE  1.6  /* the same: not lighter than that */
-#define CLOSED     0.9  /* share of the places on each side that must be light */
-#define CONTINUED  0.85 /* share of those on a side that are dark where the board goes on */
-#define MIN_SPOTS  8    /* markers that show a size */
-#define AGREEING   0.9  /* share of the visible markers that lie as on a board of a size */
-#define ALONE      0.7  /* of it: share at any other number of columns */
-#define TOLERANCE  0.12 /* of a marker's side */
+#define EDGE_OFF   0.08 /* largest deviation of the edge from its place, in squares */
+#define STEPS      8    /* points of the print per square */
+#define LEAST      0.5  /* smallest local contrast, relative to the contrast in the whole board */
+#define WHITE      0.6  /* smallest level of a light place; 0: local black, 1: local white */
+#define MAX_WHITE  1.6  /* largest level of a light place */
+#define CLOSED     0.9  /* smallest share of light places on each side of a board that ends */
+#define CONTINUED  0.85 /* share of dark places on a side from which the board goes on there */
+#define MIN_SPOTS  8    /* smallest number of markers that can show a size */
+#define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */
+#define ALONE      0.7  /* largest number that fit another size, relative to those */
+#define TOLERANCE  0.12 /* tolerance of the homography, in marker sides */
 #define ANY_PX     1e6  /* no bound */
 
-/* Places next to a board where the next column or row would be dark. */
+/* A place next to the board where the next column or row would be dark. */
 struct outside {
     double x, y; /* mm, board frame */
     int side;    /* 0 … 3 */
-    /* Instead: a place on the board's edge next to a black square, where black must end. */
+    /* If TRUE, the place is instead on the board's edge next to a black square, where black must
+     * end. */
     gboolean is_edge;
 };
 
@@ -50,13 +52,14 @@ static void add_outside(GArray *to, double x, double y, int side, gboolean is_ed
     g_array_append_val(to, place);
 }
 
-/* Boards of squares or markers: cells beyond a side. Those that would be dark must be light; next
- * to black squares is the edge. */
+/* Adds the places beyond a side of a board of squares or markers. In cells that would be dark, the
+ * place must be light. Next to black squares, the place is on the edge. */
 static void add_cells(const struct board *board, int side, GArray *to) {
     const int n = side % 2 ? board->rows : board->columns;
     const double s = board->square_mm, marker = board->marker_mm;
     const gboolean squares = board->print < BOARD_MARKERS;
-    /* From the outer edge of the print's cells; of the next marker, the middle of its border. */
+    /* Distance from the outer edge of the print's cells. For markers it leads to the middle of the
+     * next marker's border. */
     const double cell =
         marker / (vision_dictionary(board->dictionary, NULL) + 2 * board_border(board));
     const double beyond = squares ? OUTSIDE * s : (s - marker) / 2 + cell * board_border(board) / 2;
@@ -76,7 +79,7 @@ static void add_cells(const struct board *board, int side, GArray *to) {
     }
 }
 
-/* Circles: those next to the outermost ones, on the near side. */
+/* Adds the places in the circles that would be next to the outermost ones, on their near side. */
 static void add_circles(const struct board *board, GArray *to) {
     static const int steps[2][4][2] = {{{0, -1}, {1, 0}, {0, 1}, {-1, 0}},
                                        {{1, -1}, {1, 1}, {-1, 1}, {-1, -1}}};
@@ -102,7 +105,7 @@ static void add_circles(const struct board *board, GArray *to) {
 
 typedef gboolean (*Project)(const double xy_mm[2], double ret_px[2], gconstpointer data);
 
-struct print {      /* points of the print that the picture shows */
+struct print {      /* points of the print that are visible in the picture */
     GArray *points; /* struct point */
     double black, white;
 };
@@ -151,10 +154,11 @@ static void see_print(const struct picture *picture, const struct board *board, 
     to->white = n[1] ? sum[1] / n[1] : 0;
 }
 
-/* By side, in the board's frame. */
+/* Outward direction of each side, in the board's frame. */
 static const int outwards[4][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}};
 
-/* The print's black and its contrast near a place. FALSE: it is not to be seen there. */
+/* Gives the black level and the contrast of the print near a place. Returns FALSE if the print is
+ * not visible there. */
 static gboolean levels_near(const struct board *board, const struct print *print,
                             const struct outside *place, double *ret_black, double *ret_contrast) {
     double sum[2] = {0, 0};
@@ -171,12 +175,12 @@ static gboolean levels_near(const struct board *board, const struct print *print
         return FALSE;
     *ret_black = sum[0] / n[0];
     *ret_contrast = sum[1] / n[1] - *ret_black;
-    /* Bright circles on a dark ground have their contrast the other way round. */
+    /* Bright circles on a dark ground have a negative contrast. */
     const double all = print->white - print->black;
     return all != 0 && *ret_contrast * (all < 0 ? -1 : 1) > LEAST * fabs(all);
 }
 
-/* Share of the contrast at a place; NAN: outside of the picture. */
+/* Level at a place, relative to the contrast; NAN outside the picture. */
 static double level_at(const struct picture *picture, Project project, gconstpointer data, double x,
                        double y, double black, double contrast) {
     double px[2], seen;
@@ -185,8 +189,9 @@ static double level_at(const struct picture *picture, Project project, gconstpoi
                : NAN;
 }
 
-/* 1: light as the margin of the print, or the edge is where it should be; −1: dark, 0: neither, or
- * the print is not to be seen near it. */
+/* Returns 1 if the place is as light as the margin of the print, or if the edge is where it should
+ * be. Returns −1 if the place is dark. Returns 0 otherwise, also if the print is not visible near
+ * it. */
 static int margin_at(const struct picture *picture, const struct board *board,
                      const struct print *print, const struct outside *place, Project project,
                      gconstpointer data) {
@@ -212,7 +217,7 @@ static int margin_at(const struct picture *picture, const struct board *board,
 
 enum end { OPEN, ENDS, GOES_ON };
 
-/* Whether a place next to a black square is light. */
+/* Returns whether a place next to a black square is light. */
 static gboolean is_light_beyond(const struct picture *picture, const struct board *board,
                                 const struct print *print, const struct outside *place,
                                 Project project, gconstpointer data) {
@@ -223,8 +228,9 @@ static gboolean is_light_beyond(const struct picture *picture, const struct boar
                     place->y + s * outwards[place->side][1], black, contrast) > WHITE;
 }
 
-/* Whether the picture shows that the board ends as it is described, or goes on at one side: dark
- * where the next squares or circles would be dark, and light where they would be light. */
+/* Returns whether the picture shows that the board ends as described, or goes on at one side. It
+ * goes on if places are dark where the next squares or circles would be dark, and light where they
+ * would be light. */
 static enum end end_of(const struct picture *picture, const struct board *board, Project project,
                        gconstpointer data) {
     g_autoptr(GArray) places = g_array_new(FALSE, FALSE, sizeof(struct outside));
@@ -256,12 +262,12 @@ static enum end end_of(const struct picture *picture, const struct board *board,
     return ends ? ENDS : OPEN;
 }
 
-/* Corners in columns and rows; between and beyond them by parabolas through three in each
- * direction, which follow perspective and the bend of a lens. */
+/* Corners in columns and rows. Positions between and beyond them are interpolated by parabolas
+ * through three corners in each direction. The parabolas follow perspective and distortion. */
 struct corner_grid {
     const struct board *board;
     const double *xy;
-    int columns, rows; /* of corners */
+    int columns, rows; /* columns and rows of corners */
 };
 
 static void parabola(double at, int n, int *ret_first, double ret[3]) {
@@ -299,7 +305,8 @@ static gboolean by_plane(const double xy_mm[2], double ret_px[2], gconstpointer 
     return TRUE;
 }
 
-/* corners: double x, y, row by row. The colour of its first square is as in the picture. */
+/* corners are doubles x, y, row by row. The colour of the first square is taken from the
+ * picture. */
 static enum end end_of_chessboard(const struct picture *picture, struct board *board,
                                   const GArray *corners) {
     const struct corner_grid grid = {board, (const double *)(gconstpointer)corners->data,
@@ -324,7 +331,8 @@ static enum end measure_chessboard(const struct picture *picture, struct board *
     return end_of_chessboard(picture, board, corners);
 }
 
-/* The homography from corners of a board to their places. ids: NULL: all of them in order. */
+/* Computes the homography from corners of a board to their places. If ids is NULL, the corners are
+ * all corners in order. */
 static gboolean plane_of(const struct board *board, const int *ids, const double *places, int n,
                          double ret_h[9]) {
     g_autofree double *from = g_new(double, 2 * n);
@@ -354,8 +362,8 @@ static enum end measure_circles(const struct picture *picture, struct board *boa
     return GOES_ON;
 }
 
-/* How many of the markers lie on a plane if the board has these columns. ret_h: that plane;
- * ret_rows: up to the last marker. */
+/* Returns the number of markers that lie on a plane if the board has this number of columns. ret_h
+ * is the homography. ret_rows is the number of rows up to the last of these markers. */
 static int count_on_plane(const struct board *board, const GArray *found, double ret_h[9],
                           int *ret_rows) {
     const int n = (int)found->len;
@@ -390,8 +398,8 @@ static int count_on_plane(const struct board *board, const GArray *found, double
     return on;
 }
 
-/* The rows' number does not matter to where markers lie relative to each other, but it does to the
- * print's centre. */
+/* The number of rows does not change where markers lie relative to each other, but it changes the
+ * centre of the print. So a large number of rows is assumed first. */
 static enum end measure_markers(const struct picture *picture, struct board *board) {
     g_autoptr(GArray) found =
         vision_find_markers(picture, board->dictionary, board_border(board), FALSE, NULL);
@@ -427,7 +435,8 @@ static int max_px(const struct board *board) {
     return board->marker_mm > 0 ? MARKERS_PX : MAX_PX;
 }
 
-/* Means over factor × factor pixels, so that the longer side has at most that many. */
+/* Averages blocks of factor × factor pixels, so that the longer side has at most the given number
+ * of pixels. */
 static struct picture *reduce(const struct picture *from, int most) {
     const int factor = (MAX(from->width, from->height) + most - 1) / most;
     const int width = from->width / factor, height = from->height / factor;
@@ -443,13 +452,13 @@ static struct picture *reduce(const struct picture *from, int most) {
     return to;
 }
 
-/* Columns and rows of such a board look the same if they are exchanged. */
+/* Returns whether the board looks the same with columns and rows exchanged. */
 static gboolean is_exchangeable(const struct board *board) {
     return board->print == BOARD_CHESSBOARD || board->print == BOARD_CIRCLES;
 }
 
-/* Measures the columns and rows of the board in the picture. ENDS: the board has this size. OPEN:
- * it has at least this size. GOES_ON: its size was not found. */
+/* Measures the number of columns and rows of the board in the picture. Returns ENDS if the board
+ * has this size, OPEN if it has at least this size, and GOES_ON if the size was not found. */
 static enum end measure(const struct picture *picture, const struct board *given, int *ret_columns,
                         int *ret_rows) {
     g_autoptr(Picture) small = reduce(picture, max_px(given));
@@ -470,14 +479,14 @@ gboolean board_measure(const struct picture *picture, const struct board *given,
 }
 
 struct sighting {
-    char *name; /* of the picture */
+    char *name; /* name of the picture */
     int columns, rows;
 };
 
 struct board_census {
     struct board given;
     GMutex lock;
-    gboolean settled; /* the given size is right, or enough pictures were examined */
+    gboolean settled; /* the given size is right, or MAX_EXAMINED pictures were examined */
     int examined;
     GArray *sightings; /* struct sighting, of other sizes */
 };
@@ -528,7 +537,8 @@ static gboolean refuse_size(const struct board *given, const struct sighting *a,
     return FALSE;
 }
 
-/* Takes the lock. FALSE: enough pictures have shown this other size. */
+/* Takes the lock while it adds the sighting. Returns FALSE if enough pictures have shown this other
+ * size. columns 0 means that the size is not known. */
 static gboolean add_sighting(struct board_census *census, const char *name, int columns, int rows,
                              GError **error) {
     gboolean ok = TRUE;
@@ -555,7 +565,7 @@ static gboolean add_sighting(struct board_census *census, const char *name, int 
     return ok;
 }
 
-/* Whether the board that was found goes on beyond its corners. */
+/* Returns whether the board that was found goes on beyond its corners. */
 static gboolean goes_on(const struct board *given, const struct picture *picture,
                         const GArray *corners) {
     const int n = (int)corners->len;
@@ -574,14 +584,15 @@ static gboolean goes_on(const struct board *given, const struct picture *picture
            end_of(picture, &board, by_plane, h) == GOES_ON;
 }
 
-/* searched: the picture was searched for the given board in vain. */
+/* searched is TRUE if a search for the given board in this picture has failed. */
 static gboolean examine(struct board_census *census, const struct picture *picture,
                         gboolean searched, GError **error) {
     const struct board *given = &census->given;
     int columns = 0, rows = 0;
     const enum end end = measure(picture, given, &columns, &rows);
-    /* A chessboard that shows just as many inner corners as the given one has squares is what was
-     * meant, even if its margin is narrow, or its outer squares are cut. */
+    /* If a chessboard has as many inner corners as the given one has squares, the user has counted
+     * corners. This size is accepted even if the margin is narrow or the outer squares are cut
+     * off. */
     const gboolean counted_corners = given->print == BOARD_CHESSBOARD && end == OPEN &&
                                      columns == given->columns + 1 && rows == given->rows + 1;
     /* A board of the given size that does not go on is the given one. */

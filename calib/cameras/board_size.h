@@ -1,20 +1,20 @@
 /*
- * Notices a wrong size of the board while pictures are searched for it. The commonest mistake in a
- * board's description is its size: corners are counted where squares are meant, or one is counted
+ * Detects a wrong size of the board while pictures are searched for it. The size is the most common
+ * mistake in the description of a board: corners are counted instead of squares, or one is counted
  * too many. A search for a board that is not there takes minutes, and its failure does not say why.
  *
  * A few of the pictures are therefore searched for a board of the given print and any size. A
- * picture counts only if it shows the white margin along all four sides of the board that is found,
- * because a board that is partly covered, or partly outside of the picture, would pass for a
- * smaller one. If two pictures (three of a grid of markers or circles) show the same other size,
- * and none the given one, the search ends with an error that names the size.
+ * picture counts only if it shows the white margin along all four sides of the board. Without this
+ * condition, a board that is partly covered or partly outside the picture would be taken for a
+ * smaller one. If two pictures (three for a grid of markers or circles) show the same other size,
+ * and none shows the given one, the search ends with an error that names the size.
  *
- * Columns and rows of chessboards and of symmetric grids of circles look the same if they are
- * exchanged, and are not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are not
- * recognised, nor boards without a margin; then nothing is said. Only a chessboard with just as
- * many inner corners as the given one has squares is recognised without a margin.
+ * Chessboards and symmetric grids of circles look the same if columns and rows are exchanged, so
+ * for these the order is not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are not
+ * recognised, and neither are boards without a margin. They give no error here. Only a chessboard
+ * that has as many inner corners as the given one has squares is recognised without a margin.
  *
- * Any thread; several threads may use one census together.
+ * Any thread. Several threads may use one census at the same time.
  */
 #pragma once
 
@@ -22,25 +22,28 @@
 
 struct board_census;
 
+/* Starts a census with the description of the board, which is copied. */
 struct board_census *board_census_new(const struct board *given);
 void board_census_free(struct board_census *census); /* NULL is ignored */
 typedef struct board_census BoardCensus;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BoardCensus, board_census_free)
 
-/* Examines a picture before the search, if it is so large that a vain search takes seconds. FALSE:
- * BOARD_ERROR_SPEC, the pictures show another size, which the error names. ret_more: pictures of
- * this size should be examined further. A picture costs no time once one has shown the given size.
- */
+/* Examines a picture before the search if it is so large that a failed search takes seconds.
+ * Returns FALSE with BOARD_ERROR_SPEC if the pictures show another size, which the error names.
+ * *ret_more says whether further pictures of this size should be examined. After one picture has
+ * shown the given size, the call returns immediately. */
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error);
 
-/* Examines a picture in which board_find() has found nothing (NULL), or corners of a board that
- * goes on beyond them. FALSE as before. */
+/* Examines a picture after board_find(). corners is NULL if nothing was found. The picture is
+ * examined if nothing was found, or if the board goes on beyond the corners. Returns FALSE like
+ * board_census_before(). */
 gboolean board_census_after(struct board_census *census, const struct picture *picture,
                             const GArray *corners, GError **error);
 
-/* For tests, which count how often a single picture gives the right size. The size of the board in
- * a picture: columns and rows of the given print, in the order of the given ones where they look
- * the same exchanged. FALSE: it is not known, or the board does not end within the picture. */
+/* For tests, which count how often a single picture gives the right size. Measures the size of the
+ * board in a picture: columns and rows of the given print. If they look the same exchanged, they
+ * are in the order of the given ones. Returns FALSE if the size is not known, or if the board does
+ * not end within the picture. */
 gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
                        int *ret_rows);

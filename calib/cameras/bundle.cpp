@@ -27,11 +27,14 @@ const bool quiet = [] {
     return true;
 }();
 
-constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
-constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
-constexpr double WOBBLE_SIGMA = 0.002;   /* rad, of each coefficient about 0, a prior */
+/* standard deviation of the gauge constraints, which are nearly exact */
+constexpr double GAUGE_SIGMA_RAD = 1e-7;
+/* prior standard deviation of fx / fy from its prior value */
+constexpr double ASPECT_SIGMA = 0.002;
+/* rad, prior standard deviation of each coefficient about 0 */
+constexpr double WOBBLE_SIGMA = 0.002;
 
-/* A corner's residual, whitened and divided by its noise. */
+/* Residual of a corner, whitened and divided by its noise. */
 struct Reprojection final
     : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1, 3, BUNDLE_WOBBLE> {
     const bundle *b;
@@ -142,7 +145,7 @@ struct AnglePrior final : ceres::SizedCostFunction<1, 1> {
     }
 };
 
-/* Gauge: the mean deviation of a lay's angles from the commanded ones is 0. */
+/* Gauge: the mean deviation of a lay's angles from the commanded angles is 0. */
 struct MeanAngle final : ceres::CostFunction {
     std::vector<double> commanded;
 
@@ -164,8 +167,8 @@ struct MeanAngle final : ceres::CostFunction {
     }
 };
 
-/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal ones, is 0: Σ (c ×
- * n)_z / |n|² = 0, c and n being true and nominal centre. */
+/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal centres, is 0. With c
+ * and n the true and nominal centres, Σ (c × n)_z / |n|² = 0. */
 struct MeanAzimuth final : ceres::CostFunction {
     std::vector<const bundle_camera *> cameras;
 
@@ -191,10 +194,11 @@ struct MeanAzimuth final : ceres::CostFunction {
     }
 };
 
-/* The parameter blocks and the problem as Ceres wants them. */
+/* The parameter blocks and the problem in the form that Ceres needs. */
 struct Work {
     bundle *b;
-    std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses; /* stops use their first one's */
+    /* a stop uses the lens of its first stop */
+    std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses;
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
     std::array<double, 3> bend;
@@ -347,8 +351,9 @@ struct Work {
         std::memcpy(b->wobble, wobble.data(), sizeof b->wobble);
     }
 
-    /* All free parameter blocks in order; of each camera's lens and pose, and of the wobble, the
-     * first column in the Jacobian, −1 if it is fixed. */
+    /* Returns all free parameter blocks in order. lens and pose get the first column in the
+     * Jacobian of each camera's lens and pose, and wobble gets that of the wobble. A block that is
+     * fixed has −1. */
     std::vector<double *> free_blocks(std::vector<int> *lens, std::vector<int> *pose,
                                       int *ret_wobble) {
         std::vector<double *> blocks;

@@ -1,20 +1,20 @@
-/* The covariance of cameras, robust against errors that corners of one picture have in common
- * (bundle.h).
+/* Covariance of the cameras, robust against errors that the corners of one picture have in common
+ * (see bundle.h).
  *
- * With JᵀJ = G Gᵀ (Cholesky), C = G⁻ᵀ G⁻¹. Rows of priors contribute y yᵀ to GᵀS G, y = G⁻¹ jᵀ; a
- * picture y = G⁻¹ J_iᵀ (I − J_i C J_iᵀ)^−½ r_i. J_i has few columns other than 0: with W = Q R the
- * same columns of G⁻¹, and B = J_i Rᵀ, BᵀB = V diag(l) Vᵀ, that is y = Q V diag((1 − l)^−½) Vᵀ Bᵀ
- * r_i. For the parameters of one camera, W = Q R being their columns of G⁻¹: C = RᵀR and S = Rᵀ
- * (Σ z zᵀ) R, z = Qᵀ y. So nothing is squared that is nearly singular, as JᵀJ of a rational lens
- * is. */
+ * Let JᵀJ = G Gᵀ (Cholesky), so C = G⁻ᵀ G⁻¹. Then Gᵀ S G = Σ y yᵀ. A row j of the priors
+ * contributes y = G⁻¹ jᵀ, and a picture contributes y = G⁻¹ J_iᵀ (I − J_i C J_iᵀ)^−½ r_i. Only a
+ * few columns of J_i are not 0. Let W = Q R be the same columns of G⁻¹, B = J_i Rᵀ and BᵀB = V
+ * diag(l) Vᵀ. Then y = Q V diag((1 − l)^−½) Vᵀ Bᵀ r_i. For the parameters of one camera, let W = Q
+ * R be their columns of G⁻¹. Then C = RᵀR and S = Rᵀ (Σ z zᵀ) R with z = Qᵀ y. In this way no
+ * nearly singular matrix is squared. The JᵀJ of a rational lens is nearly singular. */
 #include "bundle_private.h"
 
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>
 
-#define MIN_LEFT  1e-6  /* least share of a residual that remains after the fit */
-#define MIN_RCOND 1e-15 /* least reciprocal condition number of JᵀJ with unit diagonal */
+#define MIN_LEFT  1e-6  /* smallest share of a residual that remains after the fit */
+#define MIN_RCOND 1e-15 /* smallest reciprocal condition number of the scaled JᵀJ */
 #define MAX_OWN                                                                                    \
     (BUNDLE_CAMERA + 6 + 1 + 3 +                                                                   \
      BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, */
@@ -22,8 +22,9 @@
 
 struct factor {
     int n;
-    double *g;     /* G, column by column; JᵀJ scaled to a unit diagonal, since units differ by */
-    double *scale; /* orders of magnitude: parameter = scale · scaled one */
+    double *g; /* G, column by column, for JᵀJ scaled to a unit diagonal */
+    /* The units differ by orders of magnitude: parameter = scale · scaled parameter. */
+    double *scale;
 };
 
 static gboolean factorise(const struct bundle_linear *linear, struct factor *ret) {
@@ -45,7 +46,7 @@ static gboolean factorise(const struct bundle_linear *linear, struct factor *ret
            LAPACKE_dpocon(LAPACK_COL_MAJOR, 'L', n, g, n, norm, &rcond) == 0 && rcond >= MIN_RCOND;
 }
 
-/* Some columns of G⁻¹ as Q (n × k) and R (k × k, upper, row by row). */
+/* Decomposes some columns of G⁻¹ into Q (n × k) and R (k × k, upper, row by row). */
 static gboolean columns_of_inverse(const struct factor *factor, const int *columns, int k,
                                    double *ret_q, double *ret_r) {
     const int n = factor->n;
@@ -62,8 +63,9 @@ static gboolean columns_of_inverse(const struct factor *factor, const int *colum
     return LAPACKE_dorgqr(LAPACK_COL_MAJOR, n, k, k, ret_q, n, tau) == 0;
 }
 
-/* y of a picture with these rows of the Jacobian, by its k columns. Where l is 1, the fit follows
- * whatever the picture says, and nothing is left to learn from its residuals. */
+/* Computes the score y of a picture. rows are its rows of the Jacobian, which have k columns that
+ * are not 0. Where l is 1, the fit follows this picture completely, so that its residuals contain
+ * no information. */
 static gboolean picture_score(const struct factor *factor, const struct bundle_linear *linear,
                               const GArray *rows, double *ret_y) {
     const int n = factor->n;
@@ -173,15 +175,17 @@ static int pictures_of(const struct bundle *bundle, int camera) {
     return (int)g_hash_table_size(seen);
 }
 
-/* 97.5 % of Student's t over that of normal errors (Cornish and Fisher's expansion). */
+/* Returns the 97.5 % quantile of Student's t over that of the normal distribution (Cornish-Fisher
+ * expansion). */
 static double student(int freedom) {
     const double z = 1.959964, z2 = z * z, v = MAX(freedom, 1);
     return 1 + (z2 + 1) / (4 * v) + ((5 * z2 + 16) * z2 + 3) / (96 * v * v) +
            (((3 * z2 + 19) * z2 + 17) * z2 - 15) / (384 * v * v * v);
 }
 
-/* A camera's covariance V = g (n S + p f C) / (n + p), n pictures and p parameters; its inflation
- * f. free: their columns; at: each of BUNDLE_CAMERA parameters' index among them, or −1. */
+/* Computes a camera's covariance V = g (n S + p f C) / (n + p) from n pictures and p parameters,
+ * and its inflation f. free has the columns of its free parameters. at has, for each of the
+ * BUNDLE_CAMERA parameters, its index in free, or −1. */
 static gboolean camera_covariance(struct bundle_camera *camera, const struct factor *factor,
                                   const GArray *y, const int *free, int p, const int *at,
                                   int pictures, double *ret_f) {
@@ -228,7 +232,8 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
     return TRUE;
 }
 
-/* √ trace of the wobble's part of C: the mean of |tilt|² over a turn is Σ |z_n|². */
+/* Computes the square root of the trace of the wobble's part of C. The mean of |tilt|² over a turn
+ * is Σ |z_n|². */
 static gboolean wobble_error(struct bundle *bundle, const struct factor *factor,
                              const struct bundle_linear *linear) {
     const int k = linear->n_wobble;

@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MIN_Z     1e-6 /* least z of a point in front of the camera */
-#define MIN_BELOW 1e-3 /* least denominator; beyond the pole of a lens the image is mirrored */
+#define MIN_Z 1e-6 /* smallest z of a point that counts as in front of the camera */
+/* smallest denominator; beyond its zero the image of a rational lens is mirrored */
+#define MIN_BELOW 1e-3
 
 static struct mat3 product(const double a[9], const struct mat3 *b) {
     struct mat3 ret;
@@ -18,8 +19,9 @@ static struct mat3 product(const double a[9], const struct mat3 *b) {
     return ret;
 }
 
-/* exp([ω]×) = I + a [ω]× + b [ω]×² (Rodrigues), and the columns of J = I − b [ω]× + c [ω]×², for
- * which exp([ω + d]×) = exp([ω]×) exp([J d]×) to first order (Chirikjian 2011 §10.8). */
+/* Rodrigues' formula: exp([ω]×) = I + a [ω]× + b [ω]×². ret_j gets the columns of J = I − b [ω]× +
+ * c [ω]×², for which exp([ω + d]×) = exp([ω]×) exp([J d]×) to first order (Chirikjian 2011
+ * §10.8). */
 static void exponential(const double omega[3], struct mat3 *ret, struct vec3 ret_j[3]) {
     const struct vec3 w = vec3(omega[0], omega[1], omega[2]);
     const double s = vec3_dot(w, w), t = sqrt(s);
@@ -43,8 +45,9 @@ gboolean bundle_has(enum rig_lens lens, int i) {
     return lens == RIG_LENS_RATIONAL ? TRUE : lens == RIG_LENS_FISHEYE ? i < 7 || i == 9 : i < 9;
 }
 
-/* The fisheye of lens.h: u = X d(θ) / a, a = |(X, Y)|, tan θ = a / Z. j: of u, v by X, Y, Z; k: by
- * the distortion in the order of the intrinsics. */
+/* The fisheye of lens.h: u = X d(θ) / a, with a = |(X, Y)| and tan θ = a / Z. j has the derivatives
+ * of u, v with respect to X, Y, Z. k has those with respect to the distortion, in the order of the
+ * intrinsics. */
 static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2][3],
                         double k[2][8]) {
     const double a = hypot(q.x, q.y), xy[2] = {q.x, q.y};
@@ -61,7 +64,8 @@ static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2
     const double theta = atan2(a, q.z), s = theta * theta, r2 = a * a + q.z * q.z;
     const double d = theta * (1 + s * (c[4] + s * (c[5] + s * (c[6] + s * c[9]))));
     const double slope = 1 + s * (3 * c[4] + s * (5 * c[5] + s * (7 * c[6] + s * 9 * c[9])));
-    const double by_a = slope * q.z / r2 / a - d / (a * a); /* of d / a */
+    /* derivative of d / a with respect to a */
+    const double by_a = slope * q.z / r2 / a - d / (a * a);
     for (int i = 0; i < 2; i++) {
         uv[i] = xy[i] * d / a;
         j[i][0] = xy[i] * by_a * q.x / a + (i == 0 ? d / a : 0);
@@ -70,12 +74,12 @@ static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2
         k[i][0] = xy[i] / a * theta * s;
         k[i][1] = k[i][0] * s;
         k[i][2] = k[i][1] * s;
-        k[i][5] = k[i][2] * s; /* by k4 */
+        k[i][5] = k[i][2] * s; /* derivative with respect to k4 */
     }
     return TRUE;
 }
 
-/* The polynomial and the rational lens. j, k: as above. */
+/* The polynomial and the rational lens. j and k are as in fisheye(). */
 static gboolean polynomial(enum rig_lens lens, const double *c, struct vec3 q, double uv[2],
                            double j[2][3], double k[2][8]) {
     const double x = q.x / q.z, y = q.y / q.z, s = x * x + y * y, xy[2] = {x, y};
@@ -106,13 +110,13 @@ static gboolean polynomial(enum rig_lens lens, const double *c, struct vec3 q, d
     return q.z > MIN_Z && below > MIN_BELOW;
 }
 
-/* Rows of a, times v. */
+/* Multiplies both rows of a by v. */
 static void along(const double a[2][3], struct vec3 v, double *ret_x, double *ret_y) {
     *ret_x = a[0][0] * v.x + a[0][1] * v.y + a[0][2] * v.z;
     *ret_y = a[1][0] * v.x + a[1][1] * v.y + a[1][2] * v.z;
 }
 
-/* n of the wobble's parameters 2 i and 2 i + 1. */
+/* Returns n of the wobble's parameters 2 i and 2 i + 1. */
 static int wobble_order(int i) {
     return i == 0 ? -1 : i % 2 ? (i + 3) / 2 : -(i + 2) / 2;
 }
@@ -142,8 +146,9 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret) {
     }
 }
 
-/* With M = R₀ exp([ω]×): ∂(M x)/∂ω_k = M (J_k × x). The board's point is at p = Rz(τ) (M_l X + t),
- * and n = M_l (0, 0, 1); t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p + shift. */
+/* With M = R₀ exp([ω]×), ∂(M x)/∂ω_k = M (J_k × x). The board's point is at p = Rz(τ) (M_l X + t).
+ * With n = M_l (0, 0, 1), t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p +
+ * shift. */
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],
                       double ret_px[2], struct bundle_slopes *ret) {
@@ -185,8 +190,9 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
     if (!ret)
         return TRUE;
     memset(ret->lens, 0, sizeof ret->lens);
-    double by_p[2][3], by_level[2][3], by_from[2][3]; /* of the picture's x, y by p, before W, and
-                                                         before Rz */
+    double by_p[2][3], by_level[2][3],
+        by_from[2][3]; /* derivatives of the picture's x, y with respect to p, the point before W,
+                          and that before Rz */
     double by_tilt[2][2];
     for (int i = 0; i < 2; i++) {
         ret->lens[i][i] = uv[i];
@@ -262,8 +268,8 @@ void bundle_centre(const struct bundle_camera *camera, const double pose[6], dou
     }
 }
 
-/* Rounding accumulates over many solves: a Newton step to the polar factor, R (3 I − Rᵀ R) / 2,
- * leaves the square of what it was off. */
+/* Rounding errors accumulate over many solves. A Newton step towards the polar factor, R (3 I − Rᵀ
+ * R) / 2, reduces the deviation from a rotation to its square. */
 void bundle_turn(double rotation[9], const double omega[3]) {
     struct mat3 turn, r;
     struct vec3 j[3];

@@ -1,7 +1,7 @@
-/* Calibrates cameras from pictures of a board on the turntable, in steps: find the boards,
- * estimate the poses of the lays from single pictures (cameras_start.c), a first bundle
- * adjustment, search again for all corners where the geometry predicts them, then adjust in
- * rounds with outlier rejection (cameras_refine.c). */
+/* Calibrates cameras from pictures of a board on the turntable. The steps are: find the boards,
+ * estimate the poses of the lays from single pictures (cameras_start.c), make a first bundle
+ * adjustment, search again for all corners where the geometry predicts them, and adjust in rounds
+ * with outlier rejection (cameras_refine.c). */
 #include "cameras_private.h"
 
 #include "base/work.h"
@@ -10,14 +10,15 @@
 #include <gio/gio.h>
 #include <string.h>
 
-#define RAD(deg)        ((deg) * (G_PI / 180))
-#define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* standard deviation of the turntable's angle from the commanded angle */
+#define ANGLE_SIGMA_DEG 0.1
 #define NEAR_PX         3   /* search radius once the geometry is known */
 #define FAR             0.2 /* the same before it is known, as a share of the picture's width */
-#define MIN_CORNERS     6   /* in a usable picture */
-#define MIN_PICTURES    3   /* of a camera, to refine it */
-#define SIZE_PICTURES   8   /* that are examined for another size of the board */
-#define HALF_TURN_DEG   10  /* an x axis this near to half a turn from 0 points the wrong way */
+#define MIN_CORNERS     6   /* smallest number of corners in a usable picture */
+#define MIN_PICTURES    3   /* smallest number of pictures that refine a camera */
+#define SIZE_PICTURES   8   /* number of pictures that are examined for another size of the board */
+#define HALF_TURN_DEG   10  /* an x axis within this angle of half a turn points the wrong way */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
@@ -114,8 +115,8 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     const struct rig_camera *c = &work->nominal.cameras[seen->camera];
     if (!picture)
         return FALSE;
-    /* On a rig, a picture of another size is from another camera, or was scaled: an error, not an
-     * outlier. */
+    /* On a rig, a picture of another size was taken by another camera or was scaled. That is an
+     * error, not an outlier. */
     if (!work->free_boards && (picture->width != c->width || picture->height != c->height))
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
@@ -133,7 +134,7 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     return board_census_after(work->census, picture, seen->corners, error);
 }
 
-/* Large pictures are searched for a board of another size first, some from all lays. */
+/* If the pictures are large, first searches some from all lays for a board of another size. */
 static gboolean check_size(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures, most = MIN(n, SIZE_PICTURES);
     gboolean more = TRUE;
@@ -151,8 +152,8 @@ gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy
     return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
-/* Searches picture i for the corners where the geometry predicts them, including those that the
- * detector does not find. */
+/* Searches picture i for the corners where the geometry predicts them, including corners that the
+ * detector has not found. */
 static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     struct cameras_look at = {&work->bundle, seen->camera, seen->stop};
@@ -179,7 +180,7 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
 struct each {
     struct cameras_work *work;
     CamerasPass run;
-    const double *reach_px; /* of each picture; NULL: all */
+    const double *reach_px; /* search radius of each picture; NULL: all pictures, with 0 */
     GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
 
@@ -191,7 +192,7 @@ static void cameras_run_picture(gpointer item, gpointer data) {
     g_async_queue_push(each->done, ok ? (gpointer)each->work : error);
 }
 
-/* Pictures that have not begun when an error occurs are skipped. */
+/* If an error occurs, pictures that have not begun are skipped. */
 gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
                           GError **error) {
     g_autoptr(GAsyncQueue) done = g_async_queue_new();
@@ -228,7 +229,8 @@ int cameras_pictures_of(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* Fixes cameras with too few pictures so far at their pose in the rig file. */
+/* Fixes pose and lens of cameras that have too few pictures so far, at their values in the rig
+ * file. */
 static void fix_unknown(struct cameras_work *work) {
     struct bundle_camera *cameras = work->bundle.cameras;
     for (int c = 0; c < work->bundle.n_cameras; c++) {
@@ -236,7 +238,7 @@ static void fix_unknown(struct cameras_work *work) {
         if (!work->free_boards)
             cameras[c].fixed_pose = unknown;
         cameras[c].fixed_lens = unknown;
-        if (!unknown) /* at one stop is enough */
+        if (!unknown) /* enough pictures at one stop are sufficient for the lens of all stops */
             cameras[c - cameras[c].stop].fixed_lens = FALSE;
     }
 }
@@ -248,9 +250,9 @@ gboolean cameras_solve(struct cameras_work *work, GError **error) {
     return bundle_solve(&work->bundle, error);
 }
 
-/* Two passes. The first searches every picture of cameras with fewer than MIN_PICTURES usable
- * pictures, within a large radius, and of the other cameras only pictures without corners. The
- * second searches all pictures with the geometry that is known by then. */
+/* Searches in two passes. The first pass searches every picture of cameras with fewer than
+ * MIN_PICTURES usable pictures, within a large radius. Of the other cameras it searches only
+ * pictures without corners. The second pass searches all pictures with the improved geometry. */
 static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)
@@ -269,7 +271,7 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* Residuals, angle errors of the stops, and tilts of the lays. */
+/* Returns a result with the residuals, the angle errors of the stops, and the tilts of the lays. */
 static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
     struct cameras_result *to = g_new0(struct cameras_result, 1);
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
@@ -330,7 +332,7 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-/* arm: NULL if the rig has none, or its axis is not determined. */
+/* arm is NULL if the rig has no camera arm, or if its axis is not determined. */
 static struct cameras_result *cameras_store_result(struct cameras_work *work,
                                                    const struct rig_swing_fit *arm) {
     struct calibration *calibration = work->calibration;
@@ -399,14 +401,15 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
     return result;
 }
 
-/* Places the boards by the nominal cameras, and adjusts all for the first time. */
+/* Places the boards by means of the nominal cameras, and makes the first adjustment of all
+ * parameters. */
 static gboolean cameras_begin(struct cameras_work *work, GError **error) {
     return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
            (!work->task->no_turntable || cameras_level(work, error)) && cameras_solve(work, error);
 }
 
-/* Nothing yet says how high the boards lie: moves everything along the turntable's axis so that the
- * flattest board lies on its top, as nominal positions presume. */
+/* The height of the boards is not determined yet. Moves everything along the turntable's axis so
+ * that the flattest board lies on the turntable's top, as the nominal positions assume. */
 static void set_top(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     const struct bundle_lay *flat = &b->lays[0];
@@ -421,7 +424,8 @@ static void set_top(struct cameras_work *work) {
             b->cameras[c].shift[i] -= b->cameras[c].rotation[3 * i + 2] * up_mm;
 }
 
-/* Looks for a mistake in what is noted if that does not go well. */
+/* Begins as cameras_begin(). If the boards do not fit, looks for a mistake in the notes on the
+ * pictures. */
 static gboolean begin_or_find_mistake(struct cameras_work *work, GError **error) {
     g_autoptr(GError) why = NULL;
     cameras_start(work);
@@ -435,8 +439,8 @@ static gboolean begin_or_find_mistake(struct cameras_work *work, GError **error)
     return begun && cameras_check_start(work, error);
 }
 
-/* The boards have not fitted from the beginning: a failure of the adjustment says nothing of its
- * cause. */
+/* Replaces the error of an adjustment if the boards did not fit the rig file from the beginning. In
+ * that case the error of the adjustment does not name the cause. */
 static void tell_unexplained(const struct cameras_work *work, GError **error) {
     if (!error || !*error || !(work->unexplained_px > 0) ||
         ((*error)->domain != BUNDLE_ERROR && (*error)->domain != CAMERAS_ERROR))
@@ -451,8 +455,8 @@ static void tell_unexplained(const struct cameras_work *work, GError **error) {
                    work->unexplained_px);
 }
 
-/* free_boards: a lens only; the camera frame is the rig frame, every photograph is a lay of its
- * own. */
+/* If free_boards is TRUE, only a lens is calibrated. The camera frame is then the rig frame, and
+ * every photograph is a separate lay. */
 static struct cameras_result *cameras_run(struct calibration *calibration,
                                           const struct cameras_task *task, gboolean free_boards,
                                           GError **error) {
@@ -463,7 +467,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     const int blas_threads = openblas_get_num_threads();
     if (!free_boards && !board_check_upright(&task->board, error))
         return NULL;
-    /* OpenCV and this room solve thousands of small systems, between which threads only wait. */
+    /* OpenCV and this room solve thousands of small systems. With several BLAS threads, these would
+     * mostly wait for each other. */
     work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
     work.census = board_census_new(&task->board);

@@ -1,44 +1,48 @@
 /*
- * Calibration of all cameras and the turntable's axis from pictures of a board that rotates with
- * the turntable, flat and tilted; of the cameras of a rig without a turntable from pictures of a
- * board that is laid down flat and held at several tilts; or of one camera from photographs of a
- * hand-held board.
+ * Calibrates cameras from pictures of a board. There are three cases:
  *
- * Frame: z is the turntable's axis, z = 0 its top: the print of a board that lies flat is at the
- * height of its thickness. The zero of the azimuth is such that the cameras' azimuths agree with
- * the rig file's, and the turntable's angles with the commanded ones, in the mean. The scale
- * comes from the board's squares only.
+ * - all cameras and the turntable's axis, from pictures of a board that rotates with the turntable,
+ *   flat and tilted;
+ * - the cameras of a rig without a turntable, from pictures of a board that is laid down flat and
+ *   held at several tilts;
+ * - one camera, from photographs of a hand-held board.
  *
- * Without a turntable the print of the flattest board, which must be within 5° of level by the rig
- * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such
- * that the cameras see them where the rig file's do, in the mean. Errors are those relative to the
- * flattest board.
+ * Frame: z is the turntable's axis, and z = 0 is the turntable's top. The print of a board that
+ * lies flat is at the height of its thickness. The zero of the azimuth is chosen so that, on
+ * average, the cameras' azimuths agree with the rig file and the turntable's angles agree with the
+ * commanded angles. The scale comes only from the board's squares.
  *
- * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
- * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
- * width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002; of a rational lens k1 … k6 1 and of
- * a fisheye k1 … k4 1 instead.
+ * Without a turntable, the print of the flattest board is taken as level, at the height of its
+ * thickness. By the rig file it must be within 5° of level. Azimuth 0 and the origin in the plane
+ * are chosen so that, on average, the cameras see them in the same place as the cameras of the rig
+ * file. Errors are relative to the flattest board.
  *
- * The lens model is the rig file's, or the polynomial for photographs, unless the task says
- * another. For photographs it can be chosen by evidence: each model is fitted to four fifths of
- * the pictures and predicts the corners in the others, whose boards alone are fitted, five times
- * (cross-validation by picture). The fisheye takes the polynomial's place, and then the rational
- * lens theirs, if the loss over the pictures falls by more than twice the standard error of its
- * differences.
+ * Lens parameters that the pictures do not determine (such as distortion in a narrow field of view)
+ * stay near those of the rig file. The prior has the following standard deviations: principal point
+ * 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002. For a rational lens, k1
+ * … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
+ *
+ * The lens model is that of the rig file, or the polynomial for photographs, unless the task gives
+ * another. For photographs it can be chosen by cross-validation over pictures. Five times, each
+ * model is fitted to four fifths of the pictures and predicts the corners in the others. Only the
+ * poses of the boards in these are fitted. The fisheye replaces the polynomial, and then the
+ * rational lens replaces the better of the two, if the loss summed over the pictures falls by more
+ * than twice the standard error of the differences.
  *
  * For photographs the board may be bent, in the same way in all of them: z = b₀ x² + b₁ x y + b₂
- * y², if that predicts left-out corners better by more than one standard error. A bend that is not
- * there costs no more than its variance. Prior: 0 ± 2 % of half the longer side, there.
+ * y². The bend is used if it predicts left-out corners better by more than one standard error. If
+ * the board is flat, the bend costs no more than its variance. At half the longer side of the
+ * board, the prior of the bend is 0 ± 2 % of that length.
  *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
- * arm's axis is fitted to the poses (swing.h). A stop at which no picture was taken, of a camera
- * that was calibrated at two others, gets its pose from the axis; its errors are those of the
- * nearest stop, increased by how far the calibrated stops are from the axis.
+ * arm's axis is fitted to the poses (swing.h). A stop without pictures gets its pose from the axis
+ * if the camera was calibrated at two other stops. Its errors are those of the nearest stop,
+ * increased by the deviation of the calibrated stops from the axis.
  *
  * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
  * angles determines, at most RIG_WOBBLE_HARMONICS. χ² is divided by the inflation of the variances.
- * The same number of meaningless parameters also lowers χ². The wobble is kept if χ² falls by more
- * than four standard deviations of that chance decrease.
+ * The same number of meaningless parameters also lowers χ². The wobble is kept if the decrease of
+ * χ² exceeds this chance decrease by more than four standard deviations.
  *
  * Errors include the scatter between pictures (bundle.h).
  *
@@ -54,7 +58,7 @@
 #define CAMERAS_ERROR cameras_error_quark()
 GQuark cameras_error_quark(void);
 enum cameras_error {
-    CAMERAS_ERROR_PICTURES, /* too few, degenerate, or of something else */
+    CAMERAS_ERROR_PICTURES, /* too few, degenerate, or not of this board */
     CAMERAS_ERROR_FIT,      /* the pictures contradict each other or the rig file */
 };
 
@@ -64,10 +68,11 @@ struct cameras_picture {
     double turntable_deg;
 };
 
-/* Reads picture i, on every call again; NULL: error. Called from several threads at the same time.
- */
+/* Reads picture i. The caller may ask for a picture several times. Returns a picture that the
+ * caller frees, or NULL with an error. Called from several threads at the same time. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
-/* Progress: step of n. FALSE cancels (G_IO_ERROR_CANCELLED). Called from the calling thread. */
+/* Reports that step of n steps is reached. Returns FALSE to cancel (G_IO_ERROR_CANCELLED). Called
+ * from the calling thread. */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
 
 struct cameras_task {
@@ -77,15 +82,17 @@ struct cameras_task {
     CamerasRead read;
     CamerasProgress progress; /* may be NULL */
     gpointer data;
-    gboolean no_turntable; /* the rig has none: every lay is one position of the board */
-    gboolean lens_given;   /* FALSE: by evidence for photographs, the rig file's for a rig */
+    gboolean no_turntable; /* the rig has no turntable: every lay is one position of the board */
+    /* TRUE: the model is lens. FALSE: it is chosen by cross-validation for photographs, and is that
+     * of the rig file for a rig. */
+    gboolean lens_given;
     enum rig_lens lens;
 };
 
 struct cameras_residual {
     int camera, picture, corner; /* corner: board.h */
-    float x_px, y_px;            /* position of a corner in the picture, */
-    float dx_px, dy_px;          /* and predicted minus seen position */
+    float x_px, y_px;            /* position of a corner in the picture */
+    float dx_px, dy_px;          /* its predicted minus its seen position */
 };
 
 struct cameras_stop {
@@ -95,7 +102,7 @@ struct cameras_stop {
 
 struct cameras_lay {
     double tilt_deg;    /* angle between the board's normal and the axis */
-    double azimuth_deg; /* of the board's x axis with the turntable at 0, seen from above */
+    double azimuth_deg; /* azimuth of the board's x axis with the turntable at 0 */
     int pictures;
 };
 
@@ -104,36 +111,40 @@ struct cameras_result {
     GArray *stops;     /* struct cameras_stop */
     GArray *lays;      /* struct cameras_lay */
     double rms_px;
-    /* Cross-validation of the lens models, with photographs only: the robust RMS error with which
-     * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
+    /* Only with photographs: the robust RMS error with which each lens model predicts corners that
+     * it was not fitted to (cross-validation). 0 if the model was not tried or could not be
+     * fitted. */
     double held_out_px[RIG_LENSES];
-    double bend_mm[2];                 /* lowest and highest corner of the bent board; 0, 0: flat */
-    gboolean arm_known;                /* the axis of the arm was fitted; */
-    struct rig_swing_fit arm;          /* its fit; valid if arm_known */
-    guint32 predicted;                 /* cameras (bits) whose poses the axis gave */
-    double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter of pictures; ≥ 1 */
-    double expected_px;      /* the RMS that the noise of the pictures explains; 0: not known */
-    double wobble_rad;       /* largest tilt of the turntable's axis, 0: no wobble is significant */
-    double wobble_error_rad; /* its standard deviation, mean over a turn */
+    double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
+    gboolean arm_known;       /* the axis of the arm was fitted */
+    struct rig_swing_fit arm; /* its fit; valid if arm_known */
+    /* Bits of the cameras whose poses were predicted from the axis. */
+    guint32 predicted;
+    /* Factor of the variances that accounts for the scatter of pictures; at least 1. */
+    double inflation[RIG_MAX_CAMERAS];
+    double expected_px;      /* RMS that the noise of the pictures explains; 0 if it is not known */
+    double wobble_rad;       /* largest tilt of the turntable's axis; 0: no significant wobble */
+    double wobble_error_rad; /* RMS error of the tilt over a turn */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 
-/* Azimuth of the x axis of the board that lies flattest, with the turntable at 0, by the azimuths
- * of the nominal cameras. FALSE: only the colour of the board's first square tells its x axis from
- * its opposite, and that axis is half a turn from 0: the colour, or the nominal azimuths, are
- * wrong. */
+/* Computes the azimuth of the x axis of the flattest board, with the turntable at 0 and according
+ * to the azimuths of the nominal cameras. Returns FALSE if this axis is half a turn from 0 and only
+ * the colour of the board's first square distinguishes the x axis from its opposite. The given
+ * colour or the nominal azimuths are then wrong. */
 gboolean cameras_board_azimuth(const struct cameras_result *result, const struct board *board,
                                double *ret_deg, GError **error);
 typedef struct cameras_result CamerasResult;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CamerasResult, cameras_result_free)
 
-/* Replaces rig.cameras of the calibration, their covariances, and the description of that part;
- * its present values are the nominal ones to start from. NULL: refused; nothing is changed. */
+/* Replaces rig.cameras of the calibration, their covariances, and the description of that part. The
+ * present values of rig.cameras are the nominal ones, from which the calibration starts. Returns
+ * NULL with an error if the calibration is refused; nothing is changed then. */
 struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error);
 
-/* Calibrates the lens of one camera from photographs; the camera is at the origin and looks along
- * z. The calibration has one camera, of which only the name need be set: its width and height
- * become those of most photographs, and those of another size are rejected. */
+/* Calibrates the lens of one camera from photographs. The camera is at the origin and looks along
+ * z. The calibration has one camera, of which only the name need be set. Its width and height
+ * become those of most photographs. Photographs of another size are rejected. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error);

@@ -6,7 +6,7 @@
 
 #define RAD(deg)     ((deg) * (G_PI / 180))
 #define MAX_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
-#define MAX_LEAN_DEG 20 /* largest angle between the axis and that of the rig file */
+#define MAX_LEAN_DEG 20 /* largest angle between the axis and the axis in the rig file */
 
 /* Returns the calibrated stop of the same camera with the nearest angle; −1 if there is none. */
 static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
@@ -23,8 +23,9 @@ static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
     return nearest;
 }
 
-/* Predicts a stop: the nearest calibrated one, turned about the axis. The RMS deviations of the
- * calibrated stops from the axis are added to the variances of its rotation and translation. */
+/* Predicts a stop by turning the nearest calibrated stop about the axis. The squared RMS deviations
+ * of the calibrated stops from the axis are added to the variances of its rotation and
+ * translation. */
 static void predict(struct calibration *calibration, int camera, int from,
                     const struct rig_swing_fit *arm) {
     struct rig_camera *to = &calibration->rig.cameras[camera];

@@ -1,5 +1,5 @@
-/* Checks between the steps of a calibration, so that a degenerate set of pictures, a wrong board
- * or a camera that moved is an error with its cause, not a wrong result. */
+/* Checks between the steps of a calibration. They turn a degenerate set of pictures, a wrong board
+ * or a camera that moved into an error that names the cause, instead of a wrong result. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -10,7 +10,8 @@
 #define FLAT_DEG     2
 #define MIN_TILT_DEG 5
 #define MIN_PICTURES 3
-#define MAX_SCALE    0.04 /* largest common scale error of the distances against the rig file */
+/* largest scale error that the distances have in common, relative to the rig file */
+#define MAX_SCALE    0.04
 #define MAX_RMS_PX   1.0
 #define MAX_DISTANCE 0.02 /* largest relative standard error of a camera's distance */
 
@@ -19,7 +20,7 @@ double cameras_tilt_rad(const struct bundle_lay *lay) {
 }
 
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
-    double range_deg = 0; /* of the commanded angles of a lay, the largest */
+    double range_deg = 0; /* largest range of the commanded angles of a lay */
     int stops = 0;
     if (work->task->no_turntable)
         return TRUE;
@@ -60,7 +61,8 @@ static int n_set_aside(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* Refuses a geometry on which only a minority agrees: it may be accidental. */
+/* Refuses a geometry on which only a minority of the photographs agrees, because that may be an
+ * accident. */
 static gboolean check_photographs(const struct cameras_work *work, GError **error) {
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
@@ -75,7 +77,8 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                used, all, MIN_PICTURES, all - used - contradict, contradict, first_reason(work, 0));
 }
 
-/* On the turntable a tilted board faces away from some cameras: pictures that show it count. */
+/* On the turntable, a tilted board faces away from some cameras. Only pictures in which the board
+ * was found are counted. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
     if (work->free_boards)
         return check_photographs(work, error);
@@ -93,8 +96,8 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
     return TRUE;
 }
 
-/* Both a tilted board (it determines distances) and a flat one (it determines the top of the
- * turntable) are necessary. */
+/* Both a tilted and a flat board are necessary. The tilted board determines distances, and the flat
+ * board determines the top of the turntable. */
 static gboolean check_lays(const struct cameras_work *work, GError **error) {
     double least = G_MAXDOUBLE, most = 0;
     for (int l = 0; l < work->bundle.n_lays; l++) {
@@ -150,9 +153,9 @@ static double centre_distance(const struct bundle_camera *camera) {
     return vec3_length(vec3(camera->shift[0], camera->shift[1], camera->shift[2]));
 }
 
-/* If the squares are larger than specified all distances come out too small by the same factor.
- * The mean ratio to the nominal distances shows it, if it exceeds three standard deviations of
- * the ratios. */
+/* If the squares are larger than specified, all distances come out too small by the same factor.
+ * The mean ratio to the nominal distances is refused if it differs from 1 by at least MAX_SCALE and
+ * by three standard deviations of the ratios. */
 static gboolean check_scale(const struct cameras_work *work, GError **error) {
     double sum = 0, squares = 0;
     int n = 0;

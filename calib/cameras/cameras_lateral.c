@@ -1,18 +1,19 @@
-/* Lateral colour of lenses with a colour filter behind them. Each picture gives the magnification
- * of red and blue relative to green from the edges at all of its corners, with the geometry known;
- * those of one lens are averaged. */
+/* Lateral colour of lenses whose sensors have a colour filter. Each picture gives the magnification
+ * of red and blue relative to green, from the edges at all of its corners with the geometry known.
+ * The results of one lens are averaged. */
 #include "cameras_private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define MIN_CORNERS  6 /* of a picture */
-#define MIN_PICTURES 3 /* of a lens */
-#define ROUNDS       4 /* of Gauss-Newton, for a picture */
+#define MIN_CORNERS  6 /* smallest number of corners in a picture */
+#define MIN_PICTURES 3 /* smallest number of pictures of a lens */
+#define ROUNDS       4 /* largest number of Gauss-Newton steps for a picture */
 #define SETTLED      1e-7
-#define SIGNIFICANT  4 /* standard errors, of both colours together, from which it is corrected */
+/* smallest deviation of both colours together that is corrected, in standard errors */
+#define SIGNIFICANT 4
 
-struct lateral { /* of a picture: red, blue */
+struct lateral { /* result of one picture: red, blue */
     double normal[2][2], larger[2];
 };
 
@@ -28,7 +29,7 @@ static double form(const double a[2][2], const double d[2]) {
     return a[0][0] * d[0] * d[0] + 2 * a[0][1] * d[0] * d[1] + a[1][1] * d[1] * d[1];
 }
 
-/* Picture i: normal stays 0 if it says nothing. */
+/* Measures picture i. normal stays 0 if the picture gives no result. */
 static gboolean look_at(struct cameras_work *work, int i, double reach_px, GError **error) {
     const struct seen *seen = &work->seen[i];
     const struct bundle *b = &work->bundle;
@@ -61,11 +62,11 @@ static gboolean look_at(struct cameras_work *work, int i, double reach_px, GErro
     return TRUE;
 }
 
-/* The mean c = N⁻¹ Σ N_i c_i of the pictures of one lens, N = Σ N_i. Its covariance is f N⁻¹: f = Σ
- * (c_i − c)ᵀ N_i (c_i − c) / 2 (n − 1), at least 1, is how much more the pictures scatter than
- * their noise says. The lens's parameters are those of all pixels of a filter that has twice as
- * many green ones, so that green itself is larger by −(red + blue) / 4. What is not significant is
- * noise only, and not corrected. */
+/* Averages the pictures i of one lens: c = N⁻¹ Σ N_i c_i with N = Σ N_i. The covariance of c is f
+ * N⁻¹. The factor f = Σ (c_i − c)ᵀ N_i (c_i − c) / 2 (n − 1), at least 1, says how much more the
+ * pictures scatter than their noise explains. The lens parameters are the mean over all pixels of a
+ * filter that has twice as many green pixels as red or blue ones. Green itself is therefore larger
+ * by −(red + blue) / 4. A result that is not significant is only noise and is not applied. */
 static void average(struct cameras_work *work, int unit) {
     static const double mix[3][2] = {{0.75, -0.25}, {-0.25, -0.25}, {-0.25, 0.75}};
     double normal[2][2] = {{0}}, right[2] = {0}, mean[2], scatter = 0;

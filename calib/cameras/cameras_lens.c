@@ -1,15 +1,18 @@
-/* Chooses a lens model by cross-validation. Pictures are left out whole: residuals of one picture
- * have errors in common, and neighbouring corners predict each other. */
+/* Chooses a lens model by cross-validation. Whole pictures are left out, because residuals of one
+ * picture have errors in common and neighbouring corners predict each other. */
 #include "cameras_private.h"
 
 #include <string.h>
 
-#define FOLDS       5
-#define WIDE_SIGMA  1    /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
-#define ROBUST      3    /* times the noise: threshold of Huber's loss */
-#define MAX_LOSS    4.5  /* times the noise: larger residuals count as this one */
-#define SIGNIFICANT 2    /* standard errors of the summed differences of losses; of a bend 1 */
-#define BENT        0.02 /* prior sigma of a bend at half the longer side, over that length */
+#define FOLDS      5
+#define WIDE_SIGMA 1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
+#define ROBUST     3   /* times the noise: threshold of Huber's loss */
+#define MAX_LOSS   4.5 /* times the noise: larger residuals count as this value */
+/* smallest significant gain: standard errors of the sum of the differences of losses; for a bend
+ * 1 */
+#define SIGNIFICANT 2
+/* prior sigma of a bend at half the longer side, relative to that length */
+#define BENT 0.02
 
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
     static const int distortion[] = {4, 5, 6, 9, 10, 11}; /* k1 … k6 */
@@ -22,11 +25,12 @@ void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
         camera->prior_sigma[distortion[i]] = WIDE_SIGMA;
 }
 
-/* A fit of one model to all pictures: the bundle of the work with copies of what it changes. */
+/* A fit of one model to all pictures. It has copies of the parts of the bundle that it changes. */
 struct trial {
     struct bundle bundle;
     gboolean ok;
-    double *loss; /* of each picture; its corners predicted from pictures of other folds */
+    /* Loss of each picture. Its corners are predicted from the pictures of the other folds. */
+    double *loss;
 };
 
 static void copy_bundle(struct bundle *to, const struct bundle *from) {
@@ -56,8 +60,8 @@ static gboolean fit_all(struct trial *ret) {
     return TRUE;
 }
 
-/* Σ min((r / noise)², MOST_LOSS²) of each picture of a fold: the lens from the pictures of all
- * other folds, then the poses of this fold's boards only. */
+/* Adds Σ min((r / noise)², MAX_LOSS²) for each picture of a fold. The lens is fitted to the
+ * pictures of all other folds, and then only the poses of the boards in this fold are fitted. */
 static gboolean predict(const struct trial *trial, int fold, double noise, double *loss) {
     struct bundle b;
     double d[2];
@@ -80,8 +84,8 @@ static gboolean predict(const struct trial *trial, int fold, double noise, doubl
     return ok;
 }
 
-/* Whether b predicts better than a: Σ d > errors · √(Σ d²), d being the picture's loss by a
- * minus that by b. */
+/* Returns whether b predicts better than a: Σ d > errors · √(Σ d²), where d is the loss of a
+ * picture with a minus its loss with b. */
 static gboolean is_better(const double *a, const double *b, int n, double errors) {
     double sum = 0, squares = 0;
     for (int i = 0; i < n; i++) {
@@ -91,7 +95,8 @@ static gboolean is_better(const double *a, const double *b, int n, double errors
     return sum > errors * sqrt(squares);
 }
 
-/* Gives a trial the bend that all pictures have in common, if corners are predicted better so. */
+/* Fits a bend that all pictures have in common, and keeps it if it improves the prediction of
+ * corners. */
 static void try_bend(const struct cameras_work *work, struct trial *flat) {
     const int n = work->task->n_pictures;
     struct trial trials[2] = {*flat};
@@ -114,9 +119,10 @@ static void try_bend(const struct cameras_work *work, struct trial *flat) {
     g_free(trials[1].loss);
 }
 
-/* The polynomial is the default, then comes the model with fewer parameters. A lens that is given
- * is fitted only, as a start of the refinement: from a straight lens, that may end at a minimum
- * where the parameters of a rational lens are undetermined. */
+/* The polynomial is the default. The others follow in the order of their number of parameters. If
+ * the lens model is given, it is only fitted, as a start of the refinement. A refinement that
+ * starts from a lens without distortion may end at a minimum where the parameters of a rational
+ * lens are undetermined. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};
     const int n = work->task->n_pictures;
@@ -142,7 +148,7 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     }
     if (!best) /* the refinement reports why */
         best = &trials[work->task->lens_given ? work->task->lens : RIG_LENS_POLYNOMIAL];
-    /* Pixels of a whitened residual of 1, for people: by the median. */
+    /* Pixels per whitened unit, for display: the median over the corners. */
     g_autoptr(GArray) ratios = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; best->ok && i < best->bundle.n_observations; i++) {
         const double r = cameras_residual(&best->bundle, &best->bundle.observations[i], d);

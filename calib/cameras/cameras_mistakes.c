@@ -1,21 +1,23 @@
-/* Mistakes in what is noted of the pictures: the turntable turns the other way, its angles are in
- * radians, or cameras are exchanged. Each is tried on the corners of the boards that were found.
- * Only a mistake with which the boards fit, and fit much better than as noted, is named. */
+/* Finds mistakes in the notes on the pictures: the turntable turns the other way, its angles are in
+ * radians, or cameras are exchanged. Each mistake is tried on the corners of the boards that were
+ * found. A mistake is named only if the boards fit with it, and fit much better than as noted. */
 #include "cameras_private.h"
 
 #include <string.h>
 
-#define RAD(deg)      ((deg) * (G_PI / 180))
-#define DEGREES       (180 / G_PI)
-#define SUSPICIOUS_PX 2.0 /* typical residual of the first fit from which mistakes are tried */
-#define EXPLAINED_PX  1.0 /* and with which one explains the boards, if the residual falls */
-#define BETTER        5.0 /* by this factor */
-#define MAX_PAIRED    8   /* with more cameras only neighbours in the rig file are exchanged */
-#define REFINED       3   /* mistakes that are refined, those that start best */
-#define EXCHANGED     5.0 /* nearer to another camera's place than to its own by this factor */
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define DEGREES  (180 / G_PI)
+/* mistakes are tried if the typical residual of the first fit is at least this */
+#define SUSPICIOUS_PX 2.0
+#define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
+#define BETTER        5.0 /* and smaller than as noted by this factor */
+#define MAX_PAIRED    8   /* with more cameras, only neighbours in the rig file are exchanged */
+#define REFINED       3   /* number of mistakes that are refined, those with the best start */
+/* factor by which an exchanged camera is nearer to another camera's place than to its own */
+#define EXCHANGED 5.0
 
 struct mistake {
-    double turntable; /* factor of the angles that were noted */
+    double turntable; /* factor of the noted angles */
     int cameras[RIG_MAX_CAMERAS];
     double start_px;
 };
@@ -27,7 +29,7 @@ static struct mistake mistake_of(double turntable) {
     return ret;
 }
 
-/* Whether pictures of one camera may be of the other. */
+/* Returns whether one camera may have taken the pictures of the other. */
 static gboolean alike(const struct rig *rig, int a, int b) {
     const struct rig_camera *p = &rig->cameras[a], *q = &rig->cameras[b];
     return p->width == q->width && p->height == q->height && !p->on_arm && !q->on_arm;
@@ -68,8 +70,8 @@ static GArray *all_mistakes(const struct cameras_work *work) {
     return all;
 }
 
-/* Sets the pictures' cameras and angles, and the start of the fit, to what they are if the mistake
- * was made. */
+/* Sets the pictures' cameras and angles, and the start of the fit, as they would be if the mistake
+ * had been made. */
 static void set_mistake(struct cameras_work *work, const struct mistake *mistake) {
     const struct cameras_task *task = work->task;
     for (int i = 0; i < task->n_pictures; i++) {
@@ -84,7 +86,7 @@ static void set_mistake(struct cameras_work *work, const struct mistake *mistake
     cameras_start(work);
 }
 
-/* Median residual in pixels of all corners; large if there is none. */
+/* Returns the median residual of all corners in pixels, or a large value if there is none. */
 static double typical_px(const struct cameras_work *work) {
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->bundle.n_observations; i++) {
@@ -96,7 +98,8 @@ static double typical_px(const struct cameras_work *work) {
     return all->len > 0 ? cameras_median(all) : 1e6;
 }
 
-/* How well the boards fit with a mistake, before the cameras are adjusted, or after. */
+/* Returns how well the boards fit with a mistake. start_px() measures it before the cameras are
+ * adjusted, refined_px() afterwards. */
 static double start_px(struct cameras_work *work, const struct mistake *mistake) {
     set_mistake(work, mistake);
     if (!cameras_check_motion(work, NULL) || !cameras_start_lays(work, NULL) ||
@@ -189,7 +192,7 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
         return TRUE;
     }
     work->unexplained_px = fitted ? as_noted_px : 0;
-    refined_px(work, &none); /* as it was */
+    refined_px(work, &none); /* restores the state without a mistake */
     return FALSE;
 }
 

@@ -12,8 +12,9 @@ struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
     int width, height; /* px */
-    GArray *corners;   /* struct corner; NULL: not found or set aside, see why */
-    GArray *set_aside; /* corners of a picture that contradicts the others */
+    GArray *corners;   /* struct corner; NULL if not found or set aside, see why */
+    /* corners of a picture that was rejected because it contradicts the others */
+    GArray *set_aside;
     char *why;
     gboolean coloured; /* the camera has a colour filter */
 };
@@ -28,12 +29,12 @@ struct cameras_work {
     BoardCensus *census;  /* notices a wrong size of the board */
     gboolean free_boards;
     double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
-    /* rig.h and calibration.h */
+    /* as in rig.h and calibration.h */
     double lateral_colour[RIG_MAX_CAMERAS][3], lateral_error[RIG_MAX_CAMERAS][3];
-    struct lateral *lateral; /* of each picture, in cameras_lateral.c */
+    struct lateral *lateral; /* result of each picture; see cameras_lateral.c */
     int steps, step;
-    double unexplained_px; /* typical residual of the first fit, if it is large, and no mistake that
-                              is known explains it; else 0 */
+    double unexplained_px; /* typical residual of the first fit, if it is large and no known mistake
+                              explains it; otherwise 0 */
 };
 
 /* Advice of an error about two exchanged cameras; printf arguments: the names of both. */
@@ -44,37 +45,42 @@ struct cameras_work {
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
-/* Sets the reason why a picture is not used, after its name. */
+/* Sets the reason why a picture is not used. The name of the picture is put in front of it. */
 void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
-/* cameras_arm.c: the camera arm's axis from the stops with pictures; known: there are enough.
- * FALSE: they do not turn about one axis, or not about the rig file's. */
+/* cameras_arm.c: fits the camera arm's axis to the stops with pictures. *ret_known says whether
+ * there are enough of them. Returns FALSE if they do not turn about one axis, or if it is not near
+ * the axis of the rig file. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
-/* Copies the axis to the result, and places stops without pictures by it. */
+/* Copies the axis to the result, and uses it to place the stops without pictures. */
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
-/* cameras_start.c: initial values of cameras from the rig file, of lays from the pictures. */
+/* cameras_start.c: sets initial values. Those of cameras come from the rig file, those of lays from
+ * the pictures. */
 void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
 gboolean cameras_start_lay(struct cameras_work *work, int lay);
-/* cameras_still.c, without a turntable: makes the flattest lay level, and fixes it; and turns and
- * shifts the rig in the plane so that the cameras see it where the nominal ones do, in the mean. */
+/* cameras_still.c, for a rig without a turntable: cameras_level() makes the flattest lay level, and
+ * fixes it. cameras_align() turns and shifts the rig in the plane so that, on average, the cameras
+ * see the plane where the nominal cameras see it. */
 gboolean cameras_level(struct cameras_work *work, GError **error);
 void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
-double cameras_median(GArray *values); /* of double; sorts the array */
+double cameras_median(GArray *values); /* values are doubles; sorts them */
 
-/* cameras.c: runs a pass over pictures, in several threads; returns the first error. reach_px: of
- * each picture, negative: skip it; NULL: all, with 0. */
+/* cameras.c: runs a pass over pictures in several threads, and returns the first error. reach_px
+ * has the search radius of each picture; a negative value skips the picture. If reach_px is NULL,
+ * all pictures run with 0. */
 typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
                           GError **error);
-/* cameras.c: where a camera sees a point of the board at a stop, a BoardProject. */
+/* cameras.c: projects a point of the board into a camera at a stop. It is a BoardProject, and data
+ * is a struct cameras_look. */
 struct cameras_look {
     const struct bundle *bundle;
     int camera, stop;
@@ -82,7 +88,7 @@ struct cameras_look {
 gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                          gconstpointer data);
 
-/* cameras_lateral.c: finds the lateral colour of each lens, with the geometry known. */
+/* cameras_lateral.c: finds the lateral colour of each lens. The geometry must be known. */
 gboolean cameras_find_lateral(struct cameras_work *work, GError **error);
 
 /* cameras_lens.c: chooses the lens model for photographs. */
@@ -93,30 +99,33 @@ void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens);
 gboolean cameras_refine(struct cameras_work *work, GError **error);
 /* Sets each camera's noise robustly, from all observations. */
 void cameras_estimate_noise(struct bundle *bundle);
-/* Length of the whitened residual, in standard deviations of the corner; ret_d: in pixels. */
+/* Returns the length of the whitened residual, in standard deviations of the corner. ret_d is the
+ * residual in pixels. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
-/* The RMS in pixels that the noise of the corners leaves after the fit. camera −1: of all. 0: not
- * known, for photographs, whose noise compression and sharpening have changed. */
+/* Returns the RMS in pixels that the noise of the corners leaves after the fit. camera −1 means all
+ * cameras. Returns 0 if it is not known, which is so for photographs, because compression and
+ * sharpening have changed their noise. */
 double cameras_expected_px(const struct cameras_work *work, int camera);
 
 /* cameras.c: one bundle adjustment with the corners found so far. */
 gboolean cameras_solve(struct cameras_work *work, GError **error);
 
-/* cameras_mistakes.c: if the boards do not fit as noted, but do with one mistake, sets the error to
- * that mistake. fitted: the first fit has not failed. FALSE: the work is as it was. */
+/* cameras_mistakes.c: if the boards do not fit as noted, but fit with one mistake, sets an error
+ * that names the mistake and returns TRUE. started says that the first fit has succeeded. Otherwise
+ * returns FALSE, after the fit without a mistake was repeated and unexplained_px was set. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean started, GError **error);
 /* Refuses cameras that stand at each other's places. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
 /* cameras_check.c: refuses results that cannot be right. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
-/* Whether a stop of the camera arm has no pictures and gets its pose from the arm's axis, which two
- * other stops of the camera determine. */
+/* Returns whether a stop of the camera arm has no pictures and gets its pose from the arm's axis,
+ * which two other stops of the camera determine. */
 gboolean cameras_is_predicted(const struct cameras_work *work, int camera);
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error);
-/* Uses only cameras in whose pictures the detector found the board. */
+/* Checks the first adjustment, only with cameras in whose pictures the detector found the board. */
 gboolean cameras_check_start(const struct cameras_work *work, GError **error);
 /* Refuses a result that most pictures contradict. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error);

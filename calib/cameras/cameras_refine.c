@@ -1,20 +1,22 @@
-/* Bundle adjustment in rounds. The noise of each camera's corners is estimated first, then outlying
- * corners and pictures are rejected; pictures are tried again as the geometry improves. */
+/* Bundle adjustment in rounds. Each round estimates the noise of each camera's corners, and rejects
+ * corners and pictures that are outliers. Rejected pictures are tried again as the geometry
+ * improves. */
 #include "cameras_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define RAD(deg)        ((deg) * (G_PI / 180))
-#define OUTLIER         4.5    /* times the noise: rejects 4e-5 of all corners with pure noise */
-#define OUTLIER_PX      0.1    /* and at least this residual */
+#define OUTLIER         4.5    /* times the noise; of corners with only noise it rejects 4e-5 */
+#define OUTLIER_PX      0.1    /* smaller residuals are never outliers */
 #define ROBUST          3      /* times the noise: threshold of Huber's loss */
 #define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
-#define TYPICAL         20     /* weight of the camera's noise in that of a picture, in residuals */
-#define SIGNIFICANT     4      /* standard deviations of χ²'s decrease by chance */
-#define MAX_REJECTED    0.4    /* share of rejected corners from which the picture is rejected */
+/* weight of the camera's noise in the noise of a picture, as a number of residuals */
+#define TYPICAL      20
+#define SIGNIFICANT  4   /* standard deviations of the decrease of χ² by chance */
+#define MAX_REJECTED 0.4 /* share of rejected corners above which the picture is rejected */
 
-/* |W (projected − seen)|, W being the inverse square root of the corner's covariance. */
+/* Returns |W (projected − seen)|, where W is the inverse square root of the corner's covariance. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]) {
     double px[2] = {0, 0};
@@ -36,7 +38,7 @@ int cameras_n_parameters(const struct cameras_work *work) {
 }
 
 /* The covariance of a corner is L Lᵀ with L = W⁻¹. Its trace is the mean square of the noise. After
- * a fit of p parameters to N residuals, the share 1 − p / N of the noise is left. */
+ * a fit of p parameters to N residuals, the share 1 − p / N of the noise remains. */
 double cameras_expected_px(const struct cameras_work *work, int camera) {
     const struct bundle *b = &work->bundle;
     double sum = 0;
@@ -56,8 +58,8 @@ double cameras_expected_px(const struct cameras_work *work, int camera) {
     return sqrt(sum / n * MAX(1 - cameras_n_parameters(work) / (2.0 * all), 0.05));
 }
 
-/* Median |residual| / √(2 ln 2). The corners' covariances contain the pixel noise only;
- * compression, a warped print, and errors of the lens model add to it. */
+/* Estimates the noise as the median of |residual| / √(2 ln 2). The corners' covariances contain
+ * only the pixel noise. Compression, a warped print and errors of the lens model add to it. */
 void cameras_estimate_noise(struct bundle *b) {
     double d[2];
     for (int c = 0; c < b->n_cameras; c++) {
@@ -72,7 +74,7 @@ void cameras_estimate_noise(struct bundle *b) {
     }
 }
 
-/* Sum of squared residuals over their noise, each at most ROBUST². */
+/* Sum over the corners of (residual / noise)², each at most ROBUST². */
 static double robust_squares(const struct bundle *b) {
     double sum = 0, d[2];
     for (int i = 0; i < b->n_observations; i++) {
@@ -83,7 +85,7 @@ static double robust_squares(const struct bundle *b) {
     return sum;
 }
 
-/* Distinct angles of the turntable, modulo a turn. */
+/* Number of different angles of the turntable, modulo a turn. */
 static int n_angles(const struct bundle *b) {
     int n = 0;
     for (int i = 0; i < b->n_stops; i++) {
@@ -96,8 +98,8 @@ static int n_angles(const struct bundle *b) {
     return n;
 }
 
-/* Fits the bearing's wobble, and keeps it if it is significant. With n angles the harmonics 1 … (n
- * − 1) / 2 are determined (Nyquist). */
+/* Fits the bearing's wobble, and keeps it if it is significant. n angles determine the harmonics 1
+ * … (n − 1) / 2 (Nyquist). */
 static gboolean fit_wobble(struct cameras_work *work, GError **error) {
     struct bundle *b = &work->bundle;
     double inflation[RIG_MAX_CAMERAS] = {0}, most = 1;
@@ -130,8 +132,8 @@ static gboolean is_outlier(const struct bundle *b, const struct bundle_observati
            hypot(d[0], d[1]) > OUTLIER_PX;
 }
 
-/* Rejects outliers and estimates each camera's noise from the others: σ² = Σ r² / (n (1 − p /
- * N)), p / N being the share of the parameters in all N residuals. */
+/* Rejects outliers, and estimates each camera's noise from its other corners: σ² = Σ r² / (n (1 − p
+ * / N)). p parameters are fitted to N residuals of all cameras. */
 static void weigh(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, r;
@@ -151,8 +153,9 @@ static void weigh(struct cameras_work *work) {
             b->cameras[c].noise = sqrt(MAX(sum[c] / n[c] / share, 1e-6));
 }
 
-/* Noise of each picture relative to its camera, σ² = (TYPICAL + Σ r²) / (TYPICAL + n): darker and
- * more oblique pictures are noisier. With few corners the camera's noise dominates. */
+/* Estimates the noise of each picture relative to its camera, because darker and more oblique
+ * pictures are noisier: σ² = (TYPICAL + Σ r²) / (TYPICAL + n). With few corners the camera's noise
+ * dominates. */
 static void weigh_pictures(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     const int n = work->task->n_pictures;
@@ -180,8 +183,8 @@ static void set_aside(struct cameras_work *work, int picture) {
             work->bundle.observations[i].rejected = TRUE;
 }
 
-/* Rejects pictures most of whose corners are outliers: they show something else, or something
- * moved. */
+/* Rejects pictures in which too many corners are outliers. They show something else, or something
+ * has moved. */
 static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
     g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
@@ -205,8 +208,8 @@ static void drop_pictures(struct cameras_work *work) {
     }
 }
 
-/* Fits one picture to the present cameras: the pose of a hand-held board, or on the turntable its
- * angle only. */
+/* Fits one picture to the present cameras. It fits the pose of a hand-held board, or on the
+ * turntable only the angle. */
 static gboolean solve_picture(struct cameras_work *work, int picture) {
     struct seen *seen = &work->seen[picture];
     struct bundle one = work->bundle;
@@ -237,7 +240,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     return ok;
 }
 
-/* Flags the outliers of one picture; returns whether few enough of its corners are. */
+/* Flags the outliers of one picture. Returns whether few enough of its corners are outliers. */
 static gboolean is_good(struct cameras_work *work, int picture) {
     struct bundle *b = &work->bundle;
     int rejected = 0, all = 0;
@@ -273,9 +276,9 @@ static void retry_pictures(struct cameras_work *work) {
     }
 }
 
-/* The first round uses Huber's loss, later ones least squares with outliers rejected. */
+/* The first round uses Huber's loss. Later rounds use least squares without the outliers. */
 gboolean cameras_refine(struct cameras_work *work, GError **error) {
-    /* Fixes the height of lays that are flat: they define z = 0. */
+    /* Fixes the height of flat lays, because they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
         lay->fixed_height =
@@ -290,7 +293,8 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
             retry_pictures(work);
         if (!bundle_solve(&work->bundle, error))
             return FALSE;
-        if (round == 0) { /* twice, since Huber's threshold depends on the estimated noise */
+        /* fitted twice, because Huber's threshold depends on the estimated noise */
+        if (round == 0) {
             cameras_estimate_noise(&work->bundle);
             if (!bundle_solve(&work->bundle, error))
                 return FALSE;

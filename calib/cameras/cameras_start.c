@@ -1,5 +1,5 @@
-/* Initial values for the bundle adjustment: cameras as in the rig file, each lay of the board
- * from the picture that explains the others best. */
+/* Initial values for the bundle adjustment. Cameras are as in the rig file. The pose of each lay
+ * comes from the picture that explains the other pictures best. */
 #include "cameras_private.h"
 
 #include "pictures/vision.h"
@@ -18,7 +18,7 @@ void cameras_start(struct cameras_work *work) {
             .lens = (enum rig_lens)c->lens,
             .intrinsics = {c->fx_px, c->fy_px, c->cx_px, c->cy_px, c->k1, c->k2, c->k3, c->p1,
                            c->p2, c->k4, c->k5, c->k6},
-            /* priors of the lens parameters, see cameras.h */
+            /* priors of the lens parameters; see cameras.h */
             .prior_sigma = {0, 0, 0.02 * c->width, 0.02 * c->width, 0.3, 0.3, 0.1, 0.003, 0.003},
             .shift = {shift.x, shift.y, shift.z},
             .nominal_centre = {centre.x, centre.y, centre.z},
@@ -30,12 +30,13 @@ void cameras_start(struct cameras_work *work) {
     }
 }
 
-/* Pose of the board from one picture, if its camera is in its nominal pose: R_l = Rz(−τ) R_cᵀ R,
- * t_l = Rz(−τ) R_cᵀ (t − t_c), with R, t the board's pose in the camera's frame. */
+/* Computes the pose of the board from one picture whose camera is in its nominal pose (R_c, t_c):
+ * R_l = Rz(−τ) R_cᵀ R, t_l = Rz(−τ) R_cᵀ (t − t_c). R, t is the board's pose in the camera's
+ * frame. */
 static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
                                struct bundle_lay *ret) {
     const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
-    /* For each corner x, y on the board and x', y' of its viewing ray (z = 1). */
+    /* For each corner: x, y on the board, and x', y' of its viewing ray with z = 1. */
     struct rig_camera own = *camera;
     g_autofree double *points = g_new(double, 4 * seen->corners->len);
     cameras_take_camera(&own, &work->bundle.cameras[seen->camera]);
@@ -81,7 +82,7 @@ double cameras_median(GArray *values) {
     return g_array_index(values, double, values->len / 2);
 }
 
-/* Median reprojection error over every fifth corner of a lay. */
+/* Returns the median reprojection error of every fifth corner of a lay. */
 static double median_error(const struct cameras_work *work, int lay) {
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->task->n_pictures; i++) {
@@ -98,8 +99,8 @@ static double median_error(const struct cameras_work *work, int lay) {
     return errors->len ? cameras_median(errors) : G_MAXDOUBLE;
 }
 
-/* Tries the pose from each of several pictures and keeps the one with the least median error over
- * all pictures. */
+/* Tries the pose from each of several pictures, and keeps the pose with the smallest median error
+ * over all pictures. */
 gboolean cameras_start_lay(struct cameras_work *work, int lay) {
     struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
     double least = G_MAXDOUBLE;
@@ -154,8 +155,8 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* The camera's pictures have the size that most photographs have. Others were cropped or scaled,
- * or another camera took them: they are left out. */
+/* The size of the camera's pictures is the size that most photographs have. Photographs of another
+ * size were cropped or scaled, or were taken by another camera. They are left out. */
 static void take_common_size(struct cameras_work *work) {
     struct rig_camera *camera = &work->nominal.cameras[0];
     int most = 0;
@@ -183,8 +184,8 @@ static void take_common_size(struct cameras_work *work) {
     }
 }
 
-/* Initial focal length from homographies of at least three pictures; principal point at the
- * centre. */
+/* Computes the initial focal length from the homographies of at least three pictures. The principal
+ * point is at the centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures;
     take_common_size(work);
@@ -227,8 +228,8 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* W = L⁻¹ of the Cholesky factor of the covariance L Lᵀ, with a lower bound of the standard
- * deviation on the diagonal. */
+/* Computes W = L⁻¹ from the Cholesky factor of the covariance L Lᵀ. The standard deviations on the
+ * diagonal have a lower bound. */
 static void whiten(const struct corner *corner, double ret[2][2]) {
     const double a = corner->covariance_px2[0][0] + MIN_SIGMA_PX * MIN_SIGMA_PX;
     const double b = corner->covariance_px2[0][1];

@@ -1,9 +1,11 @@
-/* Sets the frame of a rig without a turntable: level by a flat board, the rest by the rig file. */
+/* Sets the frame of a rig without a turntable. A flat board defines the level, and the rig file
+ * defines the rest. */
 #include "cameras_private.h"
 
 #include <string.h>
 
-#define MAX_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by nominal cameras */
+/* largest tilt of a flat board, as seen by the nominal cameras */
+#define MAX_TILT_RAD (5 * (G_PI / 180))
 
 gboolean cameras_level(struct cameras_work *work, GError **error) {
     struct bundle_lay *flat = &work->bundle.lays[0];
@@ -17,7 +19,8 @@ gboolean cameras_level(struct cameras_work *work, GError **error) {
             "turntable it says what is level: capture it lying where samples lie, and give that "
             "session, too",
             cameras_tilt_rad(flat) * 180 / G_PI);
-    const double azimuth = atan2(flat->rotation[3], flat->rotation[0]); /* of the board's x axis */
+    /* azimuth of the board's x axis */
+    const double azimuth = atan2(flat->rotation[3], flat->rotation[0]);
     const double level[9] = {
         cos(azimuth), -sin(azimuth), 0, sin(azimuth), cos(azimuth), 0, 0, 0, 1};
     memcpy(flat->rotation, level, sizeof level);
@@ -26,17 +29,17 @@ gboolean cameras_level(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* Where the viewing ray of a pixel meets the plane z = 0. */
+/* Returns the point where the viewing ray of a pixel meets the plane z = 0. */
 static struct vec3 on_plane(const struct rig_camera *camera, double x_px, double y_px) {
     const struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x_px, y_px);
     return vec3_add(eye, vec3_scale(ray, -eye.z / ray.z));
 }
 
-/* The turn about z and the shift that bring points p_i of the plane next to q_i: least squares of
- * |Rz(a) p_i + d − q_i|, a = atan2(Σ p_i × q_i, Σ p_i · q_i) of both less their means.
- * q_i are four points around the origin, p_i where the calibrated cameras see the plane in the
- * pixels in which the nominal ones see q_i: that is well determined, unlike the cameras' own
- * positions. */
+/* Computes the rotation by a about z and the shift d that bring points p_i of the plane nearest to
+ * q_i. It minimises Σ |Rz(a) p_i + d − q_i|², so a = atan2(Σ p_i × q_i, Σ p_i · q_i) with the means
+ * of p_i and q_i subtracted. The q_i are four points around the origin. The p_i are the points that
+ * the calibrated cameras see in the pixels in which the nominal cameras see q_i. These points are
+ * well determined, unlike the cameras' own positions. */
 static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     const struct board *board = &work->task->board;
     const double r = board->columns * board->square_mm / 2;
@@ -68,7 +71,7 @@ static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     return angle;
 }
 
-/* p' = Rz(a) p + d: R' = R Rz(−a), t' = t − R' d. */
+/* Moves the rig by p' = Rz(a) p + d. The cameras' poses become R' = R Rz(−a), t' = t − R' d. */
 void cameras_align(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     struct vec3 off = vec3(0, 0, 0);
@@ -98,7 +101,8 @@ void cameras_align(struct cameras_work *work) {
         }
         lay->place[0] = at.x + off.x;
         lay->place[1] = at.y + off.y;
-        /* h is where the print's plane meets the z axis, which is another line now. */
+        /* h is the height at which the print's plane meets the z axis. This axis is another line
+         * after the shift. */
         lay->place[2] += (normal.x * off.x + normal.y * off.y) / normal.z;
     }
 }

@@ -1,7 +1,7 @@
-/* Circles of a board: an ellipse with a blurred edge is fitted to the grey values around the edge,
- *   I = (1 + gx·x + gy·y) · (a + b·erf(s / √2σ)),  s = (q − 1) · q / |LᵀL d|,  q = |L d|,
- * d: pixel minus centre, L: 2 × 2, lower triangular, |L d| = 1 on the ellipse, s: distance from it
- * to first order. b is positive for dark circles. */
+/* Circles of a board. An ellipse with a blurred edge is fitted to the grey values around the edge:
+ *   I = (1 + gx·x + gy·y) · (a + b·erf(s / √2σ)),  s = (q − 1) · q / |LᵀL d|,  q = |L d|.
+ * d is the pixel minus the centre. L is 2 × 2, lower triangular, with |L d| = 1 on the ellipse. s
+ * is the distance from the ellipse to first order. b is positive for dark circles. */
 #include "corner.h"
 
 #include <cminpack.h>
@@ -11,8 +11,8 @@ enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BL
 
 #define MAX_PIXELS 6000
 #define MIN_PIXELS 40
-#define EDGE_PX    7   /* largest distance of the pixels used from the expected edge, */
-#define BETWEEN    0.4 /* but at most this share of the gap between two circles */
+#define EDGE_PX    7   /* largest distance of the used pixels from the expected edge */
+#define BETWEEN    0.4 /* its upper limit, as a share of the gap between two circles */
 #define MAX_CALLS  (60 * (N + 1))
 #define TOLERANCE  1e-7
 
@@ -21,7 +21,7 @@ struct pixels {
     double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
 };
 
-/* Residual of each pixel, for cminpack. */
+/* Computes the residual of each pixel, for cminpack. */
 static int residuals(void *data, int m, int n, const double *p, double *ret, int flag) {
     const struct pixels *pixels = data;
     for (int i = 0; i < m; i++) {
@@ -35,15 +35,15 @@ static int residuals(void *data, int m, int n, const double *p, double *ret, int
     return 0;
 }
 
-/* Collects pixels about the expected edge and sets initial parameters: the ellipse is the image of
- * the circle by the guess's slopes m, |L d| = |m⁻¹ d| / radius. FALSE: too few of them lie in the
- * picture, or they show no edge. */
+/* Collects pixels near the expected edge, and sets the initial parameters. The ellipse is the image
+ * of the circle under the derivative m of the guess: |L d| = |m⁻¹ d| / radius. Returns FALSE if too
+ * few of these pixels lie in the picture, or if they show no edge. */
 static gboolean gather(const struct picture *picture, const struct board *board,
                        const struct corner_guess *guess, struct pixels *to, double p[N]) {
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0], radius = board->circle_mm / 2;
     const double away = (board->print == BOARD_STAGGERED ? M_SQRT2 : 1) * board->square_mm;
-    const double most = 1 + BETWEEN * (away - 2 * radius) / radius; /* in radii */
+    const double most = 1 + BETWEEN * (away - 2 * radius) / radius; /* in radii of the circle */
     if (!(fabs(det) > 1e-6))
         return FALSE;
     const double back[2][2] = {{m[1][1] / det / radius, -m[0][1] / det / radius},
@@ -108,7 +108,7 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
     const double moved = hypot(p[AT_X], p[AT_Y]) * sqrt(fabs(p[L_XX] * p[L_YY]));
     if (info < 1 || info > 4 || !isfinite(moved))
         return FALSE;
-    covar(N, jacobian, n, pivot, 1e-14, wa[0]); /* (JᵀJ)⁻¹, n numbers from column to column */
+    covar(N, jacobian, n, pivot, 1e-14, wa[0]); /* (JᵀJ)⁻¹, column by column with a stride of n */
     *ret = (struct corner){.id = id,
                            .x_px = guess->x_px + p[AT_X],
                            .y_px = guess->y_px + p[AT_Y],

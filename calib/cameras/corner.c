@@ -7,25 +7,25 @@
 #include <string.h>
 
 /* Model of the grey values around a corner at (0, 0):
- *   I = (1 + gx·x + gy·y) · (a + b·F(e₁, e₂)), e = erf(l / √2σ),
- * l₁, l₂: distances from the two edges; F = e₁e₂ where black squares touch, and for the end of two
- * edges, with l positive inside, F = (1 + e₁)(1 + e₂)/2 − 1. The gradient of light multiplies black
- * and white alike; an additive one would shift the corner by some thousandths of a pixel where
- * contrast varies. */
+ *   I = (1 + gx·x + gy·y) · (a + b·F(e₁, e₂)), e = erf(l / √2σ).
+ * l₁, l₂ are the distances from the two edges. Where black squares touch, F = e₁e₂. Where two edges
+ * end, l is positive inside, and F = (1 + e₁)(1 + e₂)/2 − 1. The gradient of light multiplies black
+ * and white equally. An additive gradient would shift the corner by some thousandths of a pixel
+ * where the contrast varies. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
 #define MAX_PIXELS  1600
 #define MIN_PIXELS  30
-#define REACH_PX    11   /* window around the corner, at most */
-#define REACH       0.44 /* window relative to a square */
-#define GUARD_PX    0.9  /* distance from edges that do not belong to the corner */
+#define REACH_PX    11   /* largest window around the corner */
+#define REACH       0.44 /* window, relative to a square */
+#define GUARD_PX    0.9  /* smallest distance from edges that do not belong to the corner */
 #define NEAR_PX     0.25
 #define STEPS       30
-#define MIN_BLUR_PX 0.2 /* the pixel's own width blurs more than that */
+#define MIN_BLUR_PX 0.2 /* smallest blur; the pixel's own width blurs more than that */
 
-/* Lateral colour: red and blue pixels also have a level, a contrast and a blur of their own. */
+/* For lateral colour, red and blue pixels each have a separate level, contrast and blur. */
 enum { RED, BLUE, GREEN, OWN = 3, ALL = N + 2 * OWN };
-#define MIN_COLOURED 8 /* red and blue pixels of a corner */
+#define MIN_COLOURED 8 /* smallest number of red and of blue pixels of a corner */
 #define MIN_SPARE    10
 
 struct pixels {
@@ -33,7 +33,8 @@ struct pixels {
     double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
     double sign;    /* +1: white where both distances have the same sign */
     gboolean ended; /* the edges end in the corner */
-    /* Lateral colour only: of each pixel RED, BLUE or GREEN, and where it is from the centre. */
+    /* Only for lateral colour: RED, BLUE or GREEN of each pixel, and its position relative to the
+     * centre. */
     guint8 colour[MAX_PIXELS];
     double across[MAX_PIXELS], down[MAX_PIXELS];
 };
@@ -42,12 +43,12 @@ struct pixels {
 static void inwards(const struct board *board, int id, double ret[2]) {
     double corners[4][2];
     board_marker_mm(board, id / 4, corners);
-    for (int k = 0; k < 2; k++) /* the opposite corner */
+    for (int k = 0; k < 2; k++) /* 2 is the opposite corner */
         ret[k] = corners[(id + 2) % 4][k] > corners[id % 4][k] ? 1 : -1;
 }
 
-/* The same as is_clear() of a grid of markers: dx, dy are positive into the marker, of which only
- * the border is black. */
+/* The same as is_clear(), for a grid of markers. dx, dy are positive inside the marker, of which
+ * only the border is black. */
 static gboolean is_clear_of_marker(const struct board *board, double dx, double dy,
                                    const double guard_mm[2]) {
     const int bits = vision_dictionary(board->dictionary, NULL), border = board_border(board);
@@ -64,8 +65,9 @@ static gboolean is_clear_of_marker(const struct board *board, double dx, double 
     return in_border;
 }
 
-/* Whether a pixel shows only the four squares that meet at the corner, and is closer to it than
- * to others: corners that share pixels would share errors. dx, dy: from the corner, mm. */
+/* Returns whether a pixel shows only the four squares that meet at the corner, and is nearer to
+ * this corner than to others. Corners that share pixels would share errors. dx, dy are relative to
+ * the corner, in mm. */
 static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
                          const double guard_mm[2]) {
     const double margin = (board->square_mm - board->marker_mm) / 2;
@@ -84,8 +86,8 @@ static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* Notes the colour of the last pixel, and moves the pixel to where green light of the same point
- * arrives. */
+/* Records the colour of the last pixel, and moves the pixel to the position of green light from the
+ * same point. */
 static void take_colour(const struct picture *picture, const struct corner_guess *guess,
                         const struct corner_lateral *lateral, int x, int y, struct pixels *to) {
     const char filter = picture->cfa[2 * (y & 1) + (x & 1)];
@@ -98,8 +100,9 @@ static void take_colour(const struct picture *picture, const struct corner_guess
     to->y[i] = to->down[i] + lateral->centre_px[1] - guess->y_px;
 }
 
-/* Collects the clear pixels around the guess. back: board's x, y by the picture's. lateral: NULL,
- * or the lateral colour to correct. FALSE: too few of them lie in the picture. */
+/* Collects the clear pixels around the guess. back is the derivative of the board's x, y with
+ * respect to the picture's. lateral is the lateral colour to correct, or NULL. Returns FALSE if too
+ * few of these pixels lie in the picture. */
 static gboolean gather(const struct picture *picture, const struct board *board, int id,
                        const struct corner_guess *guess, const double back[2][2],
                        const struct corner_lateral *lateral, struct pixels *to) {
@@ -138,20 +141,21 @@ static gboolean gather(const struct picture *picture, const struct board *board,
     return to->n >= MIN_PIXELS && to->n > 0.7 * wanted;
 }
 
-/* Angle of the normal of an edge whose image runs along (x, y); towards: a point on its positive
- * side. */
+/* Returns the angle of the normal of an edge whose image runs along (x, y). towards is a point on
+ * the positive side of the edge. */
 static double normal_angle(double x, double y, double towards_x, double towards_y) {
     const double nx = -y, ny = x;
     const double sign = nx * towards_x + ny * towards_y < 0 ? -1 : 1;
     return atan2(sign * ny, sign * nx);
 }
 
-/* Terms common to all pixels: cosine and sine of both normals, 1 / √2σ, signed contrast. */
+/* Terms that all pixels have in common: cosine and sine of both normals, 1 / √2σ, signed
+ * contrast. */
 struct edges {
     double c1, s1, c2, s2, k, b;
 };
 
-/* Residual of pixel i and its derivatives d by the parameters. */
+/* Returns the residual of pixel i, and its derivatives d with respect to the parameters. */
 static double model(const struct pixels *pixels, int i, const double p[N], const struct edges *e,
                     double d[N]) {
     const double x = pixels->x[i] - p[AT_X], y = pixels->y[i] - p[AT_Y];
@@ -159,7 +163,7 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     const double e1 = erf(u1), e2 = erf(u2);
     const double d1 = M_2_SQRTPI * exp(-u1 * u1), d2 = M_2_SQRTPI * exp(-u2 * u2);
     const double light = 1 + p[GRADIENT_X] * x + p[GRADIENT_Y] * y;
-    /* F and its derivatives by e₁ and e₂ */
+    /* F and its derivatives with respect to e₁ and e₂ */
     const double f = pixels->ended ? (1 + e1) * (1 + e2) / 2 - 1 : e1 * e2;
     const double f1 = pixels->ended ? (1 + e2) / 2 : e2, f2 = pixels->ended ? (1 + e1) / 2 : e1;
     const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * f;
@@ -175,7 +179,8 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     return light * print - pixels->value[i];
 }
 
-/* Sum of squares, and the normal equations h · step = g: h = Σ d dᵀ, g = −Σ d r. */
+/* Returns the sum of squares, and computes the normal equations h · step = g with h = Σ d dᵀ, g =
+ * −Σ d r. */
 static double sum(const struct pixels *pixels, const double p[N], double h[N * N], double g[N]) {
     const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
                             sin(p[TURN_2]), M_SQRT1_2 / p[BLUR], p[CONTRAST] * pixels->sign};
@@ -197,7 +202,7 @@ static double sum(const struct pixels *pixels, const double p[N], double h[N * N
     return total;
 }
 
-/* Levenberg-Marquardt; FALSE if it does not converge. */
+/* Minimises with Levenberg-Marquardt. Returns FALSE if it does not converge. */
 static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
                          double *ret_total) {
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
@@ -247,7 +252,8 @@ static gboolean covariance(const double h[N * N], double variance, double ret[2]
     return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
 }
 
-/* Gathers pixels and fits the model. ret_back: board's x, y by the picture's. */
+/* Gathers pixels and fits the model. ret_back is the derivative of the board's x, y with respect to
+ * the picture's. */
 static gboolean fit_pixels(const struct picture *picture, const struct board *board, int id,
                            const struct corner_guess *guess, const struct corner_lateral *lateral,
                            struct pixels *pixels, double p[N], double h[N * N], double *ret_total,
@@ -282,7 +288,8 @@ static gboolean fit_pixels(const struct picture *picture, const struct board *bo
     return p[CONTRAST] > 0 && minimise(pixels, p, h, ret_total);
 }
 
-/* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
+/* Fits the model. Returns FALSE if blur, contrast, displacement or standard error exceed their
+ * limits. */
 static gboolean do_fit(const struct picture *picture, const struct board *board, int id,
                        const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
@@ -306,8 +313,8 @@ static gboolean do_fit(const struct picture *picture, const struct board *board,
                CORNER_MAX_ERROR_PX * CORNER_MAX_ERROR_PX;
 }
 
-/* The pixels are selected around the guess. If the corner is far from it, the fit is repeated
- * from there. */
+/* The pixels are selected around the guess. If the corner is far from the guess, the fit is
+ * repeated from the corner found. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret) {
     struct corner_guess nearer = *guess;
@@ -336,11 +343,12 @@ GArray *corner_fit_all(const struct picture *picture, const struct board *board,
     return found;
 }
 
-/* With the corner's own parameters θ (p, and level, contrast and blur of red and of blue pixels),
- * the residual r of a pixel of colour k changes by row · dθ + shift dc_k: a larger magnification
- * c_k moves the pixel's light outwards, as a corner does that moves by its distance from the
- * centre. θ is eliminated from the normal equations: with H = Σ row rowᵀ, b_k = Σ shift row, g = −Σ
- * r row, s_k = −Σ shift r, A_kk = Σ shift²,  (A − bᵀ H⁻¹ b) dc = s − bᵀ H⁻¹ g. */
+/* Let θ be the corner's own parameters: p, and level, contrast and blur of red and of blue pixels.
+ * The residual r of a pixel of colour k changes by row · dθ + shift dc_k. A larger magnification
+ * c_k moves the pixel's light outwards. This has the same effect as a displacement of the corner
+ * that is proportional to the pixel's distance from the centre. θ is eliminated from the normal
+ * equations. With H = Σ row rowᵀ, b_k = Σ shift row, g = −Σ r row, s_k = −Σ shift r and A_kk = Σ
+ * shift², the change is the solution of (A − bᵀ H⁻¹ b) dc = s − bᵀ H⁻¹ g. */
 gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
                         const struct corner_guess *guess, struct corner_lateral *lateral) {
     struct pixels pixels;

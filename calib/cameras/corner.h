@@ -1,13 +1,13 @@
 /*
- * Subpixel position of a board's corner: two crossing straight edges, blurred by lens and pixels,
- * are fitted to the grey values around it. Other print (markers, neighbouring corners) is
- * excluded by the board's geometry, so that boards may be seen at up to 75° from their normal,
- * where a square is a few pixels high. The model is point-symmetric about the corner: straight
- * edges and an even blur do not shift it, and it includes a gradient of light.
+ * Subpixel position of a board's corner. Two crossing straight edges, blurred by lens and pixels,
+ * are fitted to the grey values around the corner. Other print (markers, neighbouring corners) is
+ * excluded with the known geometry of the board. Boards may therefore be seen at up to 75° from
+ * their normal, where a square is a few pixels high. The model is point-symmetric about the corner,
+ * so straight edges and an even blur do not shift it. The model includes a gradient of light.
  *
- * For a marker that touches no black square, the corner is where two edges end (one of the four
- * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c);
- * perspective shifts its centre from that of the circle.
+ * For a marker that touches no black square, the corner is the end of two edges (one of the four
+ * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c).
+ * Perspective shifts the centre of the ellipse relative to the image of the circle's centre.
  *
  * Pure functions; any thread.
  */
@@ -18,17 +18,18 @@
 
 struct corner_guess {
     double x_px, y_px;
-    double px_a_mm[2]
-                  [2]; /* derivative of the picture's x, y (rows) by the board's x, y (columns) */
-    /* Circles only: centre of the seen ellipse minus the image of the circle's centre. */
+    /* derivative of the picture's x, y (rows) with respect to the board's x, y (columns) */
+    double px_a_mm[2][2];
+    /* Only for circles: centre of the seen ellipse minus the image of the circle's centre. */
     double off_centre_px[2];
-    /* Straightens edges that lens distortion has bent: with x, y relative to the guess, x +=
-     * straighten[0] · (x², xy, y²) and y += straighten[1] · (x², xy, y²). 0: edges are straight. */
+    /* Straightens edges that lens distortion has bent. With x, y relative to the guess, x +=
+     * straighten[0] · (x², xy, y²) and y += straighten[1] · (x², xy, y²). With 0, the edges are
+     * straight. */
     double straighten[2][3];
 };
 
 struct corner {
-    int id; /* board.h */
+    int id; /* as in board.h */
     double x_px, y_px;
     double covariance_px2[2][2]; /* from the noise of the residuals */
     double blur_px;              /* standard deviation, including the pixel's own width */
@@ -38,32 +39,34 @@ struct corner {
 #define CORNER_MAX_BLUR_PX  4
 #define CORNER_MAX_ERROR_PX 0.35
 #define CORNER_MIN_CONTRAST 3    /* in standard deviations of the residuals */
-#define CORNER_MAX_MOVED    0.35 /* from the guess, in squares */
+#define CORNER_MAX_MOVED    0.35 /* largest distance from the guess, in squares */
 
-/* FALSE: there is no such corner near the guess, or too little of it is visible. */
+/* Fits one corner. Returns FALSE if there is no such corner near the guess, or if too little of it
+ * is visible. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);
 
-/* Fits all corners of a board. guesses: one per id; those with px_a_mm of zeroes are left out.
- * GArray of struct corner, by id. */
+/* Fits all corners of a board. guesses has one entry per id; entries whose px_a_mm is 0 are left
+ * out. Returns a GArray of struct corner, ordered by id. */
 GArray *corner_fit_all(const struct picture *picture, const struct board *board,
                        const struct corner_guess *guesses);
 
-/* By how much more a lens magnifies red [0] and blue [1] light than green, about a point of the
- * picture. */
+/* Describes how much more a lens magnifies red [0] and blue [1] light than green, about a point of
+ * the picture. */
 struct corner_lateral {
     double centre_px[2];
-    double larger[2];              /* the present estimate */
-    double normal[2][2], right[2]; /* sums: normal · (change of the estimate) = right */
+    double larger[2]; /* the present estimate */
+    /* sums of the normal equations: normal · (change of the estimate) = right */
+    double normal[2][2], right[2];
 };
 
-/* Adds the equations of one corner, weighed by the noise of its residuals, in a picture behind a
- * colour filter. The displacement of red and blue edges counts only: levels, contrasts and blurs of
- * the colours may differ. FALSE: the corner cannot be fitted, or has too few red or blue pixels, or
- * it is a circle. */
+/* Adds the equations of one corner of a picture from a sensor with a colour filter. They are
+ * weighted by the noise of the corner's residuals. Only the displacement of red and blue edges is
+ * used; levels, contrasts and blurs of the colours may differ. Returns FALSE if the corner cannot
+ * be fitted, if it has too few red or blue pixels, or if it is a circle. */
 gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
                         const struct corner_guess *guess, struct corner_lateral *lateral);
 
-/* corner_fit() of a circle's centre. */
+/* The same as corner_fit(), for a circle's centre. */
 gboolean circle_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);

@@ -1,19 +1,19 @@
-/* Circles of a board are recognised by their places relative to their neighbours. From one spot and
- * two steps to its neighbours, integer coordinates spread over the grid: each spot predicts its
- * neighbours by the steps that led to it. The steps are some basis of the grid's lattice. Of all
- * integer maps of small numbers, the one is taken that makes a full rectangle of the coordinates.
- */
+/* Recognises the circles of a board by their places relative to their neighbours. One spot and two
+ * steps to its neighbours begin the grid. Integer coordinates then spread from spot to spot. Each
+ * spot predicts its neighbours with the steps that led to it. The steps are an arbitrary basis of
+ * the grid's lattice. Integer maps with small coefficients are tried, and the map that turns the
+ * coordinates into a full rectangle is used. */
 #include "spot_grid.h"
 
 #include <math.h>
 #include <string.h>
 
 #define MAX_SPOTS 1600 /* 40 × 40 */
-#define SEEDS     8    /* spots that are tried as a beginning */
-#define NEAR      0.25 /* of a step: largest deviation of a spot from its predicted place */
-#define MIN_TURN  0.35 /* least sine of the angle between the two steps */
-#define LEAST     3    /* circles in a row and in a column */
-#define REACH     2    /* largest number of the integer maps */
+#define SEEDS     8    /* number of spots that are tried as a beginning */
+#define NEAR      0.25 /* largest deviation of a spot from its predicted place, in steps */
+#define MIN_TURN  0.35 /* smallest sine of the angle between the two steps */
+#define LEAST     3    /* smallest number of circles in a row and in a column */
+#define REACH     2    /* largest absolute coefficient of the integer maps */
 
 struct node {
     int a, b; /* coordinates */
@@ -40,7 +40,7 @@ static int nearest(const struct lattice *lattice, const double at[2], double wit
     return best;
 }
 
-/* The steps to the nearest spot, and to the nearest one in another direction. */
+/* Gives the step to the nearest spot, and the step to the nearest spot in another direction. */
 static gboolean first_steps(const struct lattice *lattice, int seed, double ret[2][2]) {
     const double *from = lattice->xy + 2 * seed;
     double length[2] = {INFINITY, INFINITY};
@@ -57,7 +57,7 @@ static gboolean first_steps(const struct lattice *lattice, int seed, double ret[
     return isfinite(length[1]);
 }
 
-/* Spreads coordinates from a spot. Returns how many spots have some. */
+/* Spreads coordinates from a spot. Returns the number of spots that have coordinates. */
 static int spread(struct lattice *lattice, int seed) {
     g_autofree int *queue = g_new(int, lattice->n + 1);
     int in = 0;
@@ -93,12 +93,12 @@ static int spread(struct lattice *lattice, int seed) {
 
 struct rectangle {
     int columns, rows;
-    int *spot; /* columns × rows; −1: there is none */
+    int *spot; /* columns × rows; index of the spot, or −1 */
 };
 
-/* Whether x = m₀ a + m₁ b, y = m₂ a + m₃ b of the known spots fill a rectangle. Staggered: y is a
- * row, and every row has as many circles as the others, two x apart, with even and odd x in turn.
- */
+/* Returns whether the coordinates x = m₀ a + m₁ b, y = m₂ a + m₃ b of the known spots fill a
+ * rectangle. In a staggered grid, y is the row. Every row has the same number of circles, which are
+ * 2 apart in x. x is even and odd in alternate rows. */
 static gboolean fills(const struct lattice *lattice, const int m[4], gboolean staggered, int known,
                       struct rectangle *ret) {
     int low[2] = {G_MAXINT, G_MAXINT}, high[2] = {-G_MAXINT, -G_MAXINT};

@@ -3,8 +3,9 @@
 
 #include <glib.h>
 
-/* spots: double x, y, in the picture. Returns the spots of the whole rectangle of circles that they
- * form, row by row, as double x, y, and its size. staggered: every second row is moved by half the
- * distance of two circles; board.h says how columns and rows are counted. NULL: the spots that
- * neighbour each other form no rectangle, or one of less than 3 × 3 circles. */
+/* spots are doubles x, y in the picture. Returns the spots of the full rectangle of circles that
+ * they form, row by row, as doubles x, y, and the size of the rectangle. If staggered is TRUE,
+ * every second row is shifted by half the distance of two circles; board.h says how columns and
+ * rows are counted. Returns NULL if the connected spots form no rectangle, or one with less than 3
+ * × 3 circles. */
 GArray *spot_grid_find(const GArray *spots, gboolean staggered, int *ret_columns, int *ret_rows);

@@ -1,21 +1,21 @@
-/* Light directions from mirror balls: with n the normal at the highlight and v the direction to the
- * camera, the direction is the reflection 2 (n·v) n − v. Several balls give
- * rays; two rays propose a model (a common direction, or the point where they meet), the one with
- * most agreeing rays is fitted by least squares. */
+/* Light directions from mirror balls. With n the normal at the highlight and v the direction to the
+ * camera, the light's direction is the reflection 2 (n·v) n − v. Each ball gives a ray. Every pair
+ * of rays proposes a model: a common direction, or the point where they meet. The model that most
+ * rays agree with is fitted by least squares. */
 #include "ball_light.h"
 
 #include <math.h>
 #include <string.h>
 
 #define PARALLEL  1e-9 /* relative determinant below which the rays are parallel */
-#define AGREE     3.0  /* standard deviations within which a ray agrees; at least AGREE_RAD */
+#define AGREE     3.0  /* standard deviations up to which a ray agrees; at least AGREE_RAD */
 #define AGREE_RAD (0.5 * G_PI / 180)
-#define NEAREST   3.0 /* radii: a light is at least this far from the balls */
-#define KNOWN     0.5 /* largest relative error of a known position */
-#define CONE_RAYS 24  /* rays of the outline from which a ball is located */
+#define NEAREST   3.0 /* smallest distance of a light from the balls, in radii */
+#define KNOWN     0.5 /* largest relative error at which a position counts as known */
+#define CONE_RAYS 24  /* number of rays of the outline from which a ball is located */
 
-/* Solves A x = b. The inverse of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁
- * over det A. */
+/* Solves A x = b. If A has the rows r₀, r₁, r₂, its inverse has the columns r₁ × r₂, r₂ × r₀, r₀ ×
+ * r₁, divided by det A. */
 gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret) {
     struct vec3 r[3];
     for (int i = 0; i < 3; i++)
@@ -34,15 +34,15 @@ static double angle_rad(struct vec3 a, struct vec3 b) {
     return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Unit direction of the ray through a point of the picture, away from the camera. */
+/* Returns the unit direction of the ray through a point of the picture, away from the camera. */
 static struct vec3 ray_through(const struct ball_camera *camera, double x_px, double y_px) {
     return vec3_unit(vec3((x_px - camera->x_px) / camera->focal_px,
                           (camera->y_px - y_px) / camera->focal_px, -1));
 }
 
-/* Centre of a ball of radius 1 whose outline is a circle in the picture. The rays r that touch it
- * form a cone, a · r = cos α: a / cos α solves r · q = 1 by least squares over rays of the circle,
- * and the centre is q cos α / sin α. */
+/* Computes the centre of a ball of radius 1 whose outline is a circle in the picture. The unit rays
+ * r that touch the ball form a cone a · r = cos α. q = a / cos α solves r · q = 1 by least squares
+ * over rays of the circle. The centre is q cos α / sin α. */
 static gboolean ball_centre(const struct ball_camera *camera, const struct ball_outline *ball,
                             struct vec3 *ret) {
     struct mat3 normal = {0};
@@ -65,10 +65,10 @@ static gboolean ball_centre(const struct ball_camera *camera, const struct ball_
     return TRUE;
 }
 
-/* Unit direction of the light whose highlight is at a point of the ball, and its place in radii;
- * FALSE: the point is outside of the ball. Without a focal length the normal is n = (x, y, √(1 − x²
- * − y²)), x and y relative to the middle in radii, y up; else the ray t r meets the ball of radius
- * 1 around c where |t r − c| = 1. */
+/* Computes the unit direction of the light whose highlight is at a point of the ball, and the
+ * highlight's place in radii. Returns FALSE if the point is outside the ball. Without a focal
+ * length the normal is n = (x, y, √(1 − x² − y²)), with x and y relative to the middle in radii, y
+ * up. With a focal length, the ray t r meets the ball of radius 1 around c where |t r − c| = 1. */
 static gboolean ball_light_direction(const struct ball_camera *camera,
                                      const struct ball_outline *ball, double x_px, double y_px,
                                      struct vec3 *ret_from, struct vec3 *ret) {
@@ -96,8 +96,8 @@ static gboolean ball_light_direction(const struct ball_camera *camera,
     return TRUE;
 }
 
-/* A mirror ball maps equal areas of the picture to equal solid angles: the mean over the
- * highlight is the mean over the lamp. Four points with the same second moments stand for the
+/* A mirror ball maps equal areas of the picture to equal solid angles. The mean over the highlight
+ * is therefore the mean over the lamp. Four points with the same second moments represent the
  * highlight. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
@@ -120,8 +120,9 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
     return TRUE;
 }
 
-/* The direction turns by twice the normal's angle, whose sine is the distance from the centre:
- * the error is divided by the cosine radially, and multiplied by it tangentially. */
+/* The direction turns by twice the normal's angle, whose sine is the distance from the centre. The
+ * error is therefore divided by the cosine in the radial direction, and multiplied by it in the
+ * tangential direction. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px) {
     const double sine = hypot(x_px - ball->x_px, y_px - ball->y_px) / ball->radius_px;
@@ -131,13 +132,13 @@ double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, d
     return 2 / ball->radius_px * hypot(outwards, cosine * sqrt(middle));
 }
 
-/* A hypothesis that rays agree with: a position, or else a direction. */
+/* A hypothesis that rays may agree with: a position, or otherwise a direction. */
 struct model {
     gboolean placed;
     struct vec3 direction, place;
 };
 
-/* Angle between a ray and the direction of the model from the ball. */
+/* Angle between a ray and the direction from its ball that the model predicts. */
 static double off_rad(const struct model *model, const struct ball_ray *ray) {
     return angle_rad(ray->direction,
                      model->placed ? vec3_sub(model->place, ray->from) : model->direction);
@@ -151,7 +152,7 @@ static struct vec3 mean_direction(const struct ball_ray *rays, int n, guint32 se
     return vec3_unit(sum);
 }
 
-/* a += weight · (I − d dᵀ), the projection perpendicular to the ray. */
+/* Adds weight · (I − d dᵀ), the projection perpendicular to the ray, to a. */
 static void add_across(struct mat3 *a, struct vec3 d, double weight) {
     const double v[3] = {d.x, d.y, d.z};
     for (int j = 0; j < 3; j++)
@@ -159,8 +160,9 @@ static void add_across(struct mat3 *a, struct vec3 d, double weight) {
             a->m[j][k] += weight * ((j == k) - v[j] * v[k]);
 }
 
-/* The point p closest to all rays of a set: Σ (I − d dᵀ) p = Σ (I − d dᵀ) q, q being the rays'
- * origins. FALSE: the rays are parallel, or p is not in front of all of them. */
+/* Finds the point p closest to all rays of a set: Σ (I − d dᵀ) p = Σ (I − d dᵀ) q, where q are the
+ * origins of the rays. Returns FALSE if the rays are parallel, or if p is not in front of all of
+ * them. */
 static gboolean meet(const struct ball_ray *rays, int n, guint32 set, struct mat3 *ret_normal,
                      struct vec3 *ret) {
     struct vec3 b = vec3(0, 0, 0);
@@ -185,12 +187,12 @@ struct vote {
     struct model model;
     guint32 set;
     int count;
-    double misfit; /* sum of squared deviations of the set, in variances */
+    double misfit; /* sum of squared deviations of the rays, relative to their variances */
     gboolean tied; /* another set has as many rays */
 };
 
-/* Counts the rays that agree with a model; sigma_rad: standard deviation of the model. On a tie
- * the smaller misfit is kept. */
+/* Counts the rays that agree with a model. sigma_rad is the standard deviation of the model. If two
+ * models have the same number of rays, the one with the smaller misfit is kept. */
 static void vote(const struct ball_ray *rays, int n, const struct model *model, double sigma_rad,
                  struct vote *best) {
     struct vote mine = {.model = *model};
@@ -211,8 +213,8 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
     best->tied = tied;
 }
 
-/* Standard error of a position, per axis: √(Nᵢ⁻¹ S Nᵢ⁻ᵀ) with the normal matrix N and S = Σ σ² (I
- * − d dᵀ) / 2, σ: error of a ray at the position. */
+/* Standard error of a position, per axis: the square roots of the diagonal of N⁻¹ S N⁻ᵀ, where N is
+ * the normal matrix and S = Σ σ² (I − d dᵀ) / 2. σ is the error of a ray at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
                                const struct mat3 *normal, struct vec3 place) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
@@ -248,8 +250,8 @@ static void ball_light_place(const struct ball_ray *rays, int n, guint32 set,
     ret->miss = sqrt(ret->miss / count);
 }
 
-/* Result and errors of the set that agrees; the errors are scaled up if the rays deviate by more
- * than their standard deviations (χ² per degree of freedom). */
+/* Computes the result and its errors from the set of rays that agree. If the rays deviate by more
+ * than their standard deviations, the errors are scaled up by χ² per degree of freedom. */
 static void estimate(const struct ball_ray *rays, int n, guint32 set, struct ball_light *ret) {
     double squares = 0, misfit = 0, count = 0;
     ret->direction = mean_direction(rays, n, set);
@@ -273,7 +275,7 @@ static void estimate(const struct ball_ray *rays, int n, guint32 set, struct bal
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret) {
     struct vote best = {.set = n == 1, .count = n == 1};
     memset(ret, 0, sizeof *ret);
-    /* The mean direction and the intersection of every pair of rays. */
+    /* Try the mean direction and the intersection of every pair of rays. */
     for (int i = 0; i < n; i++)
         for (int j = i + 1; j < n; j++) {
             const guint32 pair = 1U << i | 1U << j;

@@ -1,5 +1,5 @@
-/* Edges are found along radial rays from the given centre; RANSAC over three edges proposes
- * circles, and Gauss-Newton fits the one that most rays agree with. */
+/* Edges are found along radial rays from the given centre. RANSAC proposes circles through three
+ * edges. The circle that most rays agree with is fitted by Gauss-Newton. */
 #include "ball_outline.h"
 
 #include "geometry/fit.h"
@@ -11,16 +11,18 @@
 #define NEAREST  0.75 /* range of the search, in radii of the given circle */
 #define FARTHEST 1.3
 #define STEP_PX  0.5
-#define REACH    4     /* steps on both sides that an edge compares */
-#define CLOSE    2     /* the same to say where it is: what the ball mirrors moves wide ones */
-#define ABOVE    2.0   /* least edge above the ray's median change, in robust deviations of it */
-#define LEAST    0.002 /* least edge, in the square root of light */
-#define TRIALS   400
+#define REACH    4 /* number of steps on each side that an edge compares */
+/* the same for its exact place; a wider range would include what the ball mirrors */
+#define CLOSE  2
+#define ABOVE  2.0   /* smallest edge above the ray's median change, in robust deviations */
+#define LEAST  0.002 /* smallest edge, in the square root of light */
+#define TRIALS 400
 #define SEEN                                                                                       \
-    0.48              /* share of the rays that must agree: half of the outline; a circle through  \
-                         less may be the horizon's, mirrored in the ball */
-#define EDGES       3 /* candidate edges per ray, strongest first: the ball itself has edges, too */
-#define NEIGHBOURS  3.0  /* factor of the standard error: neighbouring edges are correlated */
+    0.48        /* share of the rays that must agree: half of the outline; a circle through        \
+                   less may be the horizon's, mirrored in the ball */
+#define EDGES 3 /* candidate edges per ray, strongest first; the ball itself also has edges */
+/* factor of the standard error, because neighbouring edges are correlated */
+#define NEIGHBOURS  3.0
 #define AGREE       0.01 /* share of the radius within which an edge agrees */
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
 #define ROUNDS      5    /* rounds of fitting with outlier rejection */
@@ -60,8 +62,8 @@ void ball_edges_free(BallEdges *edges) {
     g_free(edges);
 }
 
-/* Square root of light at a place, bilinear: highlights do not outshine outlines. NaN: outside of
- * the picture. */
+/* Returns the square root of light at a place (bilinear), or NaN outside the picture. The square
+ * root keeps highlights from outshining outlines. */
 static double root_at(const struct picture *picture, double x, double y) {
     const int column = (int)floor(x), row = (int)floor(y);
     if (column < 0 || row < 0 || column + 1 >= picture->width || row + 1 >= picture->height)
@@ -73,9 +75,9 @@ static double root_at(const struct picture *picture, double x, double y) {
            t * ((1 - s) * sqrt(MAX((double)next[0], 0)) + s * sqrt(MAX((double)next[1], 0)));
 }
 
-/* Absolute smoothed derivatives along each ray, of the root of light and of light. Light is
- * relative to the brightest on the ray: a highlight in one picture does not outweigh the outline
- * in the others. */
+/* Adds the absolute smoothed derivatives along each ray, both of the square root of light and of
+ * light. Light is relative to the brightest place on the ray, so that a highlight in one picture
+ * does not outweigh the outline in the others. */
 void ball_edges_add(BallEdges *edges, const struct picture *picture) {
     const struct ball_outline *given = &edges->given;
     g_autofree double *values = g_new0(double, edges->n);
@@ -104,9 +106,9 @@ void ball_edges_add(BallEdges *edges, const struct picture *picture) {
     }
 }
 
-/* Takes the strongest edge of a ray and clears its surroundings. Where it is, to a fraction of a
- * step by a parabola, follows from the light itself, the square: blur moves the edge of its root
- * towards the dark side. 0: there is none left. */
+/* Returns the place of a ray's strongest edge, and clears its surroundings. The place is found in
+ * the derivative of light itself, by a parabola to a fraction of a step. Blur would move the edge
+ * of the square root towards the dark side. Returns 0 if no edge is left. */
 static double take_edge(double *changes, const double *squared, int n, double least) {
     int best = 1;
     for (int i = 2; i < n - 1; i++)
@@ -128,7 +130,7 @@ static double take_edge(double *changes, const double *squared, int n, double le
     return STEP_PX * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0));
 }
 
-/* Circle through three edges; FALSE: they are nearly collinear. */
+/* Computes the circle through three edges. Returns FALSE if they are nearly collinear. */
 static gboolean through_three(const struct edges *e, const int k[3], struct ball_outline *ret) {
     const double ax = e->x[k[1]] - e->x[k[0]], ay = e->y[k[1]] - e->y[k[0]];
     const double bx = e->x[k[2]] - e->x[k[0]], by = e->y[k[2]] - e->y[k[0]];
@@ -144,7 +146,7 @@ static double off_px(const struct edges *e, int i, const struct ball_outline *ci
     return hypot(e->x[i] - circle->x_px, e->y[i] - circle->y_px) - circle->radius_px;
 }
 
-/* Number of rays with an edge that agrees with a circle. */
+/* Returns the number of rays with an edge that agrees with a circle. */
 static int agreeing(const struct edges *e, const struct ball_outline *circle, double within_px) {
     int count = 0, last = -1;
     for (int i = 0; i < e->n; i++)
@@ -182,9 +184,9 @@ static int most_agreed(const struct edges *e, const struct ball_outline *given, 
     return most;
 }
 
-/* One Gauss-Newton step of min Σ (|e − c| − r)² over the agreeing edges e. FALSE: they do not
- * determine a circle. ret_sigma_px: the largest standard error of centre and radius, from the
- * residuals. */
+/* Makes one Gauss-Newton step that minimises Σ (|e − c| − r)² over the agreeing edges e. Returns
+ * FALSE if they do not determine a circle. *ret_sigma_px is the largest standard error of centre
+ * and radius, estimated from the residuals. */
 static gboolean improve(const struct edges *e, double within_px, struct ball_outline *circle,
                         double *ret_sigma_px) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
@@ -214,7 +216,7 @@ static gboolean improve(const struct edges *e, double within_px, struct ball_out
     return TRUE;
 }
 
-/* The strongest edges of a ray. */
+/* Gathers the strongest edges of a ray. */
 static void edges_of_ray(const BallEdges *from, int ray, struct edges *to) {
     const int n = from->n;
     const double angle = 2 * G_PI * ray / RAYS;

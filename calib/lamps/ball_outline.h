@@ -1,8 +1,8 @@
 /*
- * Finds the outline of a ball in pictures: the circle that most edges near a given one lie on.
- * Edges are gathered picture by picture, and those of the outline are at the same place in all of
- * them; edges of shadows and highlights are not. The mean picture has no outline where the shadows
- * of many lamps hide it. Pure; any thread.
+ * Finds the outline of a ball in pictures: the circle near a given one on which most edges lie.
+ * Edges are gathered picture by picture. The edges of the outline are at the same place in all
+ * pictures, but the edges of shadows and highlights are not. A mean picture would not do, because
+ * it has no outline where the shadows of many lamps hide it. Pure; any thread.
  */
 #pragma once
 
@@ -12,16 +12,16 @@
 /* Mean changes of brightness along rays from the centre of a given circle. */
 typedef struct BallEdges BallEdges;
 
-/* NULL: the circle is too small for an outline to be found. */
+/* Returns NULL if the circle is too small for an outline to be found. */
 BallEdges *ball_edges_new(const struct ball_outline *given);
 void ball_edges_free(BallEdges *edges); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BallEdges, ball_edges_free)
 
-/* Adds a picture of linear light. */
+/* Adds a picture with linear values. */
 void ball_edges_add(BallEdges *edges, const struct picture *picture);
 
-/* Finds a circle whose centre and radius are within reach_px of the given one's; reach_px is at
- * most a quarter of the radius. FALSE: too little of such an outline is visible. ret_sigma_px:
- * standard deviation of the centre, per axis, and of the radius. */
+/* Finds a circle whose centre and radius are within reach_px of those of the given circle. reach_px
+ * is at most a quarter of the radius. *ret_sigma_px is the standard deviation of the centre, per
+ * axis, and of the radius. Returns FALSE if too little of such an outline is visible. */
 gboolean ball_outline_find(const BallEdges *edges, double reach_px, struct ball_outline *ret,
                            double *ret_sigma_px);

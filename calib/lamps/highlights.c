@@ -1,7 +1,8 @@
-/* Highlights are connected regions above a share of their peak. The lamp is the one with the
- * largest energy Σ (I − background)²; its position is the centroid of the light above that share.
- * The share is EDGE, and more where the region is then too large: a plate that the ball mirrors as
- * a ring, or glare, is brighter than a fifth of the lamp. */
+/* Highlights are connected regions above a share of their peak. The lamp is the highlight with the
+ * largest energy Σ (I − background)². Its position is the centroid of the light above that share.
+ * The share is EDGE, or a larger one if the region would otherwise be too large. This happens with
+ * glare, or with a plate that the ball mirrors as a ring, if they are brighter than a fifth of the
+ * lamp. */
 #include "highlights.h"
 
 #include "geometry/fit.h"
@@ -9,37 +10,46 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define EDGE             0.2  /* share of the peak that bounds a spot, the first of shares[] */
-#define ABOVE_NOISE      12.0 /* least peak, in robust standard deviations of the darker half */
-#define ABOVE_REST       4.0 /* least peak, in heights of the brightest tenth of the other pixels */
-#define FAR_ABOVE        10.0  /* the same of a spot as small as a speck */
-#define FLAT             0.998 /* share of the maximum that counts as equal to it */
-#define FLAT_PIXELS      7     /* from this number of equal pixels on the spot is saturated */
-#define SIGHT_PX         0.03  /* standard deviation of a centroid */
-#define CLIPPED_PX       0.1   /* the same for a saturated spot, whose border alone determines it */
-#define WHITE            0.98  /* of photographs, whose white is 1: clipped */
-#define SMALL_PX         0.25 /* over the number of pixels: the same of a small spot, by their grid, */
-#define SMALL_CLIPPED_PX 2.0 /* and of a small clipped one */
-#define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest; */
-#define MIN_PIXELS       2   /* one pixel always is */
-#define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch, */
-#define CORE             0.8 /* unless its part above this share of the peak is round: a brushed ball */
-#define COMPARABLE       0.3 /* share of the best spot's energy from which another may be the lamp, */
-#define LOWER            0.67 /* unless both its energy and its height are below this share */
-#define MAX_SPOTS        256  /* number of spots that are examined, brightest first */
-#define SLANT            0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
-#define SPOT_SHARE       0.2 /* largest area of a spot, in areas of the ball's picture */
+#define EDGE        0.2  /* share of the peak that bounds a spot, the first of shares[] */
+#define ABOVE_NOISE 12.0 /* smallest peak, in robust standard deviations of the darker half */
+/* smallest peak, in heights of the brightest tenth of the other pixels */
+#define ABOVE_REST  4.0
+#define FAR_ABOVE   10.0  /* the same for a spot as small as a speck */
+#define FLAT        0.998 /* share of the maximum that counts as equal to it */
+#define FLAT_PIXELS 7     /* number of equal pixels from which a spot counts as saturated */
+#define SIGHT_PX    0.03  /* standard deviation of a centroid */
+/* the same for a saturated spot, which is located only by its border */
+#define CLIPPED_PX 0.1
+/* values from which photographs, whose white is 1, count as clipped */
+#define WHITE            0.98
+#define SMALL_PX         0.25 /* the same for a small spot, divided by its number of pixels */
+#define SMALL_CLIPPED_PX 2.0  /* the same for a small clipped spot */
+#define SPECK            4    /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest */
+#define MIN_PIXELS       2    /* smaller spots are always dust or hot pixels */
+#define STREAK           4.0  /* aspect ratio from which a spot is a hair or a scratch */
+/* share of the peak above which the spot of a brushed ball is round and thus no streak */
+#define CORE 0.8
+/* share of the best spot's energy from which another may be the lamp */
+#define COMPARABLE 0.3
+/* share of energy and of height below both of which it cannot be the lamp */
+#define LOWER     0.67
+#define MAX_SPOTS 256 /* number of spots that are examined, brightest first */
+/* smallest cosine of the normal; below it, a highlight is too near the rim */
+#define SLANT 0.3
+/* largest area of a spot, relative to the area of the ball in the picture */
+#define SPOT_SHARE 0.2
 
-#define STAYS 0.5 /* a spot that other pictures show at this share of its height is no lamp */
+/* a spot that other pictures show with this share of its height is not the lamp */
+#define STAYS 0.5
 
 #define NOWHERE 0 /* label of pixels without a spot */
 
-static const double shares[] = {EDGE, 0.35, 0.5, 0.7}; /* that may bound a spot */
+static const double shares[] = {EDGE, 0.35, 0.5, 0.7}; /* shares that may bound a spot */
 
 struct window {
     const struct picture *picture;
     int left, top, width, height;
-    float *values;   /* −G_MAXFLOAT: outside of the circle */
+    float *values;   /* −G_MAXFLOAT outside the circle */
     guint16 *labels; /* label of each pixel's spot */
     int *members;    /* pixels of the spots, spot by spot */
     int n_members;
@@ -52,14 +62,15 @@ struct spot {
     guint16 label;
     int first, pixels; /* range in members */
     float height;      /* peak above the background */
-    double energy;     /* sum of squares above the background: both brightness and size count */
+    /* sum of squares above the background; both brightness and size increase it */
+    double energy;
     struct highlight light; /* position in the window */
     double share;           /* share of the peak above which pixels belong to the light */
     gboolean streak, halo, cut, stays;
     gboolean large; /* too large to be a lamp's mirror image */
 };
 
-/* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
+/* Copies the pixels of a circle. Returns FALSE if it is not completely in the picture. */
 static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     w->left = (int)ceil(x - r);
     w->top = (int)ceil(y - r);
@@ -80,8 +91,8 @@ static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     return TRUE;
 }
 
-/* Background level (median) and least peak. 1.4826 · (median − lower quartile) is the robust
- * standard deviation of the darker half, to which a bright plate does not add. */
+/* Computes the background level (median) and the smallest peak. 1.4826 · (median − lower quartile)
+ * is the robust standard deviation of the darker half. A bright plate does not increase it. */
 static void background(struct window *w) {
     int n = 0, all = w->width * w->height;
     w->sorted = g_new(float, all);
@@ -95,13 +106,13 @@ static void background(struct window *w) {
         MAX((float)ABOVE_NOISE * 1.4826f * (w->level - w->sorted[n / 4]), 0.05f * fabsf(w->level));
 }
 
-/* Height of the brightest tenth of the pixels that are not of a spot, whose pixels are the
- * brightest. */
+/* Returns the height of the brightest tenth of the pixels outside the spot. The spot's pixels are
+ * the brightest of all. */
 static float height_of_rest(const struct window *w, const struct spot *spot) {
     return w->sorted[(int)(0.9 * MAX(w->n_sorted - 1 - spot->pixels, 0))] - w->level;
 }
 
-/* The brightest pixel without a spot. */
+/* Returns the brightest pixel that belongs to no spot, or −1. */
 static int brightest(const struct window *w) {
     int best = -1;
     for (int i = 0; i < w->width * w->height; i++)
@@ -110,8 +121,8 @@ static int brightest(const struct window *w) {
     return best;
 }
 
-/* Flood fill: labels the region connected with the peak. halo: it touches another spot; cut: it
- * reaches the border of the circle. */
+/* Labels the region connected with the peak (flood fill). halo is set if it touches another spot,
+ * cut if it reaches the border of the circle. */
 static void grow(struct window *w, int peak, double share, struct spot *spot) {
     const float least = w->level + (float)share * spot->height;
     spot->first = w->n_members;
@@ -137,8 +148,8 @@ static void grow(struct window *w, int peak, double share, struct spot *spot) {
     }
 }
 
-/* Grows a spot above the least share of its peak with which it is neither too large nor reaches
- * the border of the circle; if there is none, above EDGE. */
+/* Grows a spot above the smallest share of its peak at which it is not too large and does not reach
+ * the border of the circle. If there is no such share, grows it above EDGE. */
 static void grow_least(struct window *w, int peak, double max_px, struct spot *spot) {
     const int tries = (int)G_N_ELEMENTS(shares);
     for (int i = 0; i <= tries; i++) {
@@ -152,7 +163,7 @@ static void grow_least(struct window *w, int peak, double max_px, struct spot *s
     }
 }
 
-/* Centroid and second moments of the spot's light above a share of its peak. */
+/* Computes centroid and second moments of the spot's light above a share of its peak. */
 static void weigh(const struct window *w, const struct spot *spot, double share,
                   struct highlight *ret) {
     const float least = w->level + (float)share * spot->height;
@@ -177,8 +188,9 @@ static void weigh(const struct window *w, const struct spot *spot, double share,
     ret->yy_px2 = MAX(0, yy / sum - ret->y_px * ret->y_px);
 }
 
-/* √(λ₁ / λ₂) of the second moments of the spot's pixels above a share of its peak, each being a
- * square of variance 1/12; infinite: they are as few as dust's. */
+/* Returns √(λ₁ / λ₂) of the second moments of the spot's pixels above a share of its peak. Each
+ * pixel is a square with the variance 1/12. Returns infinity if there are less than SPECK
+ * pixels. */
 static double aspect(const struct window *w, const struct spot *spot, double share) {
     const float least = w->level + (float)share * spot->height;
     double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
@@ -205,8 +217,9 @@ static double root_of(float light) {
     return sqrt(MAX((double)light, 0));
 }
 
-/* Whether the other photographs are as bright at the spot, by the square root of light: the mean of
- * all without this one, (n m − s) / (n − 1), above the background. */
+/* Returns whether the other photographs are as bright at the spot. The comparison uses square roots
+ * of light above the background. The mean of the others is (n m − s) / (n − 1), where m is the mean
+ * of all n photographs and s this one. */
 static gboolean highlights_stays(const struct window *w, const struct spot *spot,
                                  const struct highlight_mean *mean) {
     const double level = root_of(w->level);
@@ -225,8 +238,8 @@ static gboolean highlights_stays(const struct window *w, const struct spot *spot
     return others > STAYS * own;
 }
 
-/* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
- * is dropped. */
+/* Finds the spots, brightest first. A region that touches a brighter spot is the halo of that spot
+ * and is dropped. */
 static GArray *find_spots(struct window *w, const struct highlight_mean *mean, double max_px) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
@@ -259,8 +272,8 @@ static gboolean any_stays(const GArray *spots) {
     return FALSE;
 }
 
-/* Whether a spot may be a lamp's mirror image. A speck may be dust or a hot pixel: it must be far
- * brighter than the rest, and other photographs must show that it does not stay. */
+/* Returns whether a spot may be a lamp's mirror image. A speck may be dust or a hot pixel. It must
+ * be far brighter than the rest, and other photographs must show that it does not stay. */
 static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
                             const struct highlight_mean *mean) {
     if (spot->streak || spot->stays || spot->large || spot->pixels < MIN_PIXELS)
@@ -270,13 +283,13 @@ static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
             spot->height > (float)FAR_ABOVE * MAX(height_of_rest(w, spot), fabsf(w->level)));
 }
 
-/* Whether two spots are too much alike to say which is the lamp. */
+/* Returns whether two spots are too similar to decide which is the lamp. */
 static gboolean alike(const struct spot *best, const struct spot *other) {
     return other->energy > COMPARABLE * best->energy &&
            !(other->energy < LOWER * best->energy && other->height < (float)LOWER * best->height);
 }
 
-/* NULL, or the reason to refuse the best spot. */
+/* Returns the reason to refuse the best spot, or NULL. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
                             const struct spot *other) {
     const struct spot *brightest_large = NULL;
@@ -306,8 +319,8 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
     return NULL;
 }
 
-/* The spot with the largest energy; one that reaches the border of the circle only if it is the
- * higher one. */
+/* Returns whether a spot is better than the best one so far. If only one of them reaches the border
+ * of the circle, it must be clearly higher to win. Otherwise the energy decides. */
 static gboolean is_better(const struct spot *spot, const struct spot *best) {
     if (best && spot->cut != best->cut)
         return spot->cut ? spot->height * (float)LOWER > best->height
@@ -343,8 +356,8 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
     char *why;
     const struct spot *spot = choose(&window, spots, mean, &why);
     if (spot) {
-        /* Number of pixels of the spot that equal the maximum of their colour filter phase; each
-         * phase may saturate at its own value. */
+        /* Number of pixels of the spot that equal the maximum of their colour filter phase. Each
+         * phase may saturate at a different value. */
         float most[4] = {0};
         int count = 0;
         for (int pass = 0; pass < 2; pass++)
@@ -360,8 +373,8 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
         *ret = spot->light;
         ret->x_px += window.left;
         ret->y_px += window.top;
-        /* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are
-         * not round. */
+        /* RMS displacement of the centroid for higher thresholds. Glare and lamps that are not
+         * round increase it. */
         static const double higher[] = {0.35, 0.5, 0.7, 0.9};
         double sum = 0;
         int n = 0;
@@ -400,7 +413,7 @@ static gboolean outline_of(const struct rig_camera *camera, struct vec3 centre, 
            ret->y < 2 * camera->height;
 }
 
-/* Whether the segment from a ball to a point is free of other balls. */
+/* Returns whether no other ball is on the segment from a ball to a point. */
 static gboolean is_free(const struct lamp_target *target, int mark, double turntable_rad,
                         struct vec3 towards) {
     struct vec3 at = lamp_mark_mm(target, mark, turntable_rad);
@@ -416,7 +429,7 @@ static gboolean is_free(const struct lamp_target *target, int mark, double turnt
     return TRUE;
 }
 
-/* Measures one ball in one picture, if the geometry says that it shows the lamp. */
+/* Measures one ball in one picture if the geometry says that it shows the lamp. */
 static void measure_ball(const struct rig *rig, const struct lamp_target *target,
                          const struct highlight_picture *from, int mark, double reach_mm,
                          GArray *sights, GPtrArray *rejected) {
@@ -438,7 +451,7 @@ static void measure_ball(const struct rig *rig, const struct lamp_target *target
     double max_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
     g_autofree char *why =
         highlight_find(from->picture, NULL, x, y, reach.radius_px, max_px, &found);
-    if (!why && found.saturated) /* a rig can expose less; a photograph may have to do */
+    if (!why && found.saturated) /* only on a rig can pictures be taken again with less exposure */
         why = g_strdup("is saturated where it shows the lamp; expose less");
     if (why) {
         g_ptr_array_add(rejected,

@@ -12,9 +12,10 @@ struct highlight_picture {
     double turntable_rad, arc_rad;
 };
 
-/* Appends struct lamp_sight; and for each ball that should show the lamp but gives no usable
- * spot, a text with the picture and the reason. The balls are within reach_mm of their position
- * in the target. FALSE: the picture's size is not the camera's. */
+/* Appends a struct lamp_sight for each ball that shows the lamp. For each ball that should show the
+ * lamp but has no usable spot, appends a text with the picture and the reason to rejected. The
+ * balls are within reach_mm of their position in the target. Returns FALSE if the picture's size is
+ * not the camera's. */
 gboolean highlights_measure(const struct rig *rig, const struct lamp_target *target,
                             const struct highlight_picture *from, double reach_mm, GArray *sights,
                             GPtrArray *rejected, GError **error);
@@ -22,12 +23,12 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
 struct highlight {
     double x_px, y_px;
     double sigma_px;               /* standard deviation of x and of y */
-    double xx_px2, xy_px2, yy_px2; /* second moments of its light */
+    double xx_px2, xy_px2, yy_px2; /* second moments of the spot's light */
     double energy;                 /* sum of squares above the background */
     gboolean saturated;
 };
 
-/* Mean of the square roots of n photographs under different lamps: it shows what they have in
+/* Mean of the square roots of n photographs under different lamps, which shows what they have in
  * common. */
 struct highlight_mean {
     const struct picture *root;
@@ -35,9 +36,10 @@ struct highlight_mean {
 };
 
 /* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
- * largest energy, of its border only if it is saturated. Specks and streaks do not count, nor do
- * spots that the other photographs in mean show as well, if there are two or more of them (mean may
- * be NULL): dust, windows, lamps of the room. max_px: larger spots are not mirror images of a
- * lamp. Returns NULL, or the reason why there is none, g_free(). */
+ * largest energy. For a saturated spot, only its border counts. Specks and streaks are ignored.
+ * Spots that the other photographs in mean also show (dust, windows, lamps of the room) are ignored
+ * if there are at least two other photographs; mean may be NULL. Spots larger than max_px are not
+ * mirror images of a lamp. Returns NULL on success. Otherwise returns the reason, to be freed with
+ * g_free(). */
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
                      double y_px, double radius_px, double max_px, struct highlight *ret);

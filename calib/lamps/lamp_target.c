@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Default standard deviations of sizes: posts are cut and set by hand, balls are made for
+/* Default standard deviations of sizes. Posts are cut and set by hand. Balls are made for
  * bearings. */
 #define POST_MM 0.02
 #define BALL_MM 0.005

@@ -1,8 +1,8 @@
-/* Least squares (geometry/fit.h) over all sights: predicted minus measured position, divided by
- * its standard deviation. Parameters: tilt and centre of the arc's axis (4), if lamps are on it,
- * positions of the lamps (3 each), positions and sizes of the marks (2 + 1 each), offsets of the
- * cameras (2 each, prior σ = LAMPS_CAMERA_PX), and errors of the drives' angles (1 each, σ
- * estimated by drive.h). */
+/* Least squares (geometry/fit.h) over all sights. A residual is the predicted minus the measured
+ * position, divided by its standard deviation. Parameters: tilt and centre of the arc's axis (4),
+ * if lamps are on it; positions of the lamps (3 each); positions and sizes of the marks (2 + 1
+ * each); offsets of the cameras (2 each, prior σ = LAMPS_CAMERA_PX); errors of the drives' angles
+ * (1 each, σ estimated by drive.h). */
 #include "lamps.h"
 
 #include "base/residual.h"
@@ -13,17 +13,20 @@
 
 G_DEFINE_QUARK(lamps_error, lamps_error)
 
-#define REJECT          4.5
-#define MIN_SIGHTS      6                 /* least number of sights that locate a lamp */
-#define MIN_ARC         (60 * G_PI / 180) /* least range of arc angles that determines the axis */
-#define MAX_LAMP_MM     10.0              /* largest standard error of a lamp's position */
+#define REJECT     4.5
+#define MIN_SIGHTS 6 /* smallest number of sights that locate a lamp */
+/* smallest range of arc angles that determines the axis */
+#define MIN_ARC         (60 * G_PI / 180)
+#define MAX_LAMP_MM     10.0 /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
-/* A lamp that is nearer to another's place than to its own by this factor is exchanged. */
+/* A lamp counts as exchanged if it is nearer to another lamp's place than to its own by this
+ * factor. */
 #define EXCHANGED 5.0
-/* Other sizes of the marks: their standard deviation as a share of the largest, how much better the
- * sights must fit with them, and to how many standard deviations; from how many standard errors on
- * a size is another one; and the range of ratios of sizes that are all wrong alike. */
-#define MISFITS   0.03 /* share of sights that do not fit from which a mistake is looked for */
+/* Constants of the search for other sizes of the marks. LOOSE: standard deviation of a size, as a
+ * share of the largest. BETTER: factor by which the sights must fit better. EXPLAINED: largest
+ * residual afterwards, in standard deviations. CERTAIN: standard errors from which a size is
+ * different. ALIKE: range of the ratios of sizes that are all wrong by the same factor. */
+#define MISFITS   0.03 /* share of sights that do not fit above which a mistake is searched for */
 #define LOOSE     0.2
 #define BETTER    3.0
 #define EXPLAINED 2.0
@@ -40,15 +43,15 @@ struct problem {
     const struct lamp_sight *sights;
     int n;
     gboolean fit_arc;
-    int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1: not seen */
+    int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1 if the lamp is not seen */
     int mark_at[LAMP_MAX_MARKS];
     int camera_at[RIG_MAX_CAMERAS];
     int size_at[LAMP_MAX_MARKS];
     struct drive turntable, arc;
-    int *turn, *swing; /* of each sight: index of the drive's angle; −1: none */
+    int *turn, *swing; /* for each sight, the index of the drive's angle, or −1 */
     double (*tilt)[2]; /* for each sight, the tilt of the turntable because of its wobble */
-    double *shift; /* n × 4: derivative of its x and y by the camera's offset in pixels, across and
-                      down */
+    double *shift; /* n × 4: derivative of the sight's x and y with respect to the camera's offset
+                      in pixels, across and down */
     int n_parameters;
 };
 
@@ -58,8 +61,8 @@ struct vec3 lamp_mark_mm(const struct lamp_target *target, int mark, double turn
     return rig_turn(vec3(m->x_mm, m->y_mm, z), turntable_rad);
 }
 
-/* End of the shadow of a post of height h: e = t + (t − l) h / (l_z − t_z), t: top, l: lamp; its
- * radius grows by the factor 1 + h / (l_z − t_z). */
+/* The shadow of a post of height h ends at e = t + (t − l) h / (l_z − t_z), where t is the top and
+ * l the lamp. Its radius grows by the factor 1 + h / (l_z − t_z). */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm) {
     double height = target->marks[mark].size_mm;
@@ -73,9 +76,8 @@ gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 
     return TRUE;
 }
 
-/* The normal at the highlight bisects the directions to camera and lamp: the fixed-point
- * iteration p ← c + r · unit(unit(eye − p) + unit(lamp − p)) converges fast for a ball far from
- * both. */
+/* The normal at the highlight bisects the directions to camera and lamp. The fixed-point iteration
+ * p ← c + r · unit(unit(eye − p) + unit(lamp − p)) converges fast if the ball is far from both. */
 gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,
                            struct vec3 lamp_mm, double *ret_x, double *ret_y) {
     struct vec3 eye = rig_camera_centre_mm(camera), p = centre_mm;
@@ -121,8 +123,8 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         }
 }
 
-/* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
- * the sample frame of the commanded angle. tilt_rad: of the turntable's axis. */
+/* Predicts the position of a sight. turntable_rad is the true angle. The end of a shadow is in the
+ * sample frame of the commanded angle. tilt_rad is the tilt of the turntable's axis. */
 static gboolean predict(const struct problem *problem, const struct lamp_target *target,
                         const struct lamp_sight *sight, double turntable_rad,
                         const double tilt_rad[2], struct vec3 lamp_mm, double ret[2]) {
@@ -168,15 +170,15 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
     }
 }
 
-/* Derivative of a point on the plate (mm) by the camera's offset (px): the inverse of the
- * camera's projection Jacobian there. */
+/* Derivative of a point on the plate (mm) with respect to the camera's offset (px). It is the
+ * inverse of the Jacobian of the camera's projection there. */
 static void find_shift(const struct problem *problem, const struct lamp_sight *s, double ret[4]) {
     const struct rig_camera *camera = &problem->rig->cameras[s->camera];
     double x[3], y[3];
     for (int k = 0; k < 3; k++) {
         struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
         if (!rig_project(camera, rig_sample_point(problem->rig, s->turntable_rad, p), &x[k], &y[k]))
-            return; /* not visible: the residual is FIT_LOST then */
+            return; /* not visible; the residual is FIT_LOST in this case */
     }
     double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
     double det = a * d - b * c;
@@ -185,13 +187,14 @@ static void find_shift(const struct problem *problem, const struct lamp_sight *s
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-/* Returns whether a sight depends on the arc. That of a post itself, or of a fixed lamp, does not.
- */
+/* Returns whether a sight depends on the arc. A sight of a post itself, or of a fixed lamp, does
+ * not. */
 static gboolean is_on_arc(const struct problem *problem, const struct lamp_sight *sight) {
     return sight->lamp >= 0 && !problem->rig->lamps[sight->lamp].fixed;
 }
 
-/* Range of the arc angles: 2π minus the largest gap between neighbours. 0 if no lamp is on it. */
+/* Returns the range of the arc angles: 2π minus the largest gap between neighbours. It is 0 if no
+ * lamp is on the arc. */
 static double spread_rad(const struct problem *problem) {
     g_autofree double *turns = g_new(double, problem->n + 1);
     gboolean any = FALSE;
@@ -219,7 +222,8 @@ static gboolean refuse_few(const char *what, const char *name, int n, GError **e
     return FALSE;
 }
 
-/* Collects the distinct angles of the drives, and what a camera's offset does to each sight. */
+/* Collects the different angles of the drives, and the effect of a camera's offset on each
+ * sight. */
 static void find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
@@ -298,8 +302,8 @@ static gboolean lay_out(struct problem *problem, GError **error) {
     return TRUE;
 }
 
-/* Initial parameters x, and the standard deviations of their priors, which drive_fit() completes.
- */
+/* Sets the initial parameters x, and the standard deviations of their priors. drive_fit() completes
+ * these. */
 static void start(const struct problem *problem, double *x, double *sigma) {
     const struct rig_arc *arc = &problem->rig->arc;
     if (problem->fit_arc) {
@@ -330,8 +334,9 @@ static double covariance_at(const struct problem *problem, const struct fit_resu
     return fit->covariance[i * problem->n_parameters + j];
 }
 
-/* Gauge of the arc's angle: rotates all lamps on the arc so that they are closest to the nominal
- * ones, tan φ = Σ (n × p)_z / Σ n·p over xy; the arc's zero compensates for it. */
+/* Sets the zero of the arc's angle. Rotates all lamps on the arc so that they are closest to the
+ * nominal ones: tan φ = Σ (n × p)_z / Σ n·p in the xy plane. The arc's zero compensates for the
+ * rotation. */
 static void set_zero(const struct problem *problem, const struct fit_result *fit,
                      struct lamps_result *ret) {
     double cross = 0, dot = 0, variance = 0;
@@ -356,8 +361,8 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
             struct rig_lamp *lamp = &ret->rig.lamps[i];
             if (!lamp->fixed)
                 lamp->position_mm = rig_turn(lamp->position_mm, -turn);
-            /* Rotates the aim with the position (Rodrigues' formula): it keeps its angle to the
-             * origin. */
+            /* Rotates the aim together with the position (Rodrigues' formula), so that its angle to
+             * the origin stays the same. */
             struct vec3 from = vec3_unit(problem->rig->lamps[i].position_mm);
             struct vec3 to = vec3_unit(lamp->position_mm), axis = vec3_cross(from, to);
             double s = vec3_length(axis), c = vec3_dot(from, to);
@@ -369,8 +374,9 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
         }
 }
 
-/* Covariance of a lamp's position with the arc at 0, G C Gᵀ: G has the derivatives of the
- * position by the arc's axis and the lamp's parameters (numerical), C their covariance. */
+/* Computes the covariance G C Gᵀ of a lamp's position with the arc at 0. G has the numerical
+ * derivatives of the position with respect to the arc's axis and the lamp's parameters. C is the
+ * covariance of these parameters. */
 static void place_covariance(const struct problem *problem, const double *x,
                              const struct fit_result *fit, int lamp, double ret[3][3]) {
     const int n = problem->n_parameters, at = problem->lamp_at[lamp];
@@ -409,8 +415,8 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
     ret->rig.arc = arc_at(problem, x);
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
-    for (int i = 0; i < ret->target.n;
-         i++) /* keep the given sizes: another round must not use measured ones as its prior */
+    /* Keep the given sizes, because another round must not use measured ones as its prior. */
+    for (int i = 0; i < ret->target.n; i++)
         ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
     for (int i = 0; i < ret->target.n; i++) {
         const int at = problem->size_at[i];
@@ -449,7 +455,7 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
     ret->rejected = g_steal_pointer(&fit->rejected);
 }
 
-/* Whether more than noise keeps the sights from agreeing. */
+/* Returns whether the sights disagree by more than noise. */
 static gboolean is_misfit(const struct lamps_result *result, int n) {
     return result->sigma > RESIDUAL_LIMIT || n - result->n_used > MISFITS * n;
 }
@@ -466,8 +472,8 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MAX_LAMP_MM && fit->undetermined < 0)
             continue;
-        /* The errors contain the residuals, and sights that do not fit are missing: where that is
-         * so, no other arrangement of the target helps. */
+        /* The errors include the residuals, and sights that do not fit are left out. If that is the
+         * cause, another arrangement of the target does not help. */
         if (fit->undetermined < 0 && is_misfit(ret, problem->n))
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                         "lamp %s: its position has a standard error of %.3g mm, because the sights "
@@ -489,7 +495,8 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Finds exchanged names: each lamp is then nearest to the nominal place of the other. */
+/* Finds exchanged names. Each of the two lamps is then nearest to the nominal place of the
+ * other. */
 static gboolean check_places(const struct rig *rig, const struct lamps_result *ret,
                              GError **error) {
     for (int i = 0; i < rig->n_lamps; i++) {
@@ -558,7 +565,7 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
     return ok;
 }
 
-/* The marks whose sizes are not as the target says, as text; NULL: none. */
+/* Returns a text that names the marks whose sizes are not those of the target, or NULL. */
 static char *other_sizes(const struct lamp_target *target, const struct lamps_result *found) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *what = target->kind == LAMP_POLES ? "post" : "ball";

@@ -1,5 +1,5 @@
-/* Measures shadows in the plane of the plate: each pixel has a position there (struct plate_map)
- * and a value relative to the lit plate, value = I / (E cos θ · pattern · level). */
+/* Measures shadows in the plane of the plate. Each pixel has a position there (struct plate_map),
+ * and a value relative to the lit plate: value = I / (E cos θ · pattern · level). */
 #include "shadows_private.h"
 
 #include "geometry/fit.h"
@@ -8,13 +8,14 @@
 #include <string.h>
 
 #define LIT          0.8 /* share of the maximum from which a pixel counts as lit */
-#define PATTERN      0.5 /* share of the plate's level; the printed pattern of a plate is brighter */
-#define MIN_CONTRAST 0.35 /* least contrast of a shadow */
-#define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, over the lit level */
+#define PATTERN      0.5 /* smallest share of the plate's level in the printed pattern of a plate */
+#define MIN_CONTRAST 0.35 /* smallest contrast of a shadow */
+#define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, relative to the lit level */
 #define MIN_PIXELS   30
 #define MAX_HIDDEN   0.35 /* largest share of hidden pixels around the shadow's end */
-#define BODY_LAMP    0.7  /* least cosine of the zenith angle of a lamp that shows bodies */
-#define FLOOR_PX     0.01 /* model error of the shape, added to each sight's error */
+/* smallest cosine of the zenith angle of a lamp with which posts themselves are measured */
+#define BODY_LAMP 0.7
+#define FLOOR_PX  0.01 /* model error of the shape, added to each sight's error */
 
 /* Intersects each pixel's ray e + t r with the plate: t = (z_plate − e_z) / r_z. */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
@@ -74,7 +75,7 @@ void shadow_view_free(ShadowView *view) {
     g_free(view);
 }
 
-/* Median of every seventh value. */
+/* Returns the median of every seventh value. */
 static double median_of(const float *values, gsize n) {
     g_autofree float *some = g_new(float, n / 7 + 1);
     gsize count = 0;
@@ -87,7 +88,7 @@ static double median_of(const float *values, gsize n) {
     return (double)some[count / 2];
 }
 
-/* Divides by the lamp's approximate irradiance on the plate, E cos θ. */
+/* Divides the picture by the lamp's approximate irradiance on the plate, E cos θ. */
 static float *shade(const ShadowView *view, const struct picture *picture, int lamp,
                     double arc_rad) {
     gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -100,7 +101,7 @@ static float *shade(const ShadowView *view, const struct picture *picture, int l
         struct vec3 q = rig_turn(p, -view->turntable_rad);
         values[i] = NAN;
         if (!(fabs(q.x) < view->target.plate_mm[0] / 2 && fabs(q.y) < view->target.plate_mm[1] / 2))
-            continue; /* not on the plate */
+            continue; /* the pixel does not show the plate */
         struct vec3 path = vec3_sub(at, p);
         double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * path.z /
                        vec3_length(path);
@@ -133,8 +134,8 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     return TRUE;
 }
 
-/* The plate's own pattern: at each pixel the sum over the pictures in which it is lit. Needs at
- * least three pictures. */
+/* Computes the plate's own pattern: for each pixel, the sum over the pictures in which it is lit.
+ * Needs at least three pictures. */
 void shadow_find_pattern(ShadowView *view) {
     gsize n = (gsize)view->map->width * (gsize)view->map->height;
     if (view->pattern || view->shots->len < 3)
@@ -156,9 +157,10 @@ void shadow_find_pattern(ShadowView *view) {
     }
 }
 
-/* Value divided by the mean of the other pictures in which the pixel is lit. With its own
- * included, the rims of its shadows would become part of the pattern and the shadows smaller.
- * Where shadows overlap in all other pictures the pattern is unknown and taken as 1. */
+/* Returns the value divided by the mean of the other pictures in which the pixel is lit. If this
+ * picture were included, the rims of its shadows would become part of the pattern, and the shadows
+ * would become smaller. If shadows cover the pixel in all other pictures, the pattern is unknown
+ * and taken as 1. */
 double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel) {
     const double value = (double)shot->values[pixel];
     if (!view->pattern)
@@ -170,8 +172,8 @@ double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel
                                     : value;
 }
 
-/* Central differences of the plate position by column and row, and from them the size of a pixel.
- */
+/* Computes central differences of the plate position along column and row, and the size of a pixel
+ * from them. */
 static gboolean set_slope(struct window *w, int column, int row) {
     const struct plate_map *map = w->view->map;
     if (column < 1 || row < 1 || column >= map->width - 1 || row >= map->height - 1)
@@ -189,7 +191,7 @@ static gboolean set_slope(struct window *w, int column, int row) {
     return isfinite(w->pixel_mm);
 }
 
-/* Takes a pixel unless it overlaps anything but plate and shadow. */
+/* Takes a pixel unless it shows more than plate and shadow. */
 static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
     const float *xy = w->view->map->xy_mm + 2 * i;
     struct pixel p = {(double)xy[0], (double)xy[1],
@@ -197,7 +199,8 @@ static void take_pixel(struct window *w, gsize i, double reach_mm, double margin
     double away = hypot(p.x - w->streak.to.x, p.y - w->streak.to.y);
     double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
     double beyond = (p.x - w->streak.to.x) * ax + (p.y - w->streak.to.y) * ay;
-    /* Beyond its centre a post's top is evenly bright; its side is not. */
+    /* Use only the far half of a post's top. It is evenly bright, but the side of the post is
+     * not. */
     if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !(beyond > 0)))
         return;
     gboolean near_end = away < w->streak.to_mm + w->pixel_mm;
@@ -210,8 +213,8 @@ static void take_pixel(struct window *w, gsize i, double reach_mm, double margin
     g_array_append_val(w->pixels, p);
 }
 
-/* Collects the pixels around the end of the shadow. FALSE: it lies outside of the picture or the
- * plate; that is not an error. */
+/* Collects the pixels around the end of the shadow. Returns FALSE if the end is outside the picture
+ * or the plate. That is not an error. */
 static gboolean fill_window(struct window *w, double reach_mm, double margin_mm) {
     const ShadowView *view = w->view;
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
@@ -231,7 +234,7 @@ static gboolean fill_window(struct window *w, double reach_mm, double margin_mm)
     return TRUE;
 }
 
-/* Fits the shape and appends a sight, or the reason for rejecting it. */
+/* Fits the shape, and appends a sight or the reason for rejecting it. */
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
@@ -268,8 +271,8 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     g_array_append_val(sights, sight);
 }
 
-/* Measures a post's shadow, or the post itself (body): the shadow that a light at the camera
- * would cast. */
+/* Measures a post's shadow. If body is TRUE, measures the post itself, which is the shadow that a
+ * light at the camera would cast. */
 static void measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm,
                          GArray *sights, GPtrArray *rejected) {
     g_array_set_size(w->pixels, 0);
@@ -294,8 +297,8 @@ static void measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm, s
         fit_end(w, sights, rejected);
 }
 
-/* The residuals of a few pixels estimate a sight's error poorly: half of its variance is replaced
- * by that of the median of the view's sights. */
+/* The residuals of a few pixels estimate a sight's error poorly. The variance is therefore averaged
+ * with the square of the median error of the view's sights. */
 static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = first; i < sights->len; i++) {
@@ -324,8 +327,8 @@ void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct l
     const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
-        /* Under low lamps a post's side is bright and the plate dark. A body's edge lies on the
-         * same pixels in every picture, so one measurement has all the information. */
+        /* Under low lamps the side of a post is bright and the plate is dark. The edge of a post
+         * covers the same pixels in every picture, so one measurement has all the information. */
         gboolean body = vec3_unit(at->lamps[shot->lamp].position_mm).z > BODY_LAMP && !seen;
         seen |= body;
         struct vec3 lamp = rig_lamp_position_mm(&at->arc, &at->lamps[shot->lamp], shot->arc_rad);

@@ -1,51 +1,53 @@
 /*
- * Measures the ends of the shadows of posts on their plate. Pictures of one camera at one angle
- * of the turntable under different lamps belong together: what all of them show is the plate's
- * own pattern, which is divided out.
+ * Measures the ends of the shadows of posts on their plate. A view has pictures of one camera at
+ * one angle of the turntable under different lamps. What all of them show is the plate's own
+ * pattern, which is divided out.
  *
- * A post's shadow from a point light is the hull of two discs, its foot and the projection of its
- * top; that shape, blurred by the pixels, is fitted to the grey values around its end. One thread
- * per view.
+ * A post's shadow from a point light is the convex hull of two discs: the post's foot, and the
+ * projection of its top. This shape, blurred by the pixels, is fitted to the grey values around its
+ * end. One thread per view.
  */
 #pragma once
 
 #include "lamps.h"
 
-/* The point of the plate's plane that each pixel sees, rig frame; NaN: far from the plate. */
+/* The point of the plate's plane that each pixel sees, in the rig frame; NaN far from the plate. */
 struct plate_map {
     int width, height;
     float *xy_mm; /* height × width × 2 */
 };
+/* Makes the map of a camera. Free it with plate_map_free(). */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target);
 void plate_map_free(struct plate_map *map); /* NULL is ignored */
 
 typedef struct ShadowView ShadowView;
 
-/* map is borrowed, and rig copied. rig: lamps and arc as known so far. */
+/* Makes a view. map is borrowed and must live as long as the view. rig is copied; its lamps and arc
+ * are as known so far. */
 ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_rad,
                             const struct lamp_target *target, const struct plate_map *map);
 void shadow_view_free(ShadowView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowView, shadow_view_free)
 
-/* picture: linear grey, of the camera's size; index: copied to the sights. FALSE: the picture is
- * dark, or of another size. */
+/* Adds a picture, linear grey and of the camera's size. index is copied to the sights. Returns
+ * FALSE with an error if the picture is dark, or has another size. */
 gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int index, int lamp,
                          double arc_rad, GError **error);
 
-/* Estimates the pose of the whole plate: up to reach_mm and reach_rad from the nominal one.
- * Changes the target's marks. Some of the views are sufficient. */
+/* Estimates the pose of the whole plate, up to reach_mm and reach_rad from the nominal one, and
+ * changes the target's marks to it. Some of the views are sufficient. */
 gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *target,
                         double reach_mm, double reach_rad, GError **error);
 
-/* The same for comparing: the share of the predicted shadows that is dark in the best pose, 0 to 1.
- * The target's marks stay. */
+/* Returns the score of the best pose, without changing the target: the share of the predicted
+ * shadows that is dark, 0 to 1. */
 double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,
                      double reach_mm, double reach_rad);
-/* shadows_locate() succeeds with this score. */
+/* Smallest score at which shadows_locate() succeeds. */
 #define SHADOWS_MIN_SCORE 0.5
 
-/* Appends struct lamp_sight; and for each shadow that was not found, a text with the picture and
- * the reason. near: posts and lamps have been adjusted before, so that the shadows are close to
- * their prediction. */
+/* Appends a struct lamp_sight for each shadow that was found. For each other shadow, appends a text
+ * with the picture and the reason to rejected. If near is TRUE, posts and lamps have been adjusted
+ * before, so that the shadows are close to their prediction. */
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected);

@@ -1,11 +1,11 @@
-/* Finds the pose of the plate by grid search: the score of a pose is the mean darkness 1 − value
+/* Finds the pose of the plate by grid search. The score of a pose is the mean darkness, 1 − value,
  * along the centre lines of all predicted shadows. */
 #include "shadows_private.h"
 
 #include <math.h>
 
-#define MAX_SHOTS    40 /* pictures that are used, */
-#define COARSE_SHOTS 12 /* and those in the first round, which tries most poses */
+#define MAX_SHOTS    40 /* number of pictures that are used */
+#define COARSE_SHOTS 12 /* number of pictures in the first round, which tries most of the poses */
 
 /* Pose of the plate relative to the nominal one. */
 struct plate_pose {
@@ -28,7 +28,7 @@ struct score {
     int n;
 };
 
-/* Adds the darkness along the centre line of a shadow. */
+/* Adds the darkness along the centre line of a shadow to the score. */
 static void score_streak(const ShadowView *view, const struct shot *shot, const struct streak *s,
                          struct score *score) {
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
@@ -48,7 +48,7 @@ static void score_streak(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
-/* Scores a pose of the plate; uses only every n-th picture, n = every. */
+/* Scores a pose of the plate. Only every n-th picture is used, where n is every. */
 static double score_pose(ShadowView *const *views, int n, const struct lamp_target *target,
                          const struct plate_pose *pose, int every) {
     struct lamp_target moved;
@@ -73,7 +73,7 @@ static double score_pose(ShadowView *const *views, int n, const struct lamp_targ
     return score.n ? score.sum / score.n : 0;
 }
 
-/* Grid search around the best pose so far, with the step halved in each round. */
+/* Searches a grid around the best pose so far, and halves the step in each round. */
 static double search(ShadowView *const *views, int n, const struct lamp_target *target,
                      const double reach[3], int n_shots, struct plate_pose *best) {
     double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
@@ -81,7 +81,7 @@ static double search(ShadowView *const *views, int n, const struct lamp_target *
     for (int round = 0; round < 4; round++) {
         const struct plate_pose middle = *best;
         const int every = 1 + n_shots / (round == 0 ? COARSE_SHOTS : MAX_SHOTS);
-        most = -1; /* scores of other pictures do not compare */
+        most = -1; /* scores from other pictures cannot be compared */
         for (double t = -span[2]; t <= span[2] + 1e-12; t += step[2])
             for (double y = -span[1]; y <= span[1] + 1e-12; y += step[1])
                 for (double x = -span[0]; x <= span[0] + 1e-12; x += step[0]) {
@@ -108,7 +108,7 @@ static double find_pose(ShadowView *const *views, int n, const struct lamp_targe
         shadow_find_pattern(views[i]);
         *ret_shots += (int)views[i]->shots->len;
     }
-    /* Steps of a post's radius: one of them always hits a shadow. */
+    /* The first steps equal a post's radius, so that one of the poses always meets the shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
     *ret = (struct plate_pose){0, 0, 0};
     return search(views, n, target, reach, *ret_shots, ret);

@@ -7,7 +7,7 @@ struct shot {
     int index, lamp;
     double arc_rad;
     char *name;
-    float *values; /* relative to the lit plate; NaN: not on the plate */
+    float *values; /* relative to the lit plate; NaN outside the plate */
 };
 
 struct pattern { /* statistics of one pixel over the pictures */
@@ -17,10 +17,10 @@ struct pattern { /* statistics of one pixel over the pictures */
 };
 
 struct ShadowView {
-    struct rig *rig; /* as the plate sees it: rig_at() */
+    struct rig *rig; /* in the frame of the plate; see rig_at() */
     const struct plate_map *map;
-    struct plate_map *own_map; /* of this angle, if the turntable wobbles; else NULL */
-    struct lamp_target target; /* its plate and the height of its plane are used */
+    struct plate_map *own_map; /* map for this angle if the turntable wobbles; otherwise NULL */
+    struct lamp_target target; /* only its plate and the height of its plane are used */
     int camera;
     double turntable_rad;
     GArray *shots;           /* struct shot */
@@ -29,19 +29,20 @@ struct ShadowView {
 
 /* Estimates the plate's pattern on the first call, from all pictures added so far. */
 void shadow_find_pattern(ShadowView *view);
-/* Value of a pixel relative to the lit plate; NaN: not on the plate. */
+/* Returns the value of a pixel relative to the lit plate, or NaN outside the plate. */
 double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel);
 
-/* The hull of two discs, in the plate's plane; rig frame. */
+/* The convex hull of two discs in the plane of the plate, in the rig frame. */
 struct streak {
     struct vec3 from, to;
     double from_mm, to_mm; /* radii */
 };
 
-/* Signed distance from the hull's edge, negative inside, for discs of similar radii. */
+/* Returns the signed distance from the edge of the hull, negative inside. The discs must have
+ * similar radii. */
 double shadow_outside_mm(const struct streak *streak, double x_mm, double y_mm);
 
-/* The shadow of a post from a source (a light or a camera centre). */
+/* Computes the shadow of a post from a source, which is a lamp or the centre of a camera. */
 gboolean shadow_streak(const struct lamp_target *target, int mark, double turntable_rad,
                        struct vec3 source_mm, struct streak *ret);
 
@@ -55,14 +56,14 @@ struct window { /* around the end of one shadow */
     const struct lamp_target *target;
     int mark;
     struct streak streak;
-    struct streak others[2 * LAMP_MAX_MARKS]; /* bodies and shadows that may overlap it */
+    struct streak others[2 * LAMP_MAX_MARKS]; /* posts and shadows that may overlap it */
     int n_others;
-    double slope[4]; /* mm on the plate a pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
-    double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, largest */
+    double slope[4]; /* mm on the plate per pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
+    double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, and along its longer side */
     GArray *pixels;           /* struct pixel */
     int hidden, near_end;
     gboolean body; /* the post itself, not its shadow */
-    gboolean near; /* the foot's position is accurate; else it moves with the end */
+    gboolean near; /* the foot's position is accurate; if FALSE, the foot moves with the end */
 };
 
 #define SHADOW_SHAPE 5
@@ -72,6 +73,7 @@ struct shape_fit {
     double variance[2];
 };
 
-/* Fits the end of the shadow, the two levels and the blur to the window's pixels, starting at
- * fit->p. blur_mm: additional blur, to extend the range of convergence. FALSE: no convergence. */
+/* Fits the end of the shadow, the two levels and the blur to the window's pixels, from the start
+ * fit->p. blur_mm is an additional blur that extends the range of convergence. Returns FALSE if it
+ * does not converge. */
 gboolean shadow_fit_shape(const struct window *window, double blur_mm, struct shape_fit *fit);

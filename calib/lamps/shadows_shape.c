@@ -1,23 +1,23 @@
-/* Shape of a shadow's end: value = lit + (dark − lit) · coverage. The coverage of a quarter of a
- * pixel by an edge at signed distance d is ½ erfc(d / (√2 σ)), σ being the blur across the edge. */
+/* Shape of a shadow's end: value = lit + (dark − lit) · coverage. An edge at the signed distance d
+ * covers ½ erfc(d / (√2 σ)) of a quarter of a pixel. σ is the blur across the edge. */
 #include "shadows_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define PART_PX2   (0.25 / 12) /* variance of a quarter of a pixel */
-#define LENS_PX2   0.05        /* prior of the lens's blur */
-#define LENS_ERROR 0.1         /* and its standard deviation */
+#define LENS_PX2   0.05        /* prior variance of the lens's blur */
+#define LENS_ERROR 0.1         /* prior standard deviation of that variance */
 #define MAX_PX2    4
 #define STEPS      25
 #define N          SHADOW_SHAPE
 
-/* Blur of a quarter of a pixel: variance in px², and the additional blur in mm. */
+/* Blur of a quarter of a pixel: the variance in px², and an additional blur in mm. */
 struct blur {
     double px2, mm;
 };
 
-/* Distance from the axis at the nearest point t (0 … 1), minus the radius interpolated between
+/* The distance from the nearest point t (0 … 1) of the axis, minus the radius interpolated between
  * the discs. */
 double shadow_outside_mm(const struct streak *s, double x, double y) {
     double ax = s->to.x - s->from.x, ay = s->to.y - s->from.y;
@@ -33,8 +33,8 @@ gboolean shadow_streak(const struct lamp_target *target, int mark, double turnta
     return lamp_shadow_mm(target, mark, ret->from, source_mm, &ret->to, &ret->to_mm);
 }
 
-/* Coverage of a quarter of a pixel. Blur along a curved edge shifts it towards its concave side by
- * ½ κ σ_along². */
+/* Returns the coverage of a quarter of a pixel. Blur along a curved edge shifts the edge towards
+ * its concave side by ½ κ σ_along². */
 static double cover_part(const struct window *w, const struct streak *streak, double x, double y,
                          const struct blur *blur) {
     const double h = 0.02, *s = w->slope;
@@ -44,7 +44,7 @@ static double cover_part(const struct window *w, const struct streak *streak, do
     double across = hypot(gx * s[0] + gy * s[2], gx * s[1] + gy * s[3]);
     double along = hypot(gx * s[2] - gy * s[0], gx * s[3] - gy * s[1]);
     double sigma = sqrt(blur->px2 * across * across + blur->mm * blur->mm);
-    /* Curvature of the edge in 1/mm: that of the disc around the end, 0 along the sides. */
+    /* Curvature of the edge in 1/mm: that of the disc around the end, or 0 along the sides. */
     const double ax = streak->to.x - streak->from.x, ay = streak->to.y - streak->from.y;
     const double px = x - streak->to.x, py = y - streak->to.y;
     const double curvature = px * ax + py * ay > 0 ? 1 / MAX(hypot(px, py), streak->to_mm / 2) : 0;
@@ -52,8 +52,8 @@ static double cover_part(const struct window *w, const struct streak *streak, do
     return erfc(d / (sigma * G_SQRT2)) / 2;
 }
 
-/* Coverage of a pixel as the mean of four quarters, since an obliquely seen pixel is not small
- * compared with a post. */
+/* Returns the coverage of a pixel as the mean of four quarters, because an obliquely seen pixel is
+ * not small compared with a post. */
 static double cover(const struct window *w, const struct streak *streak, const struct pixel *p,
                     const struct blur *blur) {
     double d = shadow_outside_mm(streak, p->x, p->y), sum = 0;
@@ -67,8 +67,8 @@ static double cover(const struct window *w, const struct streak *streak, const s
     return sum / 4;
 }
 
-/* Gauss-Newton normal equations at p: a = Σ j jᵀ, b = Σ j r; returns Σ r². meat (may be NULL): Σ
- * r² j jᵀ, for the sandwich estimator. */
+/* Computes the normal equations of Gauss-Newton at p: a = Σ j jᵀ, b = Σ j r. meat, which may be
+ * NULL, gets Σ r² j jᵀ for the sandwich estimator. Returns Σ r². */
 static double normal_equations(const struct window *w, const double p[N], double blur_mm,
                                double a[N][N], double b[N], double (*meat)[N]) {
     const double h = 0.01;
@@ -103,7 +103,8 @@ static double normal_equations(const struct window *w, const double p[N], double
     return sum;
 }
 
-/* Adds the prior of the lens's blur: a shadow as small as a pixel hardly determines it. */
+/* Adds the prior of the lens's blur, because a shadow as small as a pixel hardly determines the
+ * blur. */
 static void add_usual(const struct window *w, double sum, const double p[N], double a[N][N],
                       double b[N]) {
     const double noise = sum / MAX((int)w->pixels->len - N, 1);
@@ -111,7 +112,8 @@ static void add_usual(const struct window *w, double sum, const double p[N], dou
     b[4] += noise * (LENS_PX2 - p[4]) / (LENS_ERROR * LENS_ERROR);
 }
 
-/* Solves a·x = b by Cholesky decomposition, in place; FALSE: a is not positive definite. */
+/* Solves a·x = b in place by Cholesky decomposition. Returns FALSE if a is not positive
+ * definite. */
 static gboolean solve(double a[N][N], double x[N]) {
     for (int j = 0; j < N; j++) {
         for (int k = 0; k < j; k++)
@@ -138,8 +140,8 @@ static gboolean solve(double a[N][N], double x[N]) {
     return TRUE;
 }
 
-/* Heteroscedasticity-consistent variance uᵀ meat u (White 1980): residuals are larger on edges,
- * which alone determine the end. */
+/* Returns the heteroscedasticity-consistent variance uᵀ meat u (White 1980). Residuals are larger
+ * on edges, and only the edges determine the end. */
 static double sandwich(double meat[N][N], const double unit[N]) {
     double sum = 0;
     for (int i = 0; i < N; i++)

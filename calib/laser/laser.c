@@ -1,10 +1,10 @@
-/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with n·x = d the plane
- * that touches the sheet at the commanded sweep angle where it passes the point p of the plate that
- * the pixel sees. Parameters: tilt
- * and centre of the arc's axis (4, with a prior), seven per laser (below), offsets of the cameras
- * (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
- * drive.h). Where lines fit badly, the height of each plane in turn is one more parameter, which
- * shows whether the plane has another height than the one given. */
+/* Least squares (geometry/fit.h) over all points. The residual of a point is (n·p − d) / σ. p is
+ * the point of the plate that the pixel sees. n·x = d is the plane that touches the sheet at p, at
+ * the commanded sweep angle. Parameters: tilt and centre of the arc's axis (4, with a prior); seven
+ * per laser (below); offsets of the cameras (2 each, prior σ = LASER_CAMERA_PX); errors of the
+ * arc's angles (1 each, σ estimated by drive.h). If lines fit badly, the height of each plane in
+ * turn is one more parameter. This shows whether the plane has another height than the given
+ * one. */
 #include "laser.h"
 
 #include "base/residual.h"
@@ -18,57 +18,63 @@ G_DEFINE_QUARK(laser_error, laser_error)
 
 #define POINT_MM    0.02 /* standard deviation of a point across the sheet */
 #define REJECT      5.0
-#define MIN_POINTS  60  /* least points of a laser on each of two heights */
-#define MIN_HEIGHTS 2.0 /* mm: least difference of the heights */
-#define STEP_POINTS 12  /* least points of a step on each height, to report its sheet */
+#define MIN_POINTS  60  /* smallest number of points of a laser on each of two heights */
+#define MIN_HEIGHTS 2.0 /* mm, smallest difference of the heights */
+/* smallest number of a step's points on each height that determines its sheet */
+#define STEP_POINTS 12
 
-/* A laser that is nearer to another's place than to its own by this factor is exchanged. */
+/* A laser counts as exchanged if it is nearer to another laser's place than to its own by this
+ * factor. */
 #define EXCHANGED 5.0
 
-#define MISFIT_MM      0.03 /* from this RMS on, the heights of the planes are checked */
-#define WORST          0.05 /* share of the points that may be far from every sheet */
-#define MAX_OFF_MM     0.3 /* bound of the distance that a point contributes, also a rejected one */
-#define HEIGHT_BETTER  3.0 /* factor by which another height must lower the RMS */
-#define HEIGHT_ERRORS  5.0 /* least difference of the heights, in standard errors */
-#define HEIGHT_POINTS  2000 /* points of each laser that are used for this check */
-#define HEIGHT_AS_GOOD 1.5  /* within this factor of its RMS, another height fits as well */
+#define MISFIT_MM 0.03 /* RMS from which the heights of the planes are checked */
+#define WORST     0.05 /* share of the points that is left out of the RMS */
+/* limit of the distance that a point, even a rejected one, contributes */
+#define MAX_OFF_MM    0.3
+#define HEIGHT_BETTER 3.0  /* factor by which another height must lower the RMS */
+#define HEIGHT_ERRORS 5.0  /* smallest difference of the heights, in standard errors */
+#define HEIGHT_POINTS 2000 /* number of points of each laser that are used for this check */
+/* another height fits as well if its RMS is within this factor of the best */
+#define HEIGHT_AS_GOOD 1.5
 
-#define SLOPE_MM 30.0 /* from the origin to points about it, for gradients of a sheet */
-#define PRIOR_SHARE                                                                                \
-    0.25           /* of a variance: one that exceeds it by its prior is that of the prior         \
-                    */
-#define APART    2 /* px between pixels whose noise is compared: one period of a colour filter */
-#define PIXELS   200000 /* of a picture that are compared, at most */
-#define BENT     5.0    /* standard errors from which on a sheet's bend is significant */
-#define FLAT_RAD 1e-9   /* prior of the bend of a flat sheet: it stays 0 */
+/* distance from the origin of the points that give the gradients of a sheet */
+#define SLOPE_MM 30.0
+/* share of a variance; an error comes from the prior if the prior causes more than this share */
+#define PRIOR_SHARE 0.25
+#define APART       2 /* px between pixels whose noise is compared: one period of a colour filter */
+#define PIXELS      200000 /* largest number of pixels of a picture that are compared */
+#define BENT        5.0    /* number of standard errors from which a sheet's bend is significant */
+#define FLAT_RAD    1e-9   /* prior of the bend of a flat sheet, which keeps it at 0 */
 
 #define ARC 4 /* number of parameters of the arc; they come first */
 
-/* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
- * angle, height of its plane. */
+/* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's angle,
+ * height of its plane. */
 enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 7, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
 
-/* Corrections of a laser: position across the sheet and along the beam (mm), axis towards beam
- * and across (rad), zero of the sweep (rad), relative stretch of the sweep angle, and bend of the
- * sheet (rad). The bend stays 0 unless it is BENT times its standard error. */
+/* Corrections of a laser: position across the sheet and along the beam (mm), direction of the axis
+ * towards the beam and across the sheet (rad), zero of the sweep (rad), relative stretch of the
+ * sweep angle, and bend of the sheet (rad). The bend stays 0 unless it is at least BENT times its
+ * standard error. */
 enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, BEND, PER_LASER };
 
 struct problem {
     const struct rig *rig;
     const struct laser_point *points;
     int n;
-    int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
+    int at[RIG_MAX_LASERS]; /* first parameter; −1 if the laser is not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
-    gboolean flat[RIG_MAX_LASERS]; /* the bend is not adjusted */
-    double plane_mm;               /* the height of this plane is adjusted as well; NAN: none */
-    int height_at;                 /* index of the parameter: how much higher their plane is */
+    int *swing_of; /* n: index of the arc's angle; −1 for a laser that is not on the arc */
+    gboolean flat[RIG_MAX_LASERS]; /* TRUE: the bend is not adjusted */
+    double plane_mm;               /* the height of this plane is also adjusted; NAN: none */
+    /* index of the parameter that says how much higher that plane is */
+    int height_at;
     int n_parameters;
 };
 
-/* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n), and the
- * normal, made perpendicular to axis', rotated about it by the zero. */
+/* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n). The normal is
+ * made perpendicular to axis' and then rotated about it by the zero. */
 static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
     const struct rig_laser *from = &problem->rig->lasers[i];
     const double *p = x + problem->at[i];
@@ -98,8 +104,8 @@ static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     return arc;
 }
 
-/* Index in the table of residuals(): where a laser stands at one angle of the arc. swing −1:
- * one that stands by itself. */
+/* Index in the table of residuals(), for a laser at one angle of the arc. swing is −1 for a laser
+ * that is not on the arc. */
 static int stand_of(const struct problem *problem, int laser, int swing) {
     return laser * (problem->swing.n + 1) + 1 + swing;
 }
@@ -147,7 +153,8 @@ struct levels { /* range of the heights of a laser's points */
     int sweep; /* number of one of its sweeps */
 };
 
-/* Range of heights of a laser's points, and numbers below and above its middle. */
+/* Returns the range of heights of a laser's points, and the numbers of points below and above its
+ * middle. */
 static struct levels levels_of(const struct problem *problem, int laser) {
     struct levels l = {G_MAXDOUBLE, -G_MAXDOUBLE, 0, 0, 0, -1};
     for (int i = 0; i < problem->n; i++) {
@@ -235,8 +242,8 @@ struct tally {
     int n[2];
 };
 
-/* For each step: mean residuals m₀, m₁ on both heights, tilt = (m₁ − m₀) / distance of the lines,
- * offset = (m₀ + m₁) / 2. */
+/* Adds each step: with the mean residuals m₀, m₁ on the two heights, tilt = (m₁ − m₀) / distance of
+ * the lines, offset = (m₀ + m₁) / 2. */
 static void add_steps(const struct problem *problem, const struct fit_result *fit,
                       struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
     g_autoptr(GHashTable) steps =
@@ -276,7 +283,7 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
-/* The arc's angles at which a laser was swept. */
+/* Returns the arc's angles at which a laser was swept. */
 static GArray *laser_arcs(const struct problem *problem, int laser) {
     GArray *arcs = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < problem->n; i++) {
@@ -290,7 +297,7 @@ static GArray *laser_arcs(const struct problem *problem, int laser) {
     return arcs;
 }
 
-/* Median of the points' line_rad. */
+/* Returns the median line_rad of a laser's points. */
 static double laser_line_rad(const struct problem *problem, int laser) {
     g_autofree double *line_rad = g_new(double, problem->n + 1);
     int n = 0;
@@ -300,9 +307,9 @@ static double laser_line_rad(const struct problem *problem, int laser) {
     return n > 0 ? robust_median(line_rad, n) : 0;
 }
 
-/* The sheet's displacement across itself at a point by a change of its parameters: with s the sweep
- * angle at which the sheet contains the point p, it is d' − n'·p for the changed sheet n'·x = d' at
- * s. */
+/* The displacement of the sheet across itself at a point p when its parameters change. Let s be the
+ * sweep angle at which the sheet contains p, and n'·x = d' the changed sheet at s. The displacement
+ * is d' − n'·p. */
 struct change {
     struct rig_arc arc;
     struct rig_laser laser;
@@ -319,8 +326,8 @@ static double displacement_mm(const struct change *is, const struct change *chan
     return sheet.offset_mm - vec3_dot(sheet.normal, point_mm);
 }
 
-/* Derivatives of the parameters of rig_laser_sheet_lever() by a parameter, from points about the
- * origin. */
+/* Computes the derivatives of the parameters of rig_laser_sheet_lever() with respect to one
+ * parameter, from points around the origin. */
 static void sheet_slopes(const struct change *is, const struct change *changed, double step,
                          double ret[RIG_SHEET_PARAMETERS]) {
     const struct rig_laser *laser = &is->laser;
@@ -337,9 +344,9 @@ static void sheet_slopes(const struct change *is, const struct change *changed, 
     ret[RIG_SHEET_BEND] = (changed->laser.bend_rad - is->laser.bend_rad) / step;
 }
 
-/* Adds the covariance of one laser's sheets with the arc at an angle, D C Dᵀ, D: derivatives by the
- * parameters of arc and laser, and by the arc's angle, which differs by swing_rad from the one that
- * was commanded. */
+/* Adds the covariance D C Dᵀ of one laser's sheets with the arc at an angle. D has the derivatives
+ * with respect to the parameters of arc and laser, and to the error of the arc's angle, whose
+ * standard deviation is swing_rad. */
 static void add_sheet_errors(const struct problem *problem, const struct fit_result *fitted,
                              const double *x, int laser, double arc_rad, double share,
                              struct rig_sheet_errors *ret) {
@@ -376,8 +383,8 @@ static void add_sheet_errors(const struct problem *problem, const struct fit_res
 }
 
 /* Computes the covariance of the sheets of a laser near the sample, as the mean over the angles of
- * the arc. The error of the bend is part of it, even if the bend was not significant. The part of
- * the residuals that noise does not explain counts as an offset of the whole sheet. */
+ * the arc. It includes the error of the bend, even if the bend is not significant. The part of the
+ * residuals that noise does not explain is added as an offset of the whole sheet. */
 static void take_sheet(const struct problem *problem, const struct fit_result *fitted,
                        const double *x, const double *bend_error_rad, int laser,
                        struct laser_result *ret) {
@@ -402,8 +409,9 @@ static void take_sheet(const struct problem *problem, const struct fit_result *f
     ret->sheet_error_mm[laser] = sqrt(sum / MAX(ret->points[laser], 1));
 }
 
-/* Which errors come from the priors: those that would be less than half as large if arc and cameras
- * were known exactly, while the lines leave the arc's own error at more than half of its prior. */
+/* Determines which errors come from the priors. Such an error would be less than half as large if
+ * the arc were known exactly, and the lines leave the arc's own error at more than half of its
+ * prior. */
 static void take_priors(const struct problem *problem, const struct fit_result *fitted,
                         const struct laser_arc *arc, int laser, struct laser_result *ret) {
     const int n = problem->n_parameters, at = problem->at[laser];
@@ -429,7 +437,7 @@ static void take(const struct problem *problem, struct fit_result *fitted, const
                  struct laser_result *ret) {
     const struct fit *const fit = &(struct fit){.n_parameters = problem->n_parameters};
     double sum[RIG_MAX_LASERS] = {0}, all = 0, noise[RIG_MAX_LASERS] = {0};
-    gboolean quiet[RIG_MAX_LASERS] = {FALSE}; /* the noise of a point is not known */
+    gboolean quiet[RIG_MAX_LASERS] = {FALSE}; /* the noise of some point is not known */
     ret->rig = *problem->rig;
     ret->rig.arc = arc_of(problem, x);
     for (int k = 0; k < 2; k++) {
@@ -500,9 +508,9 @@ static gboolean check_determined(const struct problem *problem, const struct fit
     return FALSE;
 }
 
-/* A sweep whose direction is reversed, or whose range differs much from the commanded one, is an
- * error in the rig file or the table; calibration must not hide it, nor could the file be read
- * back. */
+/* Refuses a sweep whose direction is reversed, or whose range differs much from the commanded one.
+ * It is an error in the rig file or the table, which calibration must not hide. Also, the resulting
+ * file could not be read back. */
 static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
@@ -530,7 +538,8 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
     return TRUE;
 }
 
-/* Finds exchanged names: each laser is then nearest to the nominal place of the other. */
+/* Finds exchanged names. Each of the two lasers is then nearest to the nominal place of the
+ * other. */
 static gboolean check_places(const struct problem *problem, const double *x, GError **error) {
     const struct rig *rig = problem->rig;
     for (int i = 0; i < rig->n_lasers; i++) {
@@ -555,8 +564,8 @@ static gboolean check_places(const struct problem *problem, const double *x, GEr
     return TRUE;
 }
 
-/* Adjusts all parameters. ret_mm: RMS distance of all points but the worst WORST, each at most
- * MAX_OFF_MM. */
+/* Adjusts all parameters. *ret_mm is the RMS distance of all points except the share WORST with the
+ * largest distances. Each distance counts as at most MAX_OFF_MM. */
 static gboolean solve(struct problem *problem, const struct laser_arc *arc, double *x,
                       struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
@@ -593,7 +602,7 @@ static gboolean solve(struct problem *problem, const struct laser_arc *arc, doub
     return TRUE;
 }
 
-/* Adjusts all parameters as solve(), then once more without the bends that are not
+/* Adjusts all parameters with solve(). Then adjusts once more without the bends that are not
  * significant or not determined. */
 static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
                             struct fit_result *ret, double *ret_mm, double *ret_bend_error_rad) {
@@ -618,8 +627,8 @@ static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc
     return solve(problem, arc, x, ret, ret_mm, &unused);
 }
 
-/* Adjusts with the height of the plane at plane_mm unknown. Returns INFINITY if that proves
- * nothing. */
+/* Adjusts with the height of the plane at plane_mm as a further parameter, and returns the RMS.
+ * Returns INFINITY if the result proves nothing. */
 static double with_height(struct problem *problem, const struct laser_arc *arc,
                           const char *const *sweep_names, double plane_mm, double *ret_by_mm,
                           double *ret_error_mm) {
@@ -633,16 +642,16 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
         return INFINITY;
     *ret_by_mm = x[problem->height_at];
     gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
-    for (int i = 0; i < problem->n && tells; i++) /* if two planes coincide, any height fits */
+    for (int i = 0; i < problem->n && tells; i++) /* if two planes coincide, every height fits */
         tells = problem->points[i].point_mm.z == plane_mm ||
                 fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= MIN_HEIGHTS;
     fit_result_clear(&fitted);
     return tells ? rms_mm : INFINITY;
 }
 
-/* Checks that no other height of one plane explains the lines much better. is_mm: the RMS of the
- * lines as they are. All cameras see the same line where a sheet cuts a plane, and thereby
- * determine the height of each plane. A single camera that sees a sheet from several sides
+/* Checks that no other height of one plane explains the lines much better. is_mm is the RMS of the
+ * lines with the given heights. All cameras see the same line where a sheet cuts a plane. This
+ * determines the height of each plane. A single camera that sees a sheet from several sides
  * determines only the ratio of the planes' distances from it, so that either height may be wrong.
  * In all other cases the standard error of a height is large, and nothing is reported. */
 static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
@@ -741,8 +750,8 @@ void laser_result_clear(struct laser_result *result) {
     g_clear_pointer(&result->steps, g_array_unref);
 }
 
-/* The point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) / ray_z.
- * FALSE: outside of the part that is used. */
+/* Computes the point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) /
+ * ray_z. Returns FALSE if the point is outside the used part of the plane. */
 static gboolean plane_point(const struct rig_camera *camera, const struct laser_plate_sweep *sweep,
                             int x, int y, struct vec3 *ret) {
     struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
@@ -753,9 +762,10 @@ static gboolean plane_point(const struct rig_camera *camera, const struct laser_
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
 }
 
-/* Standard deviation of a peak's time in frames by noise: the spread of t(−h) − 2 t(0) + t(h) over
- * √6, for pixels h apart in rows and columns. Where the plate is flat, times change evenly from
- * pixel to pixel, and only noise is left. NAN: too few pixels. */
+/* Returns the standard deviation of a peak's time that is caused by noise, in frames: the spread of
+ * t(−h) − 2 t(0) + t(h) over √6, for pixels h apart in rows and columns. On a flat plate, times
+ * change evenly from pixel to pixel, so that only noise is left. Returns NAN if there are too few
+ * pixels. */
 static double laser_noise_frames(const struct laser_plate_sweep *sweep, int width, int height) {
     g_autoptr(GArray) off = g_array_new(FALSE, FALSE, sizeof(double));
     const int step = 1 + width * height / PIXELS;
@@ -782,8 +792,8 @@ int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, G
         seen += sweep->peak[i] >= 0;
     if (seen == 0)
         return 0;
-    /* Takes an even fraction of the pixels with a peak, counted row by row, which is oblique to
-     * the lines. */
+    /* Takes an even fraction of the pixels with a peak, counted row by row. This order is oblique
+     * to the lines. */
     const double noise_frames = laser_noise_frames(sweep, camera->width, camera->height);
     const struct rig_laser *laser = &rig->lasers[sweep->laser];
     const struct vec3 source = rig_laser_position_mm(&rig->arc, laser, sweep->arc_rad);
@@ -804,8 +814,9 @@ int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, G
         int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
         if (!plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
-        /* Derivative of the point by the camera's offset: differences to the neighbouring pixels.
-         * At the border of the plane there is no neighbour: no offset is assumed. */
+        /* Derivative of the point with respect to the camera's offset, from the differences to the
+         * neighbouring pixels. A pixel at the border of the plane has no neighbour; its derivative
+         * is 0. */
         struct vec3 right, down;
         if (plane_point(camera, sweep, x + 1, y, &right) &&
             plane_point(camera, sweep, x, y + 1, &down)) {

@@ -1,8 +1,8 @@
-/* The board is sampled on a grid, a step for about a pixel. Of each sample the background is
- * subtracted, which is proportional to the reflectance there, or is that of its own print (white or
- * black); bright samples vote for a
- * straight line (RANSAC), since a sheet of light meets a plane in one. Then the line's middle is
- * taken from profiles across it in the picture. */
+/* The board is sampled on a grid with a step of about a pixel. The background is subtracted from
+ * each sample. The background is proportional to the reflectance, if that is known. Otherwise it is
+ * that of the sample's print (white or black). A sheet of light meets a plane in a straight line,
+ * so bright samples vote for a straight line (RANSAC). The line's middle is then measured in
+ * profiles across it in the picture. */
 #include "laser_line.h"
 
 #include "base/robust.h"
@@ -13,26 +13,28 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_SIGMA_PX  0.02 /* of a corner */
-#define REJECT        4.0  /* standard deviations */
-#define MIN_CORNERS   6
-#define MAX_GRID      1200 /* samples in a row or column of the board */
-#define CELLS         12   /* parts of the board in a row and column, for the background */
-#define BRIGHT        6.0  /* times the noise: a sample that votes */
-#define MAX_VOTES     4000 /* the brightest samples */
-#define TRIES         2000 /* lines */
-#define WITHIN_PX     2.0  /* of a line: samples that vote for it */
-#define MIN_SHARE     0.35 /* of a line's places on white print, that must be bright */
+#define MIN_SIGMA_PX 0.02 /* smallest standard deviation of a corner */
+#define REJECT       4.0  /* number of standard deviations from which a corner is rejected */
+#define MIN_CORNERS  6
+#define MAX_GRID     1200 /* largest number of samples in a row or column of the board */
+/* number of parts in a row and column of the board, for the background */
+#define CELLS         12
+#define BRIGHT        6.0  /* smallest value of a sample that votes, in units of the noise */
+#define MAX_VOTES     4000 /* largest number of votes: the brightest samples */
+#define TRIES         2000 /* number of lines that are tried */
+#define WITHIN_PX     2.0  /* largest distance of samples that vote for a line */
+#define MIN_SHARE     0.35 /* smallest share of bright places of a line on white print */
 #define MIN_DOTS      20
 #define HALF_PX       12  /* longest half of a profile */
-#define WIDE          3.0 /* standard deviations of the line: half of a profile */
-#define FIRST_HALF_PX 5   /* half of the profiles that show its width */
+#define WIDE          3.0 /* half of a profile, in standard deviations of the line */
+#define FIRST_HALF_PX 5   /* half of the first profiles, which show the line's width */
 #define MIN_HALF_PX   2
 #define MIN_WIDTH_PX  0.3
 #define STEPS         20
-#define MIN_SIGNAL    5.0 /* of a line's width over the error of its middle */
-#define CLEAR_PX      1.2 /* a profile's distance from an edge of the print */
-#define FEWEST        8   /* samples of a part of the board, for its background */
+#define MIN_SIGNAL    5.0 /* smallest ratio of a line's width to the error of its middle */
+#define CLEAR_PX      1.2 /* smallest distance of a profile from an edge of the print */
+/* smallest number of samples that give the background of a part of the board */
+#define FEWEST 8
 
 static GArray *refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
@@ -44,7 +46,7 @@ static GArray *refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-/* exp([ω]×) (Rodrigues). */
+/* Multiplies exp([ω]×) (Rodrigues' formula) by from. */
 static struct mat3 rotation_of(const double omega[3], const struct mat3 *from) {
     const struct vec3 w = vec3(omega[0], omega[1], omega[2]);
     const double angle = vec3_length(w);
@@ -62,7 +64,7 @@ static struct mat3 rotation_of(const double omega[3], const struct mat3 *from) {
     return ret;
 }
 
-/* The camera with itself at the origin. */
+/* Returns the camera in its own frame: at the origin, not rotated. */
 static struct rig_camera at_origin(const struct rig_camera *camera) {
     struct rig_camera own = *camera;
     own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -88,7 +90,8 @@ static struct laser_pose moved(const struct laser_pose *from, const double p[6])
     return pose;
 }
 
-/* Whitened by the inverse of the Cholesky factor of the corner's covariance. */
+/* Computes the residuals, whitened by the inverse of the Cholesky factor of the corner's
+ * covariance. */
 static void pose_residuals(const double *p, double *ret, gconstpointer data) {
     const struct pose_problem *problem = data;
     const struct laser_pose pose = moved(&problem->start, p);
@@ -108,7 +111,7 @@ static void pose_residuals(const double *p, double *ret, gconstpointer data) {
     }
 }
 
-/* By the viewing rays of the corners. */
+/* Estimates a first pose from the viewing rays of the corners. */
 static gboolean first_pose(struct pose_problem *problem) {
     const guint n = problem->corners->len;
     g_autofree double *points = g_new(double, 4 * n);
@@ -170,7 +173,8 @@ gboolean laser_board_point(const struct rig_camera *camera, const struct laser_p
     return TRUE;
 }
 
-/* Of one pixel. A colour that is clipped counts as bright as it is. */
+/* Returns how strongly the laser lights a pixel. A clipped colour is used with its clipped
+ * value. */
 static float strength_of(const float rgb[3], int colour) {
     return colour < 0 ? (rgb[0] + rgb[1] + rgb[2]) / 3
                       : rgb[colour] - (rgb[0] + rgb[1] + rgb[2] - rgb[colour]) / 2;
@@ -180,7 +184,7 @@ void laser_strength(const float *rgb, const float *dark, gsize n, int colour, fl
                     float *ret_reflectance) {
     for (gsize i = 0; i < n; i++) {
         const float *lit = rgb + 3 * i, *unlit = dark + 3 * i;
-        if (dark) { /* a difference holds nothing but the laser: all of its colours count */
+        if (dark) { /* the difference contains only the laser, so that all colours can be used */
             ret[i] = MAX(lit[0] - unlit[0], MAX(lit[1] - unlit[1], lit[2] - unlit[2]));
             ret_reflectance[i] = strength_of(unlit, -1);
         } else {
@@ -196,7 +200,7 @@ int laser_colour(const float *rgb, const float *dark, gsize n) {
     if (dark)
         return -1;
     for (int c = 0; c < 3; c++) {
-        /* The 99.9th percentile, less the median. */
+        /* The 99.9th percentile minus the median. */
         g_autofree float *all = g_new(float, n);
         for (gsize i = 0; i < n; i++)
             all[i] = strength_of(rgb + 3 * i, c);
@@ -220,14 +224,14 @@ static double value_at(const struct picture *picture, double x, double y) {
            v * ((1 - u) * (double)at[picture->width] + u * (double)at[picture->width + 1]);
 }
 
-struct look {                                    /* at the board in the picture */
+struct look {                                    /* the view of the board in the picture */
     const struct picture *picture, *reflectance; /* the latter may be NULL */
     struct rig_camera camera;                    /* at the origin */
     const struct board *board;
     const struct laser_pose *pose;
-    double mm_a_px; /* in the middle of the board */
-    double noise;   /* of a pixel */
-    /* Of each part of the board, of black and white print: the background, relative to the
+    double mm_a_px; /* millimetres per pixel in the middle of the board */
+    double noise;   /* noise of a pixel */
+    /* Background of each part of the board, for black and for white print. It is relative to the
      * reflectance if that is known. */
     double background[2 * CELLS * CELLS];
     double white; /* reflectance of white print; 1 if it is not known */
@@ -250,12 +254,12 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return x->value < y->value ? 1 : x->value > y->value ? -1 : 0;
 }
 
-/* 0 if there are none. */
+/* Returns 0 if there are no values. */
 static double median_of(GArray *values) {
     return values->len ? robust_median((double *)(gpointer)values->data, (int)values->len) : 0;
 }
 
-/* Number of the part of the board that a point lies in, of black or white print. */
+/* Returns the number of the part of the board that a point lies in, for black or white print. */
 static int cell_of(const struct board *board, const double mm[2], gboolean white) {
     double size[2];
     board_size_mm(board, size);
@@ -264,7 +268,7 @@ static int cell_of(const struct board *board, const double mm[2], gboolean white
     return 2 * (CLAMP(y, 0, CELLS - 1) * CELLS + CLAMP(x, 0, CELLS - 1)) + (white ? 1 : 0);
 }
 
-/* Samples of the whole print, but for those next to its edges. */
+/* Samples the whole print except the places next to its edges. */
 static GArray *gather(const struct look *look) {
     double size[2];
     board_size_mm(look->board, size);
@@ -302,13 +306,14 @@ static GArray *gather(const struct look *look) {
     return samples;
 }
 
-/* Subtracts the background from the samples: the median of each part of the board, or of the whole
- * board where a part is small. Keeps it, and the noise. */
+/* Subtracts the background from the samples. The background is the median of each part of the
+ * board, or of the whole board if a part has few samples. Stores the background and the noise in
+ * look. */
 static void take_background(struct look *look, GArray *samples) {
     g_autoptr(GPtrArray) cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     g_autoptr(GArray) off = g_array_new(FALSE, FALSE, sizeof(double));
     g_autoptr(GArray) whites = g_array_new(FALSE, FALSE, sizeof(double));
-    const int whole = 2 * CELLS * CELLS; /* the last two: of the whole board */
+    const int whole = 2 * CELLS * CELLS; /* the last two are for the whole board */
     for (int i = 0; i < whole + 2; i++)
         g_ptr_array_add(cells, g_array_new(FALSE, FALSE, sizeof(double)));
     for (guint i = 0; i < samples->len; i++) {
@@ -324,7 +329,7 @@ static void take_background(struct look *look, GArray *samples) {
         GArray *cell = cells->pdata[i];
         look->background[i] = cell->len < FEWEST ? of_all[i % 2] : median_of(cell);
     }
-    /* White print shows the ratio best, and black print has the same. */
+    /* White print shows the ratio best. It is the same for black print. */
     for (int i = 0; i < whole && look->reflectance; i += 2)
         look->background[i] = look->background[i + 1];
     look->white = whites->len ? median_of(whites) : 1;
@@ -347,7 +352,8 @@ static struct straight through(const double a[2], const double b[2]) {
     return line;
 }
 
-/* The line with the largest sum of bright samples near it. votes: brightest first. */
+/* Finds the line with the largest sum of bright samples near it. votes has the brightest samples
+ * first. */
 static gboolean vote(const GArray *votes, double within_mm, struct straight *ret) {
     GRand *rand = g_rand_new_with_seed(1);
     double best = 0;
@@ -374,7 +380,7 @@ static gboolean vote(const GArray *votes, double within_mm, struct straight *ret
     return best > 0;
 }
 
-/* Share of the samples on white print along the line that are bright. */
+/* Returns the share of the places on white print along the line that are bright. */
 static double share_of(const GArray *samples, const struct straight *line, double within_mm,
                        double bright) {
     g_autoptr(GHashTable) all = g_hash_table_new(NULL, NULL), lit = g_hash_table_new(NULL, NULL);
@@ -391,7 +397,7 @@ static double share_of(const GArray *samples, const struct straight *line, doubl
     return g_hash_table_size(all) ? (double)g_hash_table_size(lit) / g_hash_table_size(all) : 0;
 }
 
-/* Whether all of a profile lies on white print, or all on black. */
+/* Returns whether the print along a profile is all white or all black. */
 static gboolean is_even(const struct look *look, const double middle[2], const double across[2],
                         double half_px, gboolean *ret_white) {
     double at[2 * (4 * HALF_PX + 9)];
@@ -432,8 +438,8 @@ static gboolean read_profile(const struct look *look, const double from[2], cons
     return TRUE;
 }
 
-/* Σ (v − A ρ exp(−(u − c)² / 2 w²))², ρ being the reflectance, and its normal equations. free: 2 (A
- * and c) or 3. */
+/* Returns Σ (v − A ρ exp(−(u − c)² / 2 w²))², where ρ is the reflectance, and computes its normal
+ * equations. free is 2 for A and c, or 3 for A, c and w. */
 static double profile_sum(const struct profile *profile, const double p[N], int free,
                           double h[N * N], double g[N]) {
     double sum = 0;
@@ -455,8 +461,8 @@ static double profile_sum(const struct profile *profile, const double p[N], int 
     return sum;
 }
 
-/* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). width: 0: it is fitted
- * as well. FALSE: the profile shows no line, or one that is too weak. */
+/* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). If width is 0, the
+ * width is fitted as well. Returns FALSE if the profile shows no line, or one that is too weak. */
 static gboolean fit_profile(const struct profile *profile, double half, double noise, double width,
                             double p[N], double *ret_sigma) {
     const int free = width > 0 ? 2 : 3;
@@ -500,14 +506,14 @@ static gboolean fit_profile(const struct profile *profile, double half, double n
     inverse[MIDDLE] = 1;
     if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', free, 1, h, free, inverse, free) != 0)
         return FALSE;
-    /* Two samples a pixel share its noise; speckle adds to it. */
+    /* The two samples of a pixel share its noise. Speckle adds to the noise. */
     const double variance = MAX(noise * noise, sum / MAX(profile->n - free, 1));
     *ret_sigma = sqrt(2 * variance * MAX(inverse[MIDDLE], 0));
     return p[HEIGHT] > 0 && *ret_sigma < p[WIDTH] / MIN_SIGNAL;
 }
 
-/* Dots along the line, a pixel apart. width: of the line, or 0 to find it; ret_width: the median.
- */
+/* Finds dots along the line, about a pixel apart. width is the width of the line, or 0 to measure
+ * it. *ret_width is the median of the measured widths. */
 static GArray *dots_along(const struct look *look, const struct straight *line, double half,
                           double width, double *ret_width) {
     double size[2];

@@ -1,53 +1,55 @@
 /*
- * The line of a laser on a calibration board in a photograph. Pure; any thread.
+ * Finds the line of a laser on a calibration board in a photograph. Pure; any thread.
  *
- * A profile across the line is that of the sheet of light times the print's reflectance, which
- * shifts its middle at edges of the print. The reflectance is known from the photograph without the
- * laser, or from the colours that the laser does not have. Where neither is there (one grey
- * photograph), only pieces of the line are used around which the print is white or black
- * throughout.
+ * A profile across the line is the profile of the sheet of light times the print's reflectance. The
+ * reflectance therefore shifts the line's middle at edges of the print. It is known from a
+ * photograph without the laser, or from the colours that the laser does not have. If neither is
+ * available (one grey photograph), only the parts of the line are used around which the print is
+ * all white or all black.
  */
 #pragma once
 
 #include "cameras/board_find.h"
 #include "geometry/rig.h"
 
-struct laser_pose { /* of a board: camera = rotation · board + shift */
+struct laser_pose { /* pose of a board: camera = rotation · board + shift */
     struct mat3 rotation;
     struct vec3 shift_mm;
-    /* Of a small rotation vector ω about the camera's axes (the true rotation is exp([ω]×) ·
-     * rotation) and of the shift. */
+    /* Covariance of a small rotation vector ω about the camera's axes (the true rotation is
+     * exp([ω]×) · rotation), and of the shift. */
     double covariance[6][6];
 };
 
-/* Fits the pose to the corners (struct corner). start: NULL, or a pose near it. Corners that the
- * line has moved are left out. FALSE: the corners contradict each other. */
+/* Fits the pose to the corners (struct corner). start is a pose near the result, or NULL. Corners
+ * that the line has shifted are left out. Returns FALSE if the corners contradict each other. */
 gboolean laser_pose_fit(const struct rig_camera *camera, const struct board *board,
                         const GArray *corners, const struct laser_pose *start,
                         struct laser_pose *ret);
 
-/* Where a pixel's ray meets the board, mm in the board's frame; FALSE: it does not. */
+/* Computes where a pixel's ray meets the board, in mm in the board's frame. Returns FALSE if it
+ * does not. */
 gboolean laser_board_point(const struct rig_camera *camera, const struct laser_pose *pose,
                            double x_px, double y_px, double ret_mm[2]);
 
-/* From linear values R, G, B (n × 3): how strongly the laser may have lit each pixel, and the
- * print's reflectance there in any unit. dark: the same scene without the laser, which is
- * subtracted, and is the reflectance; NULL: there is no such photograph. colour: the laser's, 0 …
- * 2, less the mean of the others, which is the reflectance; −1: of grey pictures, whose reflectance
- * is NAN. */
+/* Computes from linear R, G, B (n × 3) how strongly the laser may have lit each pixel, and the
+ * print's reflectance there in an arbitrary unit. dark is a photograph of the same scene without
+ * the laser, or NULL. If it is given, it is subtracted, and it is the reflectance. Otherwise colour
+ * is the laser's colour, 0 … 2. The mean of the other two colours is subtracted, and it is the
+ * reflectance. colour −1 stands for grey pictures, whose reflectance is NAN. */
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);
-/* The colour in which the brightest pixels of a photograph differ most from grey; −1: in none. */
+/* Returns the colour in which the brightest pixels of a photograph differ most from grey. Returns
+ * −1 if there is none, or if dark is given. */
 int laser_colour(const float *rgb, const float *dark, gsize n);
 
-struct laser_dot { /* the middle of the line */
+struct laser_dot { /* a point of the middle of the line */
     double x_px, y_px;
-    double sigma_px; /* from the noise, across the line */
+    double sigma_px; /* standard deviation across the line, from the noise */
 };
 
-/* The line's dots, in order along it (struct laser_dot). reflectance: NULL if it is not known.
- * NULL: BOARD_ERROR_SPEC, a reason that is to follow "picture: ", such as that no line is bright
- * enough. */
+/* Returns the line's dots (struct laser_dot), in order along it. reflectance is NULL if it is not
+ * known. Returns NULL with BOARD_ERROR_SPEC and a reason, such as that no line is bright enough.
+ * The caller prefixes "picture: ". */
 GArray *laser_line_find(const struct picture *strength, const struct picture *reflectance,
                         const struct rig_camera *camera, const struct board *board,
                         const struct laser_pose *pose, GError **error);

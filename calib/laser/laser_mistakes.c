@@ -1,8 +1,9 @@
-/* Why sweeps may contradict the rig: each possible mistake is undone, and the points are compared
- * with the rig as it is known, before anything is fitted. For each laser the sweep angle s_i at
- * which its sheet contains point i depends linearly on the commanded one, c_i: s_i ≈ a + b c_i,
- * where a is a wrong zero and b − 1 a stretch. The evidence is the spread about this line, the
- * median of |s_i − a − b c_i|: it is some hundredths of a degree if only the adjustment is off. */
+/* Finds the reason why sweeps may contradict the rig. Each possible mistake is undone, and the
+ * points are compared with the rig as it is known before the fit. For each laser, the sweep angle
+ * s_i at which its sheet contains point i depends linearly on the commanded angle c_i: s_i ≈ a + b
+ * c_i. Here a is a wrong zero and b − 1 a stretch. The evidence is the spread about this line, the
+ * median of |s_i − a − b c_i|. If only the adjustment is wrong, the spread is some hundredths of a
+ * degree. */
 #include "laser.h"
 
 #include "geometry/fit.h"
@@ -10,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_RAD    (0.05 * G_PI / 180) /* a smaller spread is no sign of a mistake */
+#define MIN_RAD    (0.05 * G_PI / 180) /* a smaller spread does not indicate a mistake */
 #define BETTER     5.0                 /* factor by which undoing a mistake must lower the spread */
 #define MAX_PLANES 16
 #define DEG        (180 / G_PI)
@@ -41,9 +42,9 @@ static void find_planes(const struct laser_point *points, int n, struct planes *
     }
 }
 
-/* Returns the point as it would be without the mistake. If a pixel saw another plane than the one
- * noted, it saw the point where its ray meets that plane: p' = eye + (p − eye) (z' − eye_z) / (z −
- * eye_z). */
+/* Returns the point as it would be without the mistake. If a pixel saw another plane than the noted
+ * one, it saw the point where its ray meets that other plane: p' = eye + (p − eye) (z' − eye_z) /
+ * (z − eye_z). */
 static struct laser_point undo(const struct rig *rig, const struct planes *planes,
                                const struct mistake *mistake, const struct laser_point *point) {
     struct laser_point p = *point;

@@ -1,6 +1,7 @@
-/* Observations of a photograph: r = n·X − d at two points X of its line, their covariance V (2 ×
- * 2). Parameters: offset and two tilts of the plane from a first one, found from pairs of
- * photographs. The solution minimises Σ rᵀ V⁻¹ r, which is linear in small parameters. */
+/* Each photograph gives two observations: the distances r = n·X − d of two points X of its line
+ * from the plane. V (2 × 2) is their covariance. Parameters are the offset and two tilts relative
+ * to a first plane, which is found from pairs of photographs. The solution minimises Σ rᵀ V⁻¹ r.
+ * The residuals are linear in small parameters. */
 #include "laser_plane.h"
 
 #include "base/robust.h"
@@ -11,24 +12,27 @@
 
 G_DEFINE_QUARK(laser_plane_error, laser_plane_error)
 
-#define BLOCKS       16 /* pieces of a line, between which its scatter is measured */
-#define MIN_DOTS     12
-#define DOT_PX       0.03 /* error of a dot that is not noise */
-#define SCATTER      4.0  /* robust standard deviations: dots beyond do not count */
-#define ROUNDS       5
-#define REJECT       20.0 /* χ² of a photograph of two degrees of freedom, in units of the median's */
-#define MIN_SPREAD   0.02 /* of the lines' length: they do not lie on one line */
-#define MAX_TILT_DEG 1.0  /* standard error of a plane that is determined */
+#define BLOCKS   16 /* number of pieces of a line whose scatter is measured */
+#define MIN_DOTS 12
+#define DOT_PX   0.03 /* error of a dot that is not caused by noise */
+#define SCATTER  4.0  /* number of robust standard deviations above which dots are left out */
+#define ROUNDS   5
+/* χ² (2 degrees of freedom) from which a photograph is rejected, relative to the median */
+#define REJECT 20.0
+/* smallest spread of the lines about one line, relative to their length */
+#define MIN_SPREAD   0.02
+#define MAX_TILT_DEG 1.0 /* largest standard error of a plane that counts as determined */
 #define MIN_SIGMA_MM 1e-6
-#define POSE_STEP    1e-5 /* rad, and mm · 100, of numerical derivatives */
+#define POSE_STEP    1e-5 /* step of numerical derivatives: rad, or hundredths of a mm */
 #define DEG          (180 / G_PI)
 
-struct view { /* a photograph by one camera's parameters */
+struct view { /* a photograph, with one set of camera parameters */
     struct laser_pose pose;
-    double share[2][2]; /* the two points on the board: middle ± h along the line, mm */
-    double across[2];   /* unit, on the board, perpendicular to the line */
-    double offset_sigma_mm, slope_sigma_mm; /* of the line's middle, and of its ends at ± h */
-    struct vec3 ends[2];                    /* rig frame */
+    double share[2][2]; /* the two points of the line on the board: middle ± h along the line, mm */
+    double across[2];   /* unit vector on the board, perpendicular to the line */
+    /* errors of the line's middle, and of its ends at ± h */
+    double offset_sigma_mm, slope_sigma_mm;
+    struct vec3 ends[2]; /* rig frame */
 };
 
 static gboolean refuse(GError **error, enum laser_plane_error code, const char *format, ...)
@@ -62,8 +66,8 @@ static void add_point(struct moments *to, const double mm[2], double weight) {
     to->yy += weight * mm[1] * mm[1];
 }
 
-/* The line of least squared distances: middle, unit vector along it, half its length as the RMS
- * distance from the middle. */
+/* Fits the line with the smallest squared distances: its middle, and a unit vector along it.
+ * Returns half its length, which is the RMS distance of the points from the middle. */
 static double line_of(const struct moments *m, double ret_middle[2], double ret_along[2]) {
     const double x = m->x / m->n, y = m->y / m->n;
     const double xx = m->xx / m->n - x * x, xy = m->xy / m->n - x * y, yy = m->yy / m->n - y * y;
@@ -75,8 +79,8 @@ static double line_of(const struct moments *m, double ret_middle[2], double ret_
     return sqrt(MAX((xx + yy) / 2 + hypot((xx - yy) / 2, xy), 0));
 }
 
-/* Fits a straight line to the dots on the board. Its errors follow from the scatter of the means of
- * pieces of it, since neighbouring dots err alike. */
+/* Fits a straight line to the dots on the board. Its errors are estimated from the scatter of the
+ * means of pieces of it, because the errors of neighbouring dots are correlated. */
 static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret) {
     const int n = (int)dots->len, most = MIN(BLOCKS, n / 2);
     g_autofree double *off = g_new(double, n + 1), *sorted = g_new(double, n + 1);
@@ -129,7 +133,7 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
     }
     if (blocks < 4 || !(half > 0))
         return FALSE;
-    const double variance = squares / (blocks - 2); /* of the weight 1 */
+    const double variance = squares / (blocks - 2); /* variance of an observation of weight 1 */
     ret->offset_sigma_mm = sqrt(variance / all);
     ret->slope_sigma_mm = sqrt(variance / spread) * half;
     for (int k = 0; k < 2; k++) {
@@ -141,7 +145,7 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
     return TRUE;
 }
 
-/* start: NULL, or a view by nearly the same parameters. */
+/* start is a view with nearly the same camera parameters, or NULL. */
 static gboolean view_of(const struct rig_camera *camera, const struct board *board,
                         const struct laser_photograph *photograph, const struct view *start,
                         struct view *ret) {
@@ -162,11 +166,11 @@ static gboolean view_of(const struct rig_camera *camera, const struct board *boa
     return TRUE;
 }
 
-struct frame { /* of the parameters: a plane, a point of it, and two directions in it */
+struct frame { /* the frame of the parameters: a plane, a point in it, and two directions in it */
     struct vec3 normal, point, u, v;
 };
 
-/* Symmetric eigenvectors; ret in rising order of values, vectors in columns. */
+/* Computes the eigenvectors of a symmetric matrix, in increasing order of their eigenvalues. */
 static void eigen3(const double m[3][3], double ret_values[3], struct vec3 ret_vectors[3]) {
     double a[9];
     memcpy(a, m, sizeof a);
@@ -175,8 +179,9 @@ static void eigen3(const double m[3][3], double ret_values[3], struct vec3 ret_v
         ret_vectors[k] = vec3(a[k], a[3 + k], a[6 + k]);
 }
 
-/* The plane of least squared distances through the ends of the views that are used. ret_spread:
- * RMS distance from the straight line nearest to them; ret_length along it. */
+/* Fits the plane with the smallest squared distances to the ends of the views that are used.
+ * *ret_spread is the RMS distance of the ends from the straight line nearest to them, and
+ * *ret_length the RMS distance along it. */
 static void frame_of(const struct view *views, const gboolean *out, int n, struct frame *ret,
                      double *ret_spread, double *ret_length) {
     struct vec3 sum = vec3(0, 0, 0), vectors[3];
@@ -202,13 +207,14 @@ static void frame_of(const struct view *views, const gboolean *out, int n, struc
     *ret_length = sqrt(MAX(values[2], 0));
 }
 
-/* Covariance of a view's two distances from a plane of this normal: the line's own, across itself
- * on the board, and the pose's. */
+/* Computes the covariance of a view's two distances from a plane with this normal. It includes the
+ * error of the line, across itself on the board, and the error of the pose. */
 static void distances_covariance(const struct rig_camera *camera, const struct view *view,
                                  struct vec3 normal, double ret[2][2]) {
     const struct mat3 *r = &view->pose.rotation;
     const struct vec3 on_board = mat3_mul_vec(r, vec3(view->across[0], view->across[1], 0));
-    const struct vec3 n = mat3_mul_vec(&camera->rotation, normal); /* in the camera's frame */
+    /* The normal in the camera's frame. */
+    const struct vec3 n = mat3_mul_vec(&camera->rotation, normal);
     const struct vec3 board_normal = vec3(r->m[0][2], r->m[1][2], r->m[2][2]);
     const double share = vec3_dot(n, on_board);
     const double o = pow(share * view->offset_sigma_mm, 2),
@@ -216,7 +222,8 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
     double j[2][6];
     ret[0][0] = ret[1][1] = o + s;
     ret[0][1] = ret[1][0] = o - s;
-    /* A point X on the ray r: if the board moves by m there, X moves by r (b·m) / (b·r). */
+    /* X is on the ray r, and b is the board's normal. If the board moves by m there, X moves by r
+     * (b·m) / (b·r). */
     for (int k = 0; k < 2; k++) {
         const struct vec3 x = vec3_add(
             mat3_mul_vec(r, vec3(view->share[k][0], view->share[k][1], 0)), view->pose.shift_mm);
@@ -237,7 +244,7 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
         ret[k][k] += MIN_SIGMA_MM * MIN_SIGMA_MM;
 }
 
-struct weights { /* V⁻¹ of each view, kept while the camera's parameters are varied */
+struct weights { /* V⁻¹ of each view; it is kept while the camera's parameters are varied */
     double (*inverse)[2][2];
     gboolean *out;
 };
@@ -251,8 +258,8 @@ static void distances(const struct view *view, struct vec3 normal, double offset
         ret[k] = vec3_dot(normal, view->ends[k]) - offset;
 }
 
-/* Weighted least squares about a frame. ret: normal and offset; ret_covariance of offset and tilts.
- */
+/* Weighted least squares relative to a frame. ret gets normal and offset. ret_covariance is the
+ * covariance of offset and tilts. */
 static gboolean solve(const struct view *views, const struct weights *weights, int n,
                       const struct frame *frame, struct rig_plane *ret,
                       double ret_covariance[3][3]) {
@@ -309,7 +316,8 @@ static void weigh(const struct rig_camera *camera, const struct view *views, int
     *ret_expected_mm = sqrt(sum / MAX(used, 1));
 }
 
-/* χ² of each view by a plane. Returns their median in units of that of two degrees of freedom. */
+/* Computes χ² of each view with respect to a plane. Returns their median over the median of χ² with
+ * two degrees of freedom. */
 static double all_chi2(const struct view *views, const struct weights *weights, int n,
                        const struct rig_plane *plane, double *ret) {
     g_autofree double *sorted = g_new(double, n);
@@ -321,7 +329,7 @@ static double all_chi2(const struct view *views, const struct weights *weights, 
     return robust_median(sorted, n) / (2 * G_LN2);
 }
 
-/* The plane of the pair of views that most others agree with. */
+/* Finds the plane of the pair of views that agrees best with all views, by the median of χ². */
 static void first_plane(const struct rig_camera *camera, const struct view *views, int n,
                         struct weights *weights, struct rig_plane *ret) {
     g_autofree double *chi2 = g_new(double, n);
@@ -346,8 +354,9 @@ static void first_plane(const struct rig_camera *camera, const struct view *view
         }
 }
 
-/* Fits in rounds, and leaves out views that contradict the others: first only those far off, since
- * the plane of a pair fits that pair better than the others. */
+/* Fits in rounds, and leaves out views that contradict the others. The first rounds leave out only
+ * views with very large deviations, because the plane of a pair fits that pair better than the
+ * others. */
 static gboolean fit_plane(const struct rig_camera *camera, const struct view *views, int n,
                           struct weights *weights, struct frame *ret_frame, struct rig_plane *plane,
                           double ret_covariance[3][3], double *ret_chi2, double *ret_expected_mm) {
@@ -361,7 +370,7 @@ static gboolean fit_plane(const struct rig_camera *camera, const struct view *vi
         for (int i = 0; i < n; i++)
             weights->out[i] = n > LASER_PLANE_MIN && chi2[i] > REJECT * lenient[round] * median;
         frame_of(views, weights->out, n, ret_frame, &spread, &length);
-        /* About the plane so far. */
+        /* Moves the frame to the plane of the last round. */
         const double away = vec3_dot(plane->normal, ret_frame->point) - plane->offset_mm;
         ret_frame->point = vec3_sub(ret_frame->point, vec3_scale(plane->normal, away));
         ret_frame->normal = plane->normal;
@@ -379,15 +388,15 @@ static gboolean fit_plane(const struct rig_camera *camera, const struct view *vi
     return TRUE;
 }
 
-/* (97.5 % of Student's t of f degrees of freedom over that of normal errors)², by the expansion of
- * Cornish and Fisher. */
+/* Returns the square of the ratio of the 97.5 % quantiles of Student's t with f degrees of freedom
+ * and of the normal distribution (Cornish-Fisher expansion). */
 static double student(int f) {
     const double z = 1.96, z3 = z * z * z;
     const double t = z + (z3 + z) / (4.0 * f) + (5 * z3 * z * z + 16 * z3 + 3 * z) / (96.0 * f * f);
     return t * t / (z * z);
 }
 
-/* ∂(n, d) / ∂(offset, tilts). */
+/* Adds J C Jᵀ with J = ∂(n, d) / ∂(offset, tilts). */
 static void add_own_covariance(const struct frame *frame, const double c[3][3], double to[4][4]) {
     const double j[4][3] = {
         {0, frame->u.x, frame->v.x},
@@ -401,7 +410,8 @@ static void add_own_covariance(const struct frame *frame, const double c[3][3], 
                     to[a][b] += j[a][p] * c[p][q] * j[b][q];
 }
 
-/* A camera with all its parameters changed by so much; order of CALIBRATION_FX …. */
+/* Returns the camera with all its parameters changed by the given amounts, in the order of
+ * CALIBRATION_FX … */
 static struct rig_camera changed(const struct rig_camera *camera,
                                  const double by[CALIBRATION_ALL_CAMERA_PARAMETERS]) {
     struct rig_camera to = *camera;
@@ -412,7 +422,7 @@ static struct rig_camera changed(const struct rig_camera *camera,
     to.k4 += by[CALIBRATION_K4];
     to.k5 += by[CALIBRATION_K5];
     to.k6 += by[CALIBRATION_K6];
-    /* R (1 + [ω]×), of which the rows are orthogonal to second order. */
+    /* R (1 + [ω]×). Its rows are orthogonal to second order. */
     const struct vec3 omega =
         vec3(by[CALIBRATION_TURN_X], by[CALIBRATION_TURN_Y], by[CALIBRATION_TURN_Z]);
     for (int i = 0; i < 3; i++) {
@@ -428,8 +438,9 @@ static struct rig_camera changed(const struct rig_camera *camera,
     return to;
 }
 
-/* The camera's errors are in all photographs alike: Σ δ δᵀ, δ being the plane's change with the
- * camera moved by one standard deviation along each of its covariance's main axes. */
+/* Adds the effect of the camera's errors, which are the same in all photographs: Σ δ δᵀ. δ is the
+ * change of the plane when the camera's parameters change by one standard deviation along a
+ * principal axis of their covariance. */
 static gboolean
 add_camera_covariance(const struct rig_camera *camera, const struct calibration_camera *errors,
                       const struct board *board, const struct laser_photograph *photographs, int n,
@@ -443,7 +454,8 @@ add_camera_covariance(const struct rig_camera *camera, const struct calibration_
             c[i][k] = i >= KNOWN   ? errors->further_covariance[i - KNOWN][k]
                       : k >= KNOWN ? errors->further_covariance[k - KNOWN][i]
                                    : errors->covariance[i][k];
-    /* Parameters of very different size: main axes of the correlations. */
+    /* The parameters differ much in size, so the principal axes are those of the correlation
+     * matrix. */
     double sigma[ALL];
     for (int i = 0; i < ALL; i++)
         sigma[i] = sqrt(MAX(c[i][i], 0));
@@ -474,7 +486,8 @@ add_camera_covariance(const struct rig_camera *camera, const struct calibration_
     return TRUE;
 }
 
-/* Standard errors at the point, and of the normal where it is largest. */
+/* Sets the standard error of the plane at the point, and that of the normal in the direction in
+ * which it is largest. */
 static void set_errors(struct laser_plane *to) {
     const struct vec3 p = to->point_mm;
     const double at[4] = {p.x, p.y, p.z, -1};
@@ -490,7 +503,7 @@ static void set_errors(struct laser_plane *to) {
     to->tilt_error_rad = sqrt(MAX(values[2], 0));
 }
 
-/* Where the board stands in all photographs. */
+/* Says that the positions of the boards do not determine a plane. */
 static gboolean refuse_degenerate(const struct laser_plane *plane, int n, GError **error) {
     return refuse(error, LASER_PLANE_ERROR_DEGENERATE,
                   "the laser's lines on %d boards lie within %.2f mm of one straight line, which "
@@ -563,7 +576,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     for (int i = 0; i < 9; i++)
         own[i / 3][i % 3] *= scale;
     to->rms_mm = sqrt(squares / (2 * to->used));
-    /* frame stays that of the parameters. */
+    /* frame stays the frame of the parameters. */
     struct frame scratch;
     frame_of(views, to->left_out, n, &scratch, &to->spread_mm, &length);
     if (to->spread_mm < MIN_SPREAD * length) {
@@ -590,7 +603,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
                "photographs");
         return NULL;
     }
-    /* Away from the camera. */
+    /* Let the normal point away from the camera. */
     const struct vec3 eye = rig_camera_centre_mm(camera);
     if (vec3_dot(to->plane.normal, eye) > to->plane.offset_mm) {
         to->plane.normal = vec3_scale(to->plane.normal, -1);

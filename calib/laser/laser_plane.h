@@ -1,14 +1,14 @@
 /*
- * The plane of a laser that stands still, from photographs of a calibration board on which its line
- * is seen. In each photograph the board's pose follows from its corners; the line's pixels, cast on
- * the board, lie in the plane. The plane is determined if the lines of the photographs do not all
- * lie on one straight line.
+ * Finds the plane of a laser that stands still, from photographs of a calibration board on which
+ * its line is visible. In each photograph the board's pose follows from its corners. The pixels of
+ * the line, projected onto the board, lie in the plane. The plane is determined if the lines of the
+ * photographs do not all lie on one straight line.
  *
  * Two numbers of each photograph are adjusted: the distances of two points of its line from the
- * plane. Their covariance contains the line's scatter and the error of the board's pose, which
- * moves both. Photographs that contradict the others are left out. The plane's covariance also
- * contains that of the camera's parameters, which are in error in all photographs alike, and grows
- * where the photographs scatter more than their errors explain.
+ * plane. Their covariance includes the line's scatter, and the error of the board's pose, which
+ * moves both points. Photographs that contradict the others are left out. The plane's covariance
+ * also includes that of the camera's parameters, whose errors are the same in all photographs. It
+ * grows if the photographs scatter more than their errors explain.
  *
  * Pure; any thread.
  */
@@ -17,7 +17,7 @@
 #include "calibration/calibration.h"
 #include "laser_line.h"
 
-#define LASER_PLANE_MIN 3 /* photographs */
+#define LASER_PLANE_MIN 3 /* smallest number of photographs */
 
 #define LASER_PLANE_ERROR laser_plane_error_quark()
 GQuark laser_plane_error_quark(void);
@@ -33,20 +33,23 @@ struct laser_photograph {
 };
 
 struct laser_plane {
-    struct rig_plane plane;         /* rig frame: n·x = d; n points away from the camera */
-    struct vec3 point_mm;           /* of the plane, in the middle of the lines, */
-    struct vec3 along;              /* unit: the mean direction of the lines */
-    double covariance[4][4];        /* of n_x, n_y, n_z and d (mm) */
-    double offset_error_mm;         /* standard errors: of the plane at point_mm, */
-    double tilt_error_rad;          /* and of its normal, in the direction in which it is largest */
-    double rms_mm, expected_rms_mm; /* distances of the lines from the plane */
+    struct rig_plane plane;  /* rig frame: n·x = d; n points away from the camera */
+    struct vec3 point_mm;    /* point of the plane in the middle of the lines */
+    struct vec3 along;       /* unit vector: the mean direction of the lines */
+    double covariance[4][4]; /* covariance of n_x, n_y, n_z and d (mm) */
+    double offset_error_mm;  /* standard error of the plane at point_mm */
+    /* standard error of the normal, in the direction in which it is largest */
+    double tilt_error_rad;
+    /* RMS distance of the lines from the plane, and its expected value */
+    double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
     int used, dots;
-    double *off_mm;     /* of each photograph: RMS distance of its line; NAN: it was left out */
-    gboolean *left_out; /* of each */
+    double *off_mm;     /* RMS distance of each photograph's line; NAN if it was left out */
+    gboolean *left_out; /* one flag per photograph */
 };
 
-/* errors: of the camera; NULL, or known FALSE: it is exact. NULL: refused. */
+/* Fits the plane. errors are the errors of the camera. If they are NULL, or their known is FALSE,
+ * the camera counts as exact. Returns NULL with an error if the plane is refused. */
 struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
                                     const struct calibration_camera *errors,
                                     const struct board *board,

@@ -1,8 +1,8 @@
-/* The program that runs LibRaw and FFmpeg for others: picture_child.h. */
+/* The program that runs LibRaw and FFmpeg for other programs; see picture_child.h. */
 #include "raw.h"
 #include "video.h"
 
-#define RAW_CPU_S   120 /* of a picture */
+#define RAW_CPU_S   120 /* processor time for one picture */
 #define VIDEO_CPU_S 3600
 
 int main(int argc, char **argv) {

@@ -1,6 +1,6 @@
 /*
- * Pictures for calibration: one grey value per pixel, linear in light, with their source. Any
- * thread.
+ * Pictures for calibration: one grey value per pixel, linear in light, and the source of the
+ * picture. Any thread.
  */
 #pragma once
 
@@ -19,22 +19,23 @@ struct picture {
     char *name;     /* for messages: a path */
     char *checksum; /* SHA-256 of the file, 64 hexadecimal digits */
     int width, height;
-    char cfa[5];   /* the colour filter of its pixels, "rggb" and so on; "": all are grey */
+    char cfa[5];   /* colour filter of the pixels, such as "rggb"; "" for grey pictures */
     float *values; /* height × width, top row first */
 };
 
+/* Makes a picture whose values are 0. The strings are copied. */
 struct picture *picture_new(const char *name, const char *checksum, int width, int height);
 void picture_free(struct picture *picture); /* NULL is ignored */
 typedef struct picture Picture;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
 
-/* The light of each code of 8 bits in sRGB (IEC 61966-2-1), 0 … 1. */
+/* Gives the light of each 8-bit sRGB code (IEC 61966-2-1), 0 … 1. */
 void picture_srgb(float ret[256]);
 
-/* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"): each colour is scaled
- * so that the picture is grey on average, and pixels are used as they are. If the scene is grey
- * under one light, the result is exact and as sharp as the sensor; otherwise the mosaic stays
- * visible. Sets cfa of the picture. FALSE: cfa is unknown. */
+/* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"). Each colour is scaled
+ * so that the picture is grey on average; the pixels are not interpolated. If the scene is grey
+ * under one light, the result is exact and as sharp as the sensor. Otherwise the mosaic stays
+ * visible. Sets cfa of the picture. Returns FALSE if cfa is unknown. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
 
 G_END_DECLS

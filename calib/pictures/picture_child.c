@@ -18,7 +18,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* Descriptors that the program gets: the file, a file in memory for what it has read, a pipe. */
+/* File descriptors of the program: the file, a file in memory for its result, a pipe for its
+ * progress. */
 enum { CHILD_FILE = 3, CHILD_RESULT, CHILD_TOLD };
 
 struct told {
@@ -70,7 +71,7 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     picture_child_end(error);
 }
 
-/* Until the child closes the pipe; FALSE: told has ended it. */
+/* Reads messages until the child closes the pipe. Returns FALSE if told has ended the reading. */
 static gboolean picture_child_listen(int fd, PictureChildTold told, gpointer data, GError **error) {
     struct told message;
     for (;;) {
@@ -113,7 +114,7 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
     return NULL;
 }
 
-/* Starts the program with its three descriptors. −1: error. */
+/* Starts the program with its three descriptors. Returns −1 on error. */
 static pid_t start(const struct picture_job *job, int result, int told, GError **error) {
     static const int targets[] = {CHILD_FILE, CHILD_RESULT, CHILD_TOLD};
     const int sources[] = {job->fd, result, told};
@@ -130,7 +131,7 @@ static pid_t start(const struct picture_job *job, int result, int told, GError *
     return pid > 0 ? pid : -1;
 }
 
-/* Until the program ends, or told ends it. */
+/* Waits until the program ends, or kills it if told returns FALSE. Returns its result. */
 static GBytes *hear(const struct picture_job *job, const char *library, pid_t pid, int told_fd,
                     int result, PictureChildTold told, gpointer data, GError **error) {
     int status = 0;

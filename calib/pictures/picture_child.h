@@ -1,8 +1,8 @@
 /*
- * Libraries that read whatever a file says (LibRaw, FFmpeg) run in a program of their own,
- * mesorig-read-picture, with limited processor time: a file on which one of them crashes is an
- * error that names it, and does not end the program that wants the picture. What the libraries
- * print is dropped. Any thread.
+ * Runs libraries that read files of any content (LibRaw, FFmpeg) in a separate program,
+ * mesorig-read-picture, with limited processor time. If a library crashes on a file, the result is
+ * an error that names the file. The program that needs the picture continues. The output of the
+ * libraries is dropped. Any thread.
  */
 #pragma once
 
@@ -12,36 +12,39 @@ G_BEGIN_DECLS
 
 /* A file for the program to read. */
 struct picture_job {
-    const char *path;   /* for messages; it may lead elsewhere by now */
+    const char *path;   /* for messages; the path may have another file by now */
     const char *reader; /* "raw" or "video" */
     int fd;             /* the file, open for reading */
     guint64 length;     /* bytes of the file */
-    int most;           /* frames of a video to keep; otherwise 0 */
+    int most;           /* number of frames of a video to keep; otherwise 0 */
 };
 
-/* Called for each picture_child_tell(). FALSE with an error kills the program. */
+/* Called for each picture_child_tell(). If it returns FALSE with an error, the program is
+ * killed. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
-/* Runs the program and returns what it has written; NULL: its error, of told, or
- * PICTURE_FILE_ERROR_IO: library, which reads this file, has crashed on it. told may be NULL. */
+/* Runs the program and returns what it has written. Returns NULL with the error of the program or
+ * of told, or with PICTURE_FILE_ERROR_IO if library, which reads the file, has crashed. told may be
+ * NULL. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 
 /* Takes the next n bytes of a result. Returns FALSE if fewer are left. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
-/* The rest is for the program. */
+/* The following functions are for the program. */
 
-/* Reads a file and writes what it has read, in any form, by picture_child_write(). The program ends
- * then: nothing needs to be freed. */
+/* Reads a file, and writes the result with picture_child_write(), in any format. The program ends
+ * afterwards, so nothing needs to be freed. */
 typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **error);
 
 /* Returns FALSE if the bytes cannot be written; the program then ends with that error. */
 gboolean picture_child_write(gconstpointer bytes, gsize n);
+/* Reports to the caller of picture_child_run() that done of n steps are finished. */
 void picture_child_tell(int done, int n);
 
-/* Takes the arguments of picture_child_run(), and runs func with this much processor time. Does not
- * return; wrong arguments end the program with exit code 2. */
+/* Takes the arguments of picture_child_run(), and runs func with at most cpu_s seconds of processor
+ * time. Does not return. Wrong arguments end the program with exit code 2. */
 void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func) G_GNUC_NORETURN;
 
 G_END_DECLS

@@ -1,4 +1,4 @@
-/* A module of its own: picture_codecs.h. */
+/* A separate module; see picture_codecs.h. */
 #include "picture_codecs.h"
 
 #include <opencv2/imgcodecs.hpp>
@@ -11,7 +11,8 @@ bool decode(const guint8 *bytes, gsize length, enum picture_channels channels,
             struct picture_pixels *ret) {
     const cv::Mat from(1, (int)length, CV_8U, const_cast<guint8 *>(bytes));
     const int colours = channels == PICTURE_GREY ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR;
-    /* IMREAD_UNCHANGED is no flag: it stands alone, and ignores orientation. */
+    /* IMREAD_UNCHANGED is not a flag that can be combined with others. It also ignores the
+     * orientation. */
     const cv::Mat m =
         cv::imdecode(from, channels == PICTURE_ALPHA
                                ? cv::IMREAD_UNCHANGED
@@ -34,7 +35,7 @@ extern "C" PictureCodecsDecode picture_codecs_decode;
 gboolean picture_codecs_decode(const guint8 *bytes, gsize length, enum picture_channels channels,
                                struct picture_pixels *ret, char **ret_what) {
     *ret_what = nullptr;
-    /* OpenCV also prints the errors that it throws; one message is enough. */
+    /* OpenCV also prints the errors that it throws. One message is enough. */
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     try {
         return decode(bytes, length, channels, ret);

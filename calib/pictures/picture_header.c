@@ -1,5 +1,5 @@
-/* Sizes from the headers of PNG (IHDR), JPEG (start of frame), BMP, portable anymaps, and TIFF
- * (tags of the first directory). */
+/* Reads sizes from the headers of PNG (IHDR), JPEG (start of frame), BMP, portable anymaps, and
+ * TIFF (tags of the first directory). */
 #include "picture_header.h"
 
 #include "base/input_file.h"
@@ -32,7 +32,7 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
             continue;
         }
         const guint8 marker = bytes[at + 1];
-        /* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
+        /* 0xc0 … 0xcf start a frame, except tables (c4, cc) and an extension (c8). */
         if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
             marker != 0xcc) {
             *ret = (struct size){tiff_number(bytes + at + 7, 2, TRUE),
@@ -45,7 +45,7 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     return FALSE;
 }
 
-/* A bitmap of Windows or OS/2; a negative height says that the top row is the first. */
+/* A bitmap of Windows or OS/2. A negative height means that the top row comes first. */
 static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 26 || memcmp(bytes, "BM", 2) != 0)
         return FALSE;
@@ -56,8 +56,8 @@ static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
     return TRUE;
 }
 
-/* A portable graymap or pixmap: "P5", width and height in decimal, between white space and comments
- * up to the line's end. */
+/* A portable graymap or pixmap: "P2", "P3", "P5" or "P6", then width and height in decimal. They
+ * are separated by white space and by comments, which end with the line. */
 static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
     guint64 values[2] = {0, 0};
     gsize at = 2;
@@ -76,7 +76,7 @@ static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
 
 enum { TIFF_WIDTH = 256, TIFF_HEIGHT, TIFF_BITS, TIFF_TILE_WIDTH = 322, TIFF_TILE_HEIGHT };
 
-/* First value of a tag: in the entry itself, or at the offset that the entry gives. */
+/* Returns the first value of a tag. It is in the entry itself, or at the offset in the entry. */
 static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     static const int sizes[] = {[1] = 1, [3] = 2, [4] = 4, [16] = 8};
     const int room = tiff->big ? 8 : 4;
@@ -93,7 +93,7 @@ static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     return tiff_number(at, MIN(size, room), tiff->big_endian);
 }
 
-/* Tiles that exceed the picture are decoded completely: the larger size counts. */
+/* Tiles that extend beyond the picture are decoded completely, so the larger size counts. */
 static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
     const guint64 at = tiff_first(tiff);
@@ -120,7 +120,8 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     return ret->width > 0 && ret->height > 0;
 }
 
-/* The size is checked before decoding, so that a small file cannot claim all memory. */
+/* The size is checked before decoding, so that a small file cannot claim a large amount of
+ * memory. */
 gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
     struct size size = {0};
     struct tiff tiff;
@@ -135,7 +136,7 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
     }
     if (!input_file_check_pixels(path, size.width, size.height, length, error))
         return FALSE;
-    /* Values of 32 bits need twice the memory while they are decoded. */
+    /* Values of 32 bits need twice the memory during decoding. */
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
     if (size.bits <= 16 || size.height <= most / size.width)
         return TRUE;

@@ -9,15 +9,15 @@
 
 #include "base/input_file.h"
 
-#define HEADER  29         /* bytes up to the method of interlacing */
-#define SAID    (4 << 20)  /* bytes in which a file says its tone curve */
+#define HEADER  29         /* bytes up to the interlace method */
+#define SAID    (4 << 20)  /* number of bytes in which the tone curve is searched */
 #define MAX_ROW (64 << 20) /* bytes */
 
 struct part_reading {
     FILE *file;
     const struct picture_part *part;
-    guint8 *row, *rows; /* of the whole width; of the part */
-    gsize pixel;        /* bytes */
+    guint8 *row, *rows; /* row: the whole width; rows: the part */
+    gsize pixel;        /* bytes of a pixel */
     int channels, bits;
     char *why;
 };
@@ -51,7 +51,7 @@ static void on_error(png_structp png, png_const_charp text) {
 static void on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Everything between setjmp and a longjmp; what it allocates is in reading. */
+/* Everything between setjmp() and a longjmp(). What it allocates is in reading. */
 static gboolean decode_rows(png_structp png, png_infop info, struct part_reading *reading) {
     const struct picture_part *part = reading->part;
     if (setjmp(png_jmpbuf(png)))
@@ -106,7 +106,7 @@ static void take_numbers(const struct part_reading *from, struct picture_codes *
     }
 }
 
-/* What the chunks before the pixels say. */
+/* Reads what the chunks before the pixels say of the picture. */
 static void read_says(const char *path, int fd, guint64 length, struct picture_says *ret) {
     const gsize n = (gsize)MIN(length, SAID);
     g_autofree guint8 *bytes = g_malloc(n);

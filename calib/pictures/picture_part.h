@@ -13,12 +13,12 @@ struct picture_part {
     int x, y, width, height; /* pixels from the top left corner */
 };
 
-/* Whether the file is a PNG whose rows follow each other, which an interlaced one's do not; and its
- * size. FALSE also if it cannot be read. */
+/* Returns whether the file is a PNG whose rows follow each other, and its size. An interlaced PNG
+ * has another order. Also returns FALSE if the file cannot be read. */
 gboolean picture_part_can(const char *path, int *ret_width, int *ret_height);
 
-/* As picture_read_codes(), of a part that lies within the picture; width and height of ret are
- * those of the part. */
+/* The same as picture_read_codes(), for a part that lies within the picture. width and height of
+ * ret are those of the part. */
 gboolean picture_part_read(const char *path, const struct picture_part *part,
                            struct picture_codes *ret, GError **error);
 

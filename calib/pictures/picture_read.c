@@ -9,7 +9,7 @@
 #include "picture_header.h"
 #include "raw.h"
 
-/* Loads the codecs once; they stay. */
+/* Loads the codecs once. They stay loaded. */
 static PictureCodecsDecode *load_codecs(GError **error) {
     static GMutex mutex;
     static PictureCodecsDecode *decode;
@@ -28,7 +28,7 @@ static PictureCodecsDecode *load_codecs(GError **error) {
     return decode;
 }
 
-/* ret_sha256 may be NULL. */
+/* Reads, checks and decodes a file. ret_sha256 may be NULL. */
 static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixels *ret,
                             struct picture_says *ret_says, char **ret_sha256, GError **error) {
     gsize length = 0;
@@ -61,7 +61,7 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
     return FALSE;
 }
 
-/* The number k of all in the file. */
+/* Returns number k of all numbers in the file. */
 static float number_at(const struct picture_pixels *from, gsize k) {
     if (from->bits == 8)
         return ((const guint8 *)from->values)[k];

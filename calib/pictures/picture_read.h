@@ -10,20 +10,22 @@
 
 G_BEGIN_DECLS
 
-/* Reads a picture as grey, camera raw as raw_read_grey(). Made linear by the tone curve that the
- * file says; if it says none, files of 8 bits are taken as sRGB, others as linear. 1 is white. */
+/* Reads a picture as grey; camera raw is read like raw_read_grey(). The values are made linear with
+ * the tone curve that the file gives. If it gives none, files of 8 bits are taken as sRGB, and
+ * others as linear. 1 is white. */
 struct picture *picture_read(const char *path, GError **error);
 
-/* The numbers of a picture in colour, which is not camera raw. */
+/* The numbers of a colour picture that is not camera raw. */
 typedef struct picture_codes {
     int width, height;
     gboolean grey;            /* the file is grey, and all three numbers are equal */
-    int bits;                 /* 8 or 16 of each number; 0: it is a floating-point number */
+    int bits;                 /* 8 or 16 bits of each number; 0 for floating-point numbers */
     gsize transparent;        /* number of pixels that are not opaque; their numbers are NaN */
     float *rgb;               /* height × width × 3 (R, G, B) */
     struct picture_says says; /* picture_tone_apply() makes the numbers linear */
 } PictureCodes;
 
+/* Reads a picture in colour. After success, call picture_codes_clear(). */
 gboolean picture_read_codes(const char *path, struct picture_codes *ret, GError **error);
 void picture_codes_clear(struct picture_codes *codes);
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(PictureCodes, picture_codes_clear)

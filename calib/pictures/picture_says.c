@@ -39,14 +39,14 @@ void picture_says_clear(struct picture_says *says) {
     g_clear_pointer(&says->tone.said, g_free);
 }
 
-/* The light of the inverse of BT.709's curve. */
+/* Returns the light of a number, by the inverse of BT.709's curve. */
 static double from_709(double v) {
     return v < 0.081 ? v / 4.5 : pow((v + 0.099) / 1.099, 1 / 0.45);
 }
 
 double picture_tone_light(const struct picture_tone *tone, double number) {
     switch (tone->tones) {
-    case PICTURE_TONES_SRGB: /* its linear part continues below 0 */
+    case PICTURE_TONES_SRGB: /* the linear part continues below 0 */
         return number <= 0.04045 ? number / 12.92 : pow((number + 0.055) / 1.055, 2.4);
     case PICTURE_TONES_GAMMA:
         return number > 0 ? pow(number, tone->gamma) : number;
@@ -63,7 +63,7 @@ double picture_tone_light(const struct picture_tone *tone, double number) {
     }
 }
 
-/* The curve of an ICC profile: that of green, or of grey. */
+/* Reads the curve of an ICC profile: that of green, or of grey. */
 static void read_profile(const guint8 *bytes, gsize length, struct picture_tone *ret) {
     char name[80] = "";
     cmsContext context = cmsCreateContext(NULL, NULL); /* prints nothing */
@@ -91,7 +91,8 @@ static void read_profile(const guint8 *bytes, gsize length, struct picture_tone 
     cmsDeleteContext(context);
 }
 
-/* "2026:11:27 18:57:13", and perhaps a fraction of a second, "042". */
+/* Parses a time such as "2026:11:27 18:57:13", and a fraction of a second such as "042", which may
+ * be missing. */
 static gint64 parse_time(const struct tiff_value *time, const struct tiff_value *fraction) {
     int d[6];
     g_autofree char *text = g_strndup((const char *)time->at, (gsize)MIN(time->n, 32));
@@ -109,7 +110,7 @@ static gint64 parse_time(const struct tiff_value *time, const struct tiff_value 
     return g_date_time_to_unix(date) * G_USEC_PER_SEC + (gint64)(seconds * G_USEC_PER_SEC);
 }
 
-/* EXIF data, a TIFF file or a camera raw of its form. */
+/* Reads EXIF data, a TIFF file, or a camera raw file of the same form. */
 static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct picture_says *ret) {
     struct tiff tiff;
     struct tiff_value value, fraction;
@@ -147,7 +148,7 @@ static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct p
 }
 
 static void read_jpeg(const guint8 *bytes, gsize length, struct picture_says *ret) {
-    static const char exif[] = "Exif\0", icc[] = "ICC_PROFILE"; /* with their NULs */
+    static const char exif[] = "Exif\0", icc[] = "ICC_PROFILE"; /* both with a NUL at the end */
     g_autoptr(GByteArray) profile = g_byte_array_new();
     for (gsize at = 2; at + 4 <= length && bytes[at] == 0xff;) {
         const guint8 marker = bytes[at + 1];
@@ -196,7 +197,7 @@ static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     }
 }
 
-/* ITU-T H.273 */
+/* transfer is a number of ITU-T H.273. */
 static void read_cicp(int transfer, struct picture_tone *ret) {
     char *said = g_strdup_printf("PNG cICP %d", transfer);
     if (transfer == 8)
@@ -214,7 +215,8 @@ static void read_cicp(int transfer, struct picture_tone *ret) {
         say(ret, PICTURE_TONES_OTHER, said);
 }
 
-/* Of several statements that which the standard prefers: cICP, iCCP, sRGB, gAMA. */
+/* If a file has several statements, the one that the PNG standard prefers is used: cICP, iCCP,
+ * sRGB, gAMA. */
 static void read_png(const guint8 *bytes, gsize length, struct picture_says *ret) {
     struct picture_tone *tone = &ret->tone;
     int rank = 0;

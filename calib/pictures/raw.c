@@ -1,4 +1,4 @@
-/* Camera raw, from the program that reads it. */
+/* Camera raw, read by a separate program. */
 #include "raw.h"
 
 #include "base/input_file.h"

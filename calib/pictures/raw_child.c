@@ -1,4 +1,4 @@
-/* Camera raw by LibRaw, in the program that reads it. */
+/* Reads camera raw with LibRaw, in the separate program. */
 #include "raw.h"
 
 #include "base/input_file.h"
@@ -13,7 +13,7 @@ static gboolean fail(const char *path, GError **error, const char *why) {
     return FALSE;
 }
 
-/* The name of the mosaic; FALSE: it has none of those that are known. */
+/* Gives the name of the mosaic. Returns FALSE if it is not a known one. */
 static gboolean raw_cfa(libraw_data_t *raw, char ret[RAW_CFA]) {
     static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};
     if (raw->idata.filters == 0 && raw->idata.colors == 1) {
@@ -34,8 +34,8 @@ static gboolean raw_cfa(libraw_data_t *raw, char ret[RAW_CFA]) {
     return g_strv_contains(known, ret);
 }
 
-/* The black level at a place of the visible part: the sum of a number for all pixels, one for each
- * colour filter, and one from a pattern that repeats. */
+/* Returns the black level at a place of the visible part. It is the sum of a number for all pixels,
+ * a number for each colour filter, and a number from a pattern that repeats. */
 static double raw_black(libraw_data_t *raw, int y, int x, gboolean mono) {
     const unsigned *of = raw->color.cblack;
     const unsigned filter = mono ? 0 : (unsigned)libraw_COLOR(raw, y & 1, x & 1) & 3;

@@ -11,7 +11,7 @@ struct tiff {
     gboolean big_endian, big; /* big: a BigTIFF, whose entries have 20 bytes instead of 12 */
 };
 
-/* The numbers of a tag: n of them, all within the file, each with size bytes. */
+/* The values of a tag: n values of size bytes each, all within the file. */
 struct tiff_value {
     guint64 type, n;
     int size;
@@ -20,16 +20,17 @@ struct tiff_value {
 
 enum { TIFF_ASCII = 2, TIFF_RATIONAL = 5 };
 
-/* An unsigned integer of n bytes. */
+/* Reads an unsigned integer of n bytes. */
 guint64 tiff_number(const guint8 *at, int n, gboolean big_endian);
 
-/* Whether bytes begin a TIFF; the directories are checked when they are read. */
+/* Returns whether the bytes begin a TIFF. The directories are checked when they are read. */
 gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret);
-/* The offset of the first directory. */
+/* Returns the offset of the first directory. */
 guint64 tiff_first(const struct tiff *tiff);
-/* Finds a tag in the directory at an offset. FALSE: it is not there, or not within the file. */
+/* Finds a tag in the directory at an offset. Returns FALSE if it is not there, or not within the
+ * file. */
 gboolean tiff_find(const struct tiff *tiff, guint64 directory, guint tag, struct tiff_value *ret);
-/* The same for an unsigned integer, of which the first value counts; 0: not there. */
+/* Returns the first value of a tag with unsigned integers, or 0 if it is not there. */
 guint64 tiff_find_number(const struct tiff *tiff, guint64 directory, guint tag);
 
 G_END_DECLS

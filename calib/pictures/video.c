@@ -1,4 +1,4 @@
-/* Videos, from the program that reads them. */
+/* Videos, read by a separate program. */
 #include "video.h"
 
 #include "base/input_file.h"
@@ -9,7 +9,7 @@ static void clear_frame(gpointer data) {
     g_free(((struct video_frame *)data)->grey);
 }
 
-/* The frames as video_child_read() has written them. */
+/* Reads the frames that video_child_read() has written. */
 static gboolean take_frames(GBytes *from, struct video *video) {
     struct video_head head = {0};
     gsize at = 0;

@@ -1,10 +1,10 @@
 /*
- * Frames of a video that are worth looking at (OpenCV's videoio, with FFmpeg). Any thread.
+ * Reads the sharpest frames of a video (OpenCV's videoio, with FFmpeg). Any thread.
  *
- * A video is divided into windows of equal length, and the sharpest frame of each window is kept:
- * the one with the largest mean squared gradient, divided by the variance of the picture. A camera
- * or board that moves while the shutter is open blurs the frames; between two movements some are
- * sharp. FFmpeg runs in a program of its own (picture_child.h).
+ * A video is divided into windows of equal length, and the sharpest frame of each window is kept.
+ * Sharpness is the mean squared gradient divided by the variance of the picture. A camera or board
+ * that moves while the shutter is open blurs the frames, but between two movements some frames are
+ * sharp. FFmpeg runs in a separate program (picture_child.h).
  */
 #pragma once
 
@@ -14,7 +14,7 @@
 G_BEGIN_DECLS
 
 struct video_frame {
-    int index; /* in the video, from 0 */
+    int index; /* number of the frame in the video, from 0 */
     double sharpness;
     guint8 *grey; /* height × width, sRGB */
 };
@@ -25,30 +25,30 @@ typedef struct video {
     GArray *frames; /* of struct video_frame, in order */
 } Video;
 
-/* Called after each frame; n: the number that the file states, possibly wrong. FALSE ends the
- * reading. */
+/* Called after each frame. n is the number of frames that the file states, which may be wrong.
+ * Returns FALSE to end the reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
-/* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG, by its
- * first bytes, and nothing that FFmpeg would look for elsewhere), and keeps most / 2 + 1 to most
- * frames, or all of a shorter one. NULL: PICTURE_FILE_ERROR, INPUT_FILE_ERROR, or the error of
- * progress (which may be NULL). Rotation that the file asks for is ignored: pixels stay as on the
- * sensor. */
+/* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG). Its first
+ * bytes must show one of these formats, so that FFmpeg does not open other files. Keeps most / 2 +
+ * 1 to most frames, or all frames of a shorter video. Returns NULL with PICTURE_FILE_ERROR,
+ * INPUT_FILE_ERROR, or the error of progress; progress may be NULL. A rotation in the file is
+ * ignored: pixels stay as on the sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
-/* Between video_read() and the program: its output begins with this; then each frame that is kept,
- * and its values. */
+/* Used between video_read() and the program: the head of the program's output. Each frame that is
+ * kept follows it, with its values. */
 struct video_head {
     int width, height, n_frames;
     guint n_kept;
 };
 
-/* For the program that reads: video_child.cpp. */
+/* Reads the file in the separate program; see video_child.cpp. */
 gboolean video_child_read(const struct picture_job *job, GError **error);
 void video_free(struct video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)
 
-/* A kept frame, linear in light. name, checksum: as in picture.h. */
+/* Returns a kept frame as a picture, linear in light. name and checksum are as in picture.h. */
 struct picture *video_picture(const struct video *video, guint i, const char *name,
                               const char *checksum);
 

@@ -1,4 +1,4 @@
-/* Videos by OpenCV's videoio, with FFmpeg, in the program that reads them. */
+/* Reads videos with OpenCV's videoio and FFmpeg, in the separate program. */
 #include "video.h"
 
 #include "base/input_file.h"
@@ -27,7 +27,7 @@ double sharpness_of(const cv::Mat &grey) {
     return variance > 0 ? (dx.dot(dx) + dy.dot(dy)) / n / variance : 0;
 }
 
-/* Joins windows in pairs; each pair keeps its sharper frame. */
+/* Merges windows in pairs. Each pair keeps its sharper frame. */
 void merge_windows(GArray *frames) {
     for (guint i = 0; i + 1 < frames->len; i++) {
         auto *a = &g_array_index(frames, struct video_frame, i);
@@ -36,7 +36,7 @@ void merge_windows(GArray *frames) {
     }
 }
 
-/* Adds a frame; every: length of a window in frames. */
+/* Adds a frame. every is the length of a window in frames. */
 void take(struct video *video, const cv::Mat &grey, int every) {
     const gsize n = grey.total();
     struct video_frame frame = {video->n_frames, sharpness_of(grey), nullptr};
@@ -80,8 +80,8 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
                         video->n_frames, grey.cols, grey.rows, video->width, video->height);
             return false;
         }
-        /* Windows are merged when a frame would open one more than `most`; their number is even,
-         * so that all have the same length. */
+        /* If a frame would open one window too many, windows are merged in pairs. Their number is
+         * even then, so that all windows have the same length. */
         if (video->n_frames % every == 0 && video->frames->len >= most - most % 2) {
             merge_windows(video->frames);
             every *= 2;
@@ -98,8 +98,9 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
 
 #define HEAD_BYTES 200 /* a packet of MPEG-TS and the start of the next one */
 
-/* Whether a file is a video by its first bytes. FFmpeg reads much else: playlists and lists of
- * files, for instance, which make it open whatever they name, on the network as well. */
+/* Returns whether the first bytes of a file are those of a video. FFmpeg also reads other formats.
+ * For instance, a playlist or a list of files would make it open everything that the list names,
+ * even on the network. */
 bool is_video(int fd) {
     static const struct {
         int at, n;
@@ -121,8 +122,8 @@ bool is_video(int fd) {
     return (head[0] == 0x47 && head[188] == 0x47) || (head[4] == 0x47 && head[196] == 0x47);
 }
 
-/* Uses only FFmpeg or OpenCV's Motion JPEG reader: others may interpret a path as a URL or
- * pipeline. */
+/* Opens a video with FFmpeg or OpenCV's Motion JPEG reader. Other backends may interpret a path as
+ * a URL or a pipeline. */
 bool open_video(cv::VideoCapture &capture, const char *path) {
     for (int by : {cv::CAP_FFMPEG, cv::CAP_OPENCV_MJPEG})
         if (capture.open(path, by)) {
@@ -140,7 +141,7 @@ gboolean tell(int done, int n, gpointer, GError **) {
 } // namespace
 
 gboolean video_child_read(const struct picture_job *job, GError **error) {
-    /* The file that is open, whatever the path leads to by now. */
+    /* Opens the descriptor and not the path, which may have another file by now. */
     g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job->fd);
     struct video video = {};
     video.frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));

@@ -10,17 +10,17 @@
 
 namespace {
 
-constexpr int FEWEST_CIRCLES = 9; /* that a grid is looked for in */
+constexpr int FEWEST_CIRCLES = 9; /* smallest number of circles of a grid that is searched */
 
-/* OpenCV also prints the errors that it throws; one message is enough. It starts no threads:
- * whoever calls these functions works on several pictures at the same time. */
+/* OpenCV also prints the errors that it throws. One message is enough. OpenCV must not start
+ * threads, because the callers work on several pictures at the same time. */
 const bool set_up = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     cv::setNumThreads(0);
     return true;
 }();
 
-/* Runs work; exceptions become errors. */
+/* Runs work, and converts exceptions to errors. */
 template <typename Work> bool guarded(GError **error, const char *what, Work work) {
     try {
         return work();
@@ -33,7 +33,7 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
     return false;
 }
 
-/* In the order of OpenCV's PREDEFINED_DICTIONARY_NAME. */
+/* The order is that of OpenCV's PREDEFINED_DICTIONARY_NAME. */
 const char *const dictionaries[] = {
     "4x4_50",        "4x4_100",        "4x4_250",       "4x4_1000",      "5x5_50",
     "5x5_100",       "5x5_250",        "5x5_1000",      "6x6_50",        "6x6_100",
@@ -51,8 +51,8 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
     return {};
 }
 
-/* Converts to 8 bits between the first and last per cent; a square root gives dark values more
- * levels, so that edges are found in shadow as well. */
+/* Converts the range between the first and the last per cent to 8 bits. A square root gives dark
+ * values more levels, so that edges in shadow are also found. */
 cv::Mat to_bytes(const picture *from) {
     const cv::Mat linear(from->height, from->width, CV_32F, from->values);
     cv::Mat sorted = linear.clone().reshape(1, 1);
@@ -70,7 +70,8 @@ cv::Mat to_bytes(const picture *from) {
     return bytes;
 }
 
-/* Markers with few pixels per cell are searched in an enlarged picture. */
+/* Returns the factor by which a picture is enlarged, so that markers with few pixels per cell are
+ * found. */
 int enlargement(const cv::Mat &m) {
     const int longest = std::max(m.cols, m.rows);
     return longest <= 400 ? 3 : longest <= 900 ? 2 : 1;
@@ -83,8 +84,8 @@ cv::Ptr<cv::aruco::DetectorParameters> detector(int border) {
     p->adaptiveThreshWinSizeMax = 45;
     p->adaptiveThreshWinSizeStep = 10;
     p->minMarkerPerimeterRate = 0.02;
-    /* A marker is so close to the edge of its white square that the detector would merge the two.
-     */
+    /* A marker is so close to the edge of its white square that the detector would otherwise merge
+     * the two. */
     p->minMarkerDistanceRate = 0.005;
     p->perspectiveRemovePixelPerCell = 6;
     p->maxErroneousBitsInBorderRate = 0.25;
@@ -117,8 +118,9 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
     }
 }
 
-/* by_sectors: finds corners by the sectors around them; otherwise by the outlines of the dark
- * squares, which finds boards that the first method misses. */
+/* Finds the corners of a chessboard. If by_sectors is TRUE, corners are found by the sectors around
+ * them. Otherwise they are found by the outlines of the dark squares, which finds boards that the
+ * first method misses. */
 bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_sectors,
                   double *ret_xy_px) {
     std::vector<cv::Point2f> corners;
@@ -136,8 +138,8 @@ bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_se
     return true;
 }
 
-/* Searches for blobs by area and roundness; the limits of the area follow from the picture's size
- * and the number of circles. */
+/* Makes a detector for blobs by area and roundness. The limits of the area follow from the
+ * picture's size and the number of circles. */
 cv::Ptr<cv::SimpleBlobDetector> blob_detector(const cv::Mat &bytes, int circles) {
     cv::SimpleBlobDetector::Params p;
     p.minArea = 20;

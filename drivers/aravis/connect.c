@@ -47,7 +47,8 @@ static gboolean probe(int fd, guint32 *ret_control) {
     return FALSE;
 }
 
-/* Also finds which of our addresses the route to the camera uses. */
+/* Reads the control register of the camera at an IP address. *ret_ours is the local address from
+ * which the route to the camera starts. */
 static gboolean connect_ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours,
                             GError **error) {
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(GVCP_PORT)}, ours;

@@ -60,7 +60,7 @@ struct AravisWorker {
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
     gboolean exposure_set, gain_set;
-    gboolean halted; /* its stream may be halted, because a frame did not come */
+    gboolean halted; /* the camera's stream may be halted, because a frame did not come */
     GError *settings_error;
     GError *lost_error;
 };

@@ -7,8 +7,8 @@
 #include <string.h>
 
 #define DEADLINE_MS 1500
-/* Deadline of a command. A busy drive may answer late. It is below the 4 s by which the class waits
- * longer than a move takes. */
+/* Deadline of a command. A busy drive may answer late. The deadline is shorter than the 4 s that
+ * the class adds to the predicted time of a movement. */
 #define COMMAND_MS 3000
 #define IDLE_MS    200 /* time between polls of a drive that stands */
 /* Number of failed polls in a row after which a drive is lost. A delay may be caused by this

@@ -38,7 +38,7 @@ struct ModbusBus {
     struct modbus_counts counts;
     GSource *source;
     GList *waiting;              /* used only by the main loop's thread: tasks with a callback */
-    struct modbus_line *line;    /* used only by the line's thread, like dead */
+    struct modbus_line *line;    /* line and dead are used only by the line's thread */
     gboolean dead[MAX_UNIT + 1]; /* units that have not answered their last task */
 };
 

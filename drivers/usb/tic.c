@@ -79,9 +79,11 @@ struct tic {
     gboolean watched; /* the axis is homed, and is polled even while it stands */
     /* The next stop is a halt, because the axis was homing or has broken down. */
     gboolean halts;
-    gboolean asked;         /* a poll is under way */
-    gboolean was_well;      /* a poll without errors has followed the last start */
-    int n_started, n_asked; /* a poll sent before the last start proves nothing */
+    gboolean asked;    /* a poll is under way */
+    gboolean was_well; /* a poll without errors has followed the last start */
+    /* Number of starts, and this number when the last poll was sent. If they differ, the poll is
+     * older than the last start and proves nothing. */
+    int n_started, n_asked;
     int n_commands;
     GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;

@@ -63,7 +63,7 @@ gboolean video_refuse(GError **error, enum device_error code, const struct video
 
 /* Returns the codes of all formats of the node, including those that cannot be used for
  * measuring. */
-GArray *video_node_formats(const struct video_node *node); /* of guint32 */
+GArray *video_node_formats(const struct video_node *node); /* an array of guint32 */
 
 /* Returns the sizes as text, "640 × 480, 1280 × 720" or a range; g_free(). */
 char *video_node_sizes(const struct video_node *node, guint32 fourcc);
