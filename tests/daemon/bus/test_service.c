@@ -229,7 +229,7 @@ static void test_usage(void) {
         {0, NULL, {MESORIGD, "--help"}},
         {2, "--help", {MESORIGD, "--nonsense"}},
         {2, "arguments", {MESORIGD, "rig.conf"}},
-        {2, "system or session", {MESORIGD, "--bus=coach"}},
+        {2, "choose from: system, session", {MESORIGD, "--bus=coach"}},
         {2, "not both", {MESORIGD, "--bus=session", "--listen=unix:path=/tmp/x"}},
         {2, "--listen", {MESORIGD, "--exit-with-client"}},
         {1, "unix:path=", {MESORIGD, "--listen=tcp:host=localhost"}},

@@ -82,7 +82,7 @@ TEST(disconnect_for_long) {
                                           {"[camera cam60]", "fault_reconnect_s = 3000"},
                                           {0}});
     run_to_pause(run, "cam60");
-    g_assert_nonnull(strstr(run_status(run).reason, "gone"));
+    g_assert_nonnull(strstr(run_status(run).reason, "disconnected"));
     run_check_safe(run);
     double elapsed_s = run_status(run).elapsed_s;
     run_continue(run);
