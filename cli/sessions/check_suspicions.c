@@ -130,9 +130,9 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
     if (least == flat && p > 0)
         suspect(
             ret,
-            "a level of %.3g lies under all values: without it the asymmetry is %.2g %% instead of "
-            "%.2g %%. Subtract the black level of the cameras from the pictures, or keep other "
-            "light out",
+            "a level of %.3g of white is added to all values: without it the asymmetry is %.2g %% "
+            "instead of %.2g %%. Subtract the black level of the cameras from the pictures, or "
+            "keep other light out",
             p, 100 * flat, 100 * is);
     else if (least == flat)
         suspect(ret,
