@@ -79,6 +79,7 @@ TEST(find__subprocess) {
 static void wait_for_end(pid_t pid) {
     UNTIL (kill(pid, 0) != 0)
         pass_time(5);
+    pass_time(200); /* the process is reaped before the main loop calls the follower */
 }
 
 TEST(end__subprocess) {

@@ -150,7 +150,7 @@ TEST(bad) {
         {"[]", "it is not a JSON object"},
         {"{}", "type is none and colorspace is none; only ptm or hsh with rgb or lrgb can be read"},
         {"{\"type\": 3, \"colorspace\": null}", "type is none"},
-        {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace mrgb"},
+        {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace is mrgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": \"4\"}", "width is 0"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "27}",
