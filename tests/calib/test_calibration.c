@@ -280,7 +280,7 @@ TEST(nonsense) {
     assert_refused("pictures=41", "pictures=-1", "[part cameras] pictures: is out of range");
     assert_refused("pictures=41", "pictures=nan", "[part cameras] pictures: is not a finite");
     assert_refused("pictures=41", "pictures=41\nflavour=2", "[part cameras] flavour: is not known");
-    assert_refused("degrees_of_freedom=1234\n", "", "degrees_of_freedom: missing");
+    assert_refused("degrees_of_freedom=1234\n", "", "degrees_of_freedom: is missing");
     assert_refused("\ndate=2", "\ndate=yesterday 2", "date: is not a date");
     assert_refused("covariance=9.9999999999999995e-07", "covariance=-1", "is not a covariance");
     assert_refused("covariance=9.9999999999999995e-07;", "covariance=", "wrong number of numbers");
