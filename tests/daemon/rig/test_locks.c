@@ -164,7 +164,7 @@ static void test_operator(struct fixture *fixture, gconstpointer unused) {
     g_autofree char *note = g_strdup_printf(
         " (process %d) has it open, and may switch it on again: end it, or use “mesorig safe”",
         fixture->pid);
-    g_autofree char *line = g_strdup_printf(" (process %d) uses it; let", fixture->pid);
+    g_autofree char *line = g_strdup_printf(" (process %d) uses it; use", fixture->pid);
     light_up(fixture);
     g_autofree char *said =
         process_text(1, (const char *[]){MESORIGD, "--safe-state", fixture->rig, NULL});
@@ -179,7 +179,7 @@ static void test_operator(struct fixture *fixture, gconstpointer unused) {
 
 /* systemd does so after a service that failed because this daemon has the rig. */
 static void test_service(struct fixture *fixture, gconstpointer unused) {
-    g_autofree char *line = g_strdup_printf(" (process %d) uses it; let", fixture->pid);
+    g_autofree char *line = g_strdup_printf(" (process %d) uses it; use", fixture->pid);
     light_up(fixture);
     g_autofree char *said =
         process_text(1, (const char *[]){"/usr/bin/env", "SERVICE_RESULT=exit-code", MESORIGD,
@@ -212,7 +212,7 @@ static void test_service(struct fixture *fixture, gconstpointer unused) {
 
 /* Looking for devices on a line that a daemon has. */
 static void test_scan(struct fixture *fixture, gconstpointer unused) {
-    g_autofree char *line = g_strdup_printf(" (process %d) uses it; let", fixture->pid);
+    g_autofree char *line = g_strdup_printf(" (process %d) uses it; use", fixture->pid);
     g_autofree char *board = g_strdup_printf(" (process %d) uses it\n", fixture->pid);
     const char *pty = virtual_modbus_bus(fixture->lines.devices[ARC]);
     const char *tcp = virtual_modbus_bus(fixture->lines.devices[BANK]);

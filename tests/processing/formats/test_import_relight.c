@@ -213,7 +213,8 @@ TEST(no_lights) {
         ok(import_relight(path, info, &wish, NULL, &result, ERR));
         g_assert_cmpint(result.n_lights, ==, k ? 2 : 81);
         g_assert_cmpuint(notes->len, ==, 1);
-        assert_has(notes->pdata[0], k ? "under the 2 lights of " : "under the 81 of the papers");
+        assert_has(notes->pdata[0],
+                   k ? "under the 2 lights of " : "under the 81 lights of the papers");
     }
     g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("web");
@@ -222,7 +223,7 @@ TEST(no_lights) {
     g_assert_cmpint(g_mkdir(web, 0700), ==, 0);
     g_assert_true(g_file_set_contents(xml, "<MultiRes/>", -1, NULL));
     g_assert_false(import_relight(path, web, &wish, NULL, &result, &error));
-    assert_has(error->message, "info.xml: it is of WebRTI");
+    assert_has(error->message, "info.xml: it is a file of WebRTI");
 }
 
 TESTS_RUN_BY(session_fixture_run);
