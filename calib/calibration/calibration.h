@@ -118,7 +118,8 @@ struct calibration_laser { /* for rig.lasers; standard errors */
     struct rig_sheet_errors sheet;
     double residual_rms_mm;
     double expected_rms_mm; /* part of it that the noise of the lines explains; 0 if not known */
-    /* Standard deviation of the line's profile on the plates, as a sweep angle. 0 if not known. */
+    /* Width of the line on the plates: the standard deviation of its profile, as a sweep angle. It
+     * is 0 if it is not known. */
     double line_rad;
 };
 

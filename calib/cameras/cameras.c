@@ -180,7 +180,7 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
 struct each {
     struct cameras_work *work;
     CamerasPass run;
-    const double *reach_px; /* search radius of each picture; NULL: all pictures, with 0 */
+    const double *reach_px; /* search radius of each picture; if NULL, it is 0 for all pictures */
     GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
 

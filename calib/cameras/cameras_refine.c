@@ -11,7 +11,8 @@
 #define OUTLIER_PX      0.1    /* smaller residuals are never outliers */
 #define ROBUST          3      /* times the noise: threshold of Huber's loss */
 #define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
-/* weight of the camera's noise in the noise of a picture, as a number of residuals */
+/* The noise of a picture is estimated from its residuals and from the noise of its camera. The
+ * noise of the camera counts as much as this number of residuals. */
 #define TYPICAL      20
 #define SIGNIFICANT  4   /* standard deviations of the decrease of χ² by chance */
 #define MAX_REJECTED 0.4 /* share of rejected corners above which the picture is rejected */

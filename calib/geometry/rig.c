@@ -368,7 +368,8 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
     return rig_turn(rig_tilt_point(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
 }
 
-/* The next three functions convert between the frame of a device's carrier and the rig frame. */
+/* The next three functions convert from the frame of the arc to the rig frame, and back. A fixed
+ * device is in the rig frame already. */
 static struct vec3 carried_point(const struct rig_arc *arc, gboolean fixed, double arc_rad,
                                  struct vec3 point_mm) {
     return fixed ? point_mm : rig_arc_point(arc, arc_rad, point_mm);

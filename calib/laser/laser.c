@@ -1,8 +1,11 @@
 /* Least squares (geometry/fit.h) over all points. The residual of a point is (n·p − d) / σ. p is
  * the point of the plate that the pixel sees. n·x = d is the plane that touches the sheet at p, at
- * the commanded sweep angle. Parameters: tilt and centre of the arc's axis (4, with a prior); seven
- * per laser (below); offsets of the cameras (2 each, prior σ = LASER_CAMERA_PX); errors of the
- * arc's angles (1 each, σ estimated by drive.h). If lines fit badly, the height of each plane in
+ * the commanded sweep angle. The parameters are
+ *   tilt and centre of the arc's axis  4, with a prior
+ *   of each laser                      7, see below
+ *   offset of each camera              2, with the prior σ = LASER_CAMERA_PX
+ *   error of each angle of the arc     1, with σ estimated by drive.h
+ * If lines fit badly, the height of each plane in
  * turn is one more parameter. This shows whether the plane has another height than the given
  * one. */
 #include "laser.h"
@@ -20,7 +23,7 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define REJECT      5.0
 #define MIN_POINTS  60  /* smallest number of points of a laser on each of two heights */
 #define MIN_HEIGHTS 2.0 /* mm, smallest difference of the heights */
-/* smallest number of a step's points on each height that determines its sheet */
+/* A sheet is determined if each of the two heights has at least this number of points. */
 #define STEP_POINTS 12
 
 /* A laser counts as exchanged if it is nearer to another laser's place than to its own by this

@@ -31,7 +31,7 @@
 #define MIN_HALF_PX   2
 #define MIN_WIDTH_PX  0.3
 #define STEPS         20
-#define MIN_SIGNAL    5.0 /* smallest ratio of a line's width to the error of its middle */
+#define MIN_SIGNAL    5.0 /* least width of a line, in errors of its middle */
 #define CLEAR_PX      1.2 /* smallest distance of a profile from an edge of the print */
 /* smallest number of samples that give the background of a part of the board */
 #define FEWEST 8
@@ -90,8 +90,8 @@ static struct laser_pose moved(const struct laser_pose *from, const double p[6])
     return pose;
 }
 
-/* Computes the residuals, whitened by the inverse of the Cholesky factor of the corner's
- * covariance. */
+/* Computes the residuals of the corners. The inverse of the Cholesky factor of a corner's
+ * covariance scales its residual, so that each number has variance 1. */
 static void pose_residuals(const double *p, double *ret, gconstpointer data) {
     const struct pose_problem *problem = data;
     const struct laser_pose pose = moved(&problem->start, p);

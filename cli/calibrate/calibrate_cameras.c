@@ -127,7 +127,7 @@ static gboolean on_step(int step, int n, gpointer data) {
     return work_tell(job->work, "boards", step, n, job->begun_us, NULL);
 }
 
-/* Keeps a selection of a camera's residuals, which the report draws. */
+/* Keeps some of the residuals of a camera. The report draws them. */
 static void keep_residuals(struct job *job, int camera) {
     static const struct calibrate_column columns[] = {
         {"x_px", "%.4f"}, {"y_px", "%.4f"}, {"dx_px", "%.4f"}, {"dy_px", "%.4f"}};

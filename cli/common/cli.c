@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "base/help_text.h"
 #include "base/nearest.h"
+#include "bus/bus_client.h"
 
 #include <errno.h>
 #include <glib/gstdio.h>
@@ -90,8 +91,8 @@ static gboolean parse(const struct command *command, int *argc, char ***argv) {
         cli_usage(command, "an argument is missing");
     else if (*argc - 1 > command->max)
         cli_usage(command, "too many arguments");
-    else if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0)
-        cli_usage(command, "there is no --bus=%s; choose from: system, session", cli_bus);
+    else if (cli_bus && !bus_client_is_bus(cli_bus))
+        cli_usage(command, BUS_CLIENT_NO_BUS, cli_bus);
     else if (cli_bus && cli_address)
         cli_usage(command, "give --bus or --address, not both");
     else

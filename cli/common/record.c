@@ -220,15 +220,6 @@ void record_say_if(Record *to, gboolean said, const char *format, ...) {
         g_string_truncate(to->text, length);
 }
 
-void record_add(Record *to, const char *format, ...) {
-    const gsize length = to->text->len;
-    va_list arguments;
-    va_start(arguments, format);
-    say(to, format, &arguments);
-    va_end(arguments);
-    g_string_truncate(to->text, length);
-}
-
 void record_print(Record *record, gboolean json) {
     if (json && record->filled) {
         g_autofree char *text = json_text(g_variant_builder_end(&record->values));

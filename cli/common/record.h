@@ -30,7 +30,7 @@ void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 void record_say_if(Record *to, gboolean said, const char *format, ...) G_GNUC_PRINTF(3, 4);
 
 /* The same, but only adds the values: record_add(to, "%d{views} %d{lights}", 81, 81). */
-void record_add(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
+#define record_add(to, ...) record_say_if(to, FALSE, __VA_ARGS__)
 
 /* Add one value. JSON shows values in the order in which they were added. Strings that are not
  * UTF-8 are repaired. */

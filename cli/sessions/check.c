@@ -119,7 +119,7 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
         percent(mdf->unknown, mdf->seen), mdf->denied_share);
     record_int(to, "line_sweeps", mdf->lines.sweeps);
     record_say_if(to, mdf->lines.found > 0,
-                  "laser lines  seen beside the sample in %d{lines_found} of %d sweeps; "
+                  "laser lines  seen next to the sample in %d{lines_found} of %d sweeps; "
                   "%d{lines_disagree} contradict the calibration, by %+.4f° at most\n",
                   mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
     record_add(to, "%g{line_width} %g{line_scatter}", mdf->lines.width, mdf->lines.scatter);

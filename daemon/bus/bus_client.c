@@ -14,6 +14,10 @@ const char *bus_client_address(void) {
     return address && *address ? address : NULL;
 }
 
+gboolean bus_client_is_bus(const char *value) {
+    return g_str_equal(value, "system") || g_str_equal(value, "session");
+}
+
 const char *bus_client_folder(void) {
     const char *folder = g_get_user_runtime_dir();
     return strlen(folder) > LONGEST_FOLDER || g_access(folder, W_OK) != 0 ? g_get_tmp_dir()

@@ -14,6 +14,11 @@
 /* Returns the value of BUS_CLIENT_VARIABLE, or NULL if it is not set or empty. */
 const char *bus_client_address(void);
 
+/* Returns whether the value of --bus names a bus: "system" or "session". The error of a value that
+ * does not is BUS_CLIENT_NO_BUS. */
+gboolean bus_client_is_bus(const char *value);
+#define BUS_CLIENT_NO_BUS "there is no --bus=%s; choose from: system, session"
+
 /* Returns the folder that contains the folders of daemons: XDG_RUNTIME_DIR, or else the folder for
  * temporary files. */
 const char *bus_client_folder(void);

@@ -242,9 +242,8 @@ int main(int argc, char **argv) {
     g_auto(HooksConf) conf = {0};
     signal(SIGPIPE, SIG_IGN);
     program_parse(&command_line, &argc, &argv);
-    if (bus && !g_str_equal(bus, "system") && !g_str_equal(bus, "session"))
-        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
-                             bus);
+    if (bus && !bus_client_is_bus(bus))
+        return program_usage(&command_line, BUS_CLIENT_NO_BUS, bus);
     const char *path = conf_path                                     ? conf_path
                        : g_file_test(HOOKS_CONF, G_FILE_TEST_EXISTS) ? HOOKS_CONF
                                                                      : NULL;

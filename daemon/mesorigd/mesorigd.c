@@ -1,6 +1,7 @@
 /* mesorigd: opens the devices of a rig and runs sessions, controlled over D-Bus. */
 #include "base/program.h"
 #include "bus/bus.h"
+#include "bus/bus_client.h"
 #include "bus/preparer.h"
 #include "drivers/lock.h"
 #include "rig/guardian.h"
@@ -241,9 +242,8 @@ int main(int argc, char **argv) {
         return program_usage(&command_line, "give --bus or --listen, not both");
     if (!bus_kind)
         bus_kind = g_strdup("system");
-    if (!g_str_equal(bus_kind, "system") && !g_str_equal(bus_kind, "session"))
-        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
-                             bus_kind);
+    if (!bus_client_is_bus(bus_kind))
+        return program_usage(&command_line, BUS_CLIENT_NO_BUS, bus_kind);
     if (exit_with_client && !listen_address)
         return program_usage(&command_line, "--exit-with-client needs --listen");
     return serve();

@@ -104,9 +104,8 @@ int main(int argc, char **argv) {
         return program_usage(&command_line, "--port=%d is out of range: 0 to 65535", port);
     if (safe_needs_token && !token_path)
         return program_usage(&command_line, "--safe-needs-token needs --token-file");
-    if (bus && !g_str_equal(bus, "system") && !g_str_equal(bus, "session"))
-        return program_usage(&command_line, "there is no --bus=%s; choose from: system, session",
-                             bus);
+    if (bus && !bus_client_is_bus(bus))
+        return program_usage(&command_line, BUS_CLIENT_NO_BUS, bus);
     const int code = serve(&error);
     if (error)
         g_printerr("mesorig-web: %s\n", error->message);

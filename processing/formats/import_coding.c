@@ -87,44 +87,55 @@ static double import_coding_white(const struct import_set *set, const struct imp
     return 0;
 }
 
-/* Reads the dark frame of a row for the picture. The numbers belong to the set. Returns NULL
- * without an error if the row has no dark frame. ret_black is the mean of the dark frame, or the
- * black level. */
-static const struct import_picture *dark_frame(const struct import_set *set,
-                                               const struct import_row *row,
-                                               const struct import_picture *picture,
-                                               const char *name, double *ret_black,
-                                               GError **error) {
-    const char *path = row->coding.dark_path;
-    *ret_black = row->coding.black_level;
-    if (!path)
-        return NULL;
-    struct import_picture *dark = g_hash_table_lookup(set->darks, path);
-    if (!dark) {
-        g_autoptr(GError) found = NULL;
-        dark = import_picture_read_codes(path, &found);
-        if (!dark) {
-            data_error_set(set->table, row->line, error, "%s", found->message);
-            return NULL;
-        }
-        g_hash_table_insert(set->darks, g_strdup(path), dark);
-    }
-    if (dark->width != picture->width || dark->height != picture->height ||
-        dark->grey != picture->grey || dark->bits != picture->bits) {
-        data_error_set(set->table, row->line, error,
-                       "the dark frame %s (%d × %d pixels, %s, %d bits) and %s (%d × %d pixels, "
-                       "%s, %d bits) are not alike",
-                       path, dark->width, dark->height, dark->grey ? "grey" : "colour", dark->bits,
-                       name, picture->width, picture->height, picture->grey ? "grey" : "colour",
-                       picture->bits);
-        return NULL;
-    }
-    const gsize n = 3 * (gsize)dark->width * (gsize)dark->height;
+/* A dark frame, and the mean of its numbers. */
+struct dark {
+    struct import_picture *picture;
+    double mean;
+};
+
+void import_coding_free_dark(gpointer data) {
+    struct dark *dark = data;
+    import_picture_free(dark->picture);
+    g_free(dark);
+}
+
+static struct dark *read_dark(const char *path, GError **error) {
+    struct import_picture *picture = import_picture_read_codes(path, error);
     double sum = 0;
+    if (!picture)
+        return NULL;
+    const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)
-        sum += (double)dark->rgb[i];
-    *ret_black = sum / (double)n;
+        sum += (double)picture->rgb[i];
+    struct dark *dark = g_new(struct dark, 1);
+    *dark = (struct dark){picture, sum / (double)n};
     return dark;
+}
+
+/* Returns the dark frame of a row for the picture. The set owns it. Returns NULL with an error. */
+static const struct dark *dark_frame(const struct import_set *set, const struct import_row *row,
+                                     const struct import_picture *picture, const char *name,
+                                     GError **error) {
+    const char *path = row->coding.dark_path;
+    g_autoptr(GError) found = NULL;
+    struct dark *dark = g_hash_table_lookup(set->darks, path);
+    if (!dark && (dark = read_dark(path, &found)))
+        g_hash_table_insert(set->darks, g_strdup(path), dark);
+    if (!dark) {
+        data_error_set(set->table, row->line, error, "%s", found->message);
+        return NULL;
+    }
+    const struct import_picture *of = dark->picture;
+    if (of->width == picture->width && of->height == picture->height && of->grey == picture->grey &&
+        of->bits == picture->bits)
+        return dark;
+    data_error_set(set->table, row->line, error,
+                   "the dark frame %s (%d × %d pixels, %s, %d bits) and %s (%d × %d pixels, %s, %d "
+                   "bits) are not alike",
+                   path, of->width, of->height, of->grey ? "grey" : "colour", of->bits, name,
+                   picture->width, picture->height, picture->grey ? "grey" : "colour",
+                   picture->bits);
+    return NULL;
 }
 
 /* Reads a file with the coding of a row. */
@@ -156,20 +167,18 @@ static struct import_picture *decode(const struct import_set *set, const struct 
                        set->wish->cfa, picture->cfa);
         return NULL;
     }
-    double black;
-    g_autoptr(GError) wrong = NULL;
-    const struct import_picture *dark = dark_frame(set, row, picture, name, &black, &wrong);
-    if (wrong) {
-        g_propagate_error(error, g_steal_pointer(&wrong));
+    const struct dark *dark = NULL;
+    if (coding->dark_path && !(dark = dark_frame(set, row, picture, name, error)))
         return NULL;
-    }
+    const double black = dark ? dark->mean : coding->black_level;
     const double white = import_coding_white(set, row, name, bits, black, error);
     if (white == 0)
         return NULL;
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++) {
         const double number = (double)picture->rgb[i];
-        const double v = (number - (dark ? (double)dark->rgb[i] : black)) / (white - black);
+        const double v =
+            (number - (dark ? (double)dark->picture->rgb[i] : black)) / (white - black);
         if (bits && number > white) {
             data_error_set(set->table, row->line, error,
                            "%s has a pixel of %g, but the largest number of %d bits is %g", name,

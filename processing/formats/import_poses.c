@@ -430,18 +430,18 @@ static void tell_dark_frames(const struct import_set *set) {
 
 gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
                       struct import_poses_result *ret, GError **error) {
-    struct import_set set = {.wish = poses,
-                             .table = poses->table,
-                             .ret = ret,
-                             .flats = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
-                                                            (GDestroyNotify)import_picture_free),
-                             .darks = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
-                                                            (GDestroyNotify)import_picture_free),
-                             .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
-                             .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
-                             .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
-                             .lasers = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
-                             .shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot))};
+    struct import_set set = {
+        .wish = poses,
+        .table = poses->table,
+        .ret = ret,
+        .flats = g_hash_table_new_full(g_str_hash, g_str_equal, g_free,
+                                       (GDestroyNotify)import_picture_free),
+        .darks = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, import_coding_free_dark),
+        .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
+        .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+        .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+        .lasers = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+        .shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot))};
     g_autoptr(TextTable) table = text_table_read(poses->table, error);
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);

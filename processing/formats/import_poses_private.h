@@ -42,7 +42,7 @@ struct import_set {
     gboolean *in_colour;             /* whether that picture is in colour */
     GArray *shots;                   /* of struct session_shot */
     GHashTable *flats; /* used by import_coding.c: key → struct import_picture of factors */
-    GHashTable *darks; /* used by import_coding.c: path → struct import_picture of numbers */
+    GHashTable *darks; /* used by import_coding.c: path → dark frame */
     struct import_look *look;
     Session *session;
     struct import_poses_result *ret;
@@ -52,6 +52,8 @@ struct import_set {
  * folder of the table. */
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error);
+
+void import_coding_free_dark(gpointer dark); /* frees a value of struct import_set.darks */
 
 /* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. The picture
  * has the size that its camera has. */

@@ -33,7 +33,7 @@ struct sim_camera {
 /* One exposure. Another thread renders it. The picture is complete when its time is over and its
  * pixels are rendered. It exists until the thread has finished, even if the camera was closed. */
 struct picture {
-    Camera *camera; /* the camera, or NULL if it was closed or disarmed meanwhile */
+    Camera *camera; /* NULL after the camera was closed or disarmed */
     World *world;
     int index;
     struct world_state state;

@@ -155,8 +155,8 @@ static inline double scene_slip_deg(const struct scene *scene, double deg) {
     return 0.01 * sin(deg * 12.9898 + scene->options.seed * 78.233) * scene->options.bend;
 }
 
-/* Returns a picture like those of the daemon's intake: DN per millisecond above dark, converted to
- * grey. */
+/* Returns a picture as the daemon's intake makes it, in DN per millisecond above dark. The picture
+ * is converted to grey. */
 static inline struct picture *scene_picture(struct scene *scene, int camera, int lamp,
                                             double turntable_deg, double arc_deg,
                                             gint64 exposure_us) {

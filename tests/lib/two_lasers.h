@@ -9,7 +9,7 @@
 
 #define TWO_LASERS_FOCAL_PX 1800
 
-/* Makes the world. side is the width and height of the camera's picture in pixels. world and sample
- * have keys that are added to the sections [world] and [sample]. */
+/* Makes the world. The pictures of the camera have side × side pixels. world and sample are lines
+ * that are added to the sections [world] and [sample]. */
 World *two_lasers_world(int side, double power_w, const char *world, const char *sample);
 struct rig two_lasers_rig(int side);
