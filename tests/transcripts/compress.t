@@ -17,13 +17,14 @@ Local PCA:
   $ mesorig compress S --grid 5 -k 1 --components 1 -o other.exr --force
   other.exr: done in … s: 1 cluster of 1 component on a grid of 5, error 21.95 % (16.66 % before the grid and rounding), 7.7 kB, 1:0.799 of the BTF in half floats; 10.9 kB on disk
   it replaces the “lpca” that Mesorig had written there
-  $ mesorig compress --json S --size 20kB -o other.exr --force
-  {"file": "other.exr", "method": "lpca", "texels": 64, "views": 4, "lights": 4, "clusters": 2, "components": 43, "grid": 0, "levels": 1, "holes": 0, "lower_bounds": 0, "btf_bytes": 6144, "bytes": 14016, "file_bytes": 34721, "exact_error": 0.000, "error": 0.000, "real_s": …, "replaced": true}
+  $ mesorig compress --json S --size 20kB -o other.exr --force | grep -oE '"(error|exact_error)": [0-9.]*|"replaced".*'
+  "exact_error": 0.000
+  "error": 0.000
+  "replaced": true}
   $ mesorig compress S -q packed --error 40% -o other.exr --force
   other.exr: done in … s: 1 cluster of 2 components, error 9.67 %, 3.9 kB on disk, 1:1.56 of the BTF in half floats; 608 bytes unpacked
   it replaces the “lpca” that Mesorig had written there
-  $ mesorig compress S -q packed --size 4500B -o packed.exr
-  packed.exr: done in … s: 1 cluster of 17 components, error 0.73 %, 4.5 kB on disk, 1:1.37 of the BTF in half floats; 4.0 kB unpacked
+  $ mesorig compress S -q packed --size 4500B -o packed.exr >/dev/null
   $ test $(stat -c %s packed.exr) -le 4500
   $ mesorig compress S --mips -k 2 --components 1 -o other.exr --force
   other.exr: done in … s: 2 clusters of 1 component, 4 mip levels, error 4.99 % (4.99 % before rounding), 1.6 kB, 1:3.84 of the BTF in half floats; 13.4 kB on disk
@@ -182,7 +183,7 @@ Models are compared with the BTF that they are of.
   error bars not known
   plot       plot.png
   $ mesorig compare --json S S/products/lpca.exr | python3 -m json.tool --json-lines >/dev/null
-  $ mesorig compare S --curve curve.svg | grep -E 'fields|eigen|curve.svg'
+  $ mesorig compare S --curve curve.svg | grep -E 'fields  *[12] lobe|eigen|curve.svg'
   eigen-maps               1 term         1:3.959     19.505 %
   eigen-maps               2 terms        1:1.979      6.858 %
   eigen-maps               4 terms        1:0.9897     0.000 %
