@@ -192,7 +192,7 @@ static void reflectance(void) {
 /* Every kind of sample stays below the reference plane, and reflects no more than it gets. */
 TEST(all_kinds) {
     const char *kinds[] = {"weave", "brushed", "brick",    "peanuts", "ridges",
-                           "flat",  "grass",   "bluepipe", "block"};
+                           "flat",  "grass",   "bluepipe", "block",   "mail"};
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
         g_autofree char *text =
             g_strdup_printf("[world]\nnoise=no\ngather_rays=4\n" CAMERAS
@@ -266,7 +266,8 @@ static void overhangs(void) {
         {"block", 0, 0},
         {"grass", 0.5, 0.98},
         /* 1 − (1 − 2 r / period)²: 0.84 for the radius r of a pipe, 0.92 for that of its sleeves */
-        {"bluepipe", 0.82, 0.92}};
+        {"bluepipe", 0.82, 0.92},
+        {"mail", 0.45, 0.65}};
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
         g_autofree char *text =
             g_strdup_printf("[world]\nnoise=no\ngather_rays=0\n" CAMERAS

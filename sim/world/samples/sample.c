@@ -3,9 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-static const char *const kinds[] = {"flat",   "weave",   "brushed",  "brick", "peanuts",
-                                    "ridges", "picture", "obj",      "poles", "balls",
-                                    "plate",  "grass",   "bluepipe", "block", NULL};
+static const char *const kinds[] = {"flat",     "weave", "brushed", "brick", "peanuts", "ridges",
+                                    "picture",  "obj",   "poles",   "balls", "plate",   "grass",
+                                    "bluepipe", "block", "mail",    NULL};
 
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
@@ -20,12 +20,13 @@ const struct option sample_option_table[] = {
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
      "height of the reference plane; no part of the sample may be higher"},
     {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
-     "distance between yarns, ridges or courses of bricks; rounded so that the sample tiles"},
+     "distance between yarns, ridges, courses of bricks or rings; rounded so that the sample "
+     "tiles"},
     {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
      "number of cells in x and in y, of a sample that is a relief"},
     {"repeats", OPTION_INT, NULL, 1, 16, "1", NULL, AT(repeats),
      "number of equal pieces in x and in y, which join without a seam; more than 1 for flat, "
-     "brushed, brick, ridges, grass, bluepipe and block"},
+     "brushed, brick, ridges, grass, bluepipe, block and mail"},
     {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
      "diffuse albedo, one number or red;green;blue; empty: the value of the kind"},
     {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
@@ -295,6 +296,8 @@ static struct mesh *make(const struct sample_options *options, GError **error) {
         return sample_bluepipe(options);
     case SAMPLE_BLOCK:
         return sample_block(options);
+    case SAMPLE_MAIL:
+        return sample_mail(options);
     case SAMPLE_PICTURE:
         return sample_picture(options, error);
     case SAMPLE_PLATE:

@@ -39,6 +39,7 @@ enum sample_kind {
     SAMPLE_GRASS,
     SAMPLE_BLUEPIPE,
     SAMPLE_BLOCK,
+    SAMPLE_MAIL,
 };
 
 struct sample_options {
@@ -105,6 +106,7 @@ struct mesh *sample_peanuts(const struct sample_options *options);
 struct mesh *sample_grass(const struct sample_options *options);
 struct mesh *sample_bluepipe(const struct sample_options *options);
 struct mesh *sample_block(const struct sample_options *options);
+struct mesh *sample_mail(const struct sample_options *options);
 struct mesh *sample_relief(const struct sample_options *options); /* flat, brushed, brick, ridges */
 struct mesh *sample_picture(const struct sample_options *options, GError **error);
 struct mesh *sample_targets(const struct sample_options *options); /* poles, balls */
