@@ -29,6 +29,7 @@ static const struct material {
     {"weave", 1.2, 6.25, 8, FALSE},   {"brick", 1.8, 6.25, 5, TRUE},
     {"peanuts", 1.8, 6.25, 8, FALSE}, {"grass", 1.8, 2.5, 8, TRUE},
     {"bluepipe", 1.8, 2.5, 5, TRUE},  {"block", 1.8, 3.125, 5, TRUE},
+    {"mail", 1.8, 2.5, 5, TRUE},
 };
 
 static gboolean json;
