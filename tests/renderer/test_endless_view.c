@@ -124,9 +124,7 @@ static struct eigenmaps *new_waves(void) {
 
 /* The card against the processor, filtered: within hexagons, along their edges, over the sample's
  * edges. */
-static void test_reference(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(reference) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -164,9 +162,7 @@ static void test_reference(struct fixture *f, gconstpointer data) {
 
 /* Every view has the same depths: the way of a ray tells that of the nearest hexagon, not of a
  * mixture. */
-static void test_depth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(depth) {
     static const float theta_deg[4] = {0, 45, 45, 45}, phi_deg[4] = {0, 0, 120, 240};
     const int width = 160, height = 120;
     g_autoptr(GError) error = NULL;
@@ -215,11 +211,4 @@ static void test_depth(struct fixture *f, gconstpointer data) {
     g_test_message("%d of %d depths are others", wrong, n);
     g_assert_cmpint(n, >, width * height / 4);
     g_assert_cmpint(wrong, <, n / 50);
-}
-
-BEFORE_TESTS {
-    g_test_add("/endless-view/reference", struct fixture, NULL, gpu_fixture_set_up, test_reference,
-               gpu_fixture_tear_down);
-    g_test_add("/endless-view/depth", struct fixture, NULL, gpu_fixture_set_up, test_depth,
-               gpu_fixture_tear_down);
 }

@@ -34,7 +34,7 @@ static int pixels_that_differ(Viewer *view, const struct viewer_settings *s, con
 }
 
 /* A plane seen from far away is seen from one direction: all of it is striped, or nothing. */
-static void test_stripes(gconstpointer data) {
+GPU_TEST(stripes) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, N_RINGS, N_PHI);
     struct planned_view views[N];
     for (int k = 0; k < N; k++)
@@ -66,7 +66,7 @@ static void test_stripes(gconstpointer data) {
 }
 
 /* The program runs while views come, and each of its pictures has more of them. */
-static void test_series(gconstpointer data) {
+GPU_TEST(series) {
     if (!view_fixture_have_program())
         return;
     static const char *const names[] = {"p_025.png", "p_060.png", "p_100.png"};
@@ -131,7 +131,7 @@ static void refuse(const char *session, int code, const char *said, const char *
 }
 
 /* Nothing comes, nothing will come, or nobody captures here. */
-static void test_refused(gconstpointer data) {
+GPU_TEST(refused) {
     if (!view_fixture_have_program())
         return;
     g_autoptr(GError) error = NULL;
@@ -152,10 +152,4 @@ static void test_refused(gconstpointer data) {
     refuse(session, 1, "its capture has ended with 1 of 8", "50");
     remove_tree(made);
     remove_tree(folder);
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/series/stripes", test_stripes, NULL);
-    gpu_fixture_add("/series/series", test_series, NULL);
-    gpu_fixture_add("/series/refused", test_refused, NULL);
 }

@@ -1,5 +1,6 @@
 #include "base/data_error.h"
 #include "codecs/lpca/lpca.h"
+#include "lib/damage.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 
@@ -320,17 +321,9 @@ static void write_small(const char *path, enum lpca_quantise quantise) {
 TEST(truncated_file) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    g_autofree char *bytes = NULL;
     g_autoptr(GError) error = NULL;
-    gsize length;
     write_small(path, LPCA_8BIT);
-    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
-    for (gsize cut = 0; cut < length; cut += 97) {
-        g_assert_true(g_file_set_contents(path, bytes, (gssize)cut, NULL));
-        g_assert_null(lpca_read(path, &error));
-        g_assert_nonnull(error);
-        g_clear_error(&error);
-    }
+    assert_cut_refused(lpca_read, path, 97);
     g_unlink(path);
     g_assert_null(lpca_read(path, &error));
     g_assert_nonnull(strstr(error->message, "lpca.exr"));
@@ -368,7 +361,6 @@ TEST(hostile) {
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
         const struct fault *fault = &faults[i];
-        g_autoptr(GError) error = NULL;
         write_small(path, g_str_equal(fault->part, "light_scales") ? LPCA_8BIT : LPCA_HALF);
         struct exr_file *file = ok(exr_read(path, ERR));
         struct exr_part *part = exr_file_part(file, fault->part);
@@ -380,10 +372,7 @@ TEST(hostile) {
             exr_set_double(part, fault->attribute, 0);
         else
             g_assert_true(g_ptr_array_remove(file->parts, part));
-        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-        exr_file_free(file);
-        g_assert_null(lpca_read(path, &error));
-        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+        assert_file_refused(lpca_read, path, file);
     }
     g_unlink(path);
     g_rmdir(folder);

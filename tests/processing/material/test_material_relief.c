@@ -3,6 +3,7 @@
 #include "codecs/mdf_codecs/mdf_factors.h"
 #include "exr/exr.h"
 #include "lib/material_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -50,23 +51,17 @@ static double distance_of(double x, double y, const double v[3]) {
 }
 
 static void write_mdf(const char *path) {
-    static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
     for (int k = 0; k < VIEWS; k++) {
-        g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
         double v[3], theta, phi;
         direction_of(k, v);
         angles_of(k, &theta, &phi);
-        exr_set_double(part, "view.theta_deg", theta);
-        exr_set_double(part, "view.phi_deg", phi);
-        exr_set_double(part, "texel_mm", TEXEL_MM);
+        struct exr_part *part = mdf_file_add_view(file, k, SIDE, SIDE, theta, phi, TEXEL_MM);
         for (int i = 0; i < SIDE * SIDE; i++) {
             const int column = i % SIDE, row = i / SIDE;
             part->planes[0][i] = (float)distance_of((column + 0.5 - SIDE / 2.0) * TEXEL_MM,
                                                     (SIDE / 2.0 - row - 0.5) * TEXEL_MM, v);
         }
-        exr_file_add(file, part);
     }
     g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }

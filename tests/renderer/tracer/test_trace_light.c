@@ -2,6 +2,7 @@
  */
 #include "base/direction.h"
 #include "lib/material_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -525,18 +526,14 @@ TEST(cancelled) {
 
 /* An MDF of views that are those of a BTF: everywhere depth_mm below the reference plane. */
 static void write_even_mdf(const char *path, const struct btf_matrix *btf, double depth_mm) {
-    static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
     for (gsize v = 0; v < btf->layout.views.n; v++) {
-        g_autofree char *name = g_strdup_printf("view_%04zu", v);
-        struct exr_part *part = exr_part_new(name, 4, 4, channels, EXR_FLOAT);
         const double theta_deg = (double)btf->layout.views.theta_deg[v];
-        exr_set_double(part, "view.theta_deg", theta_deg);
-        exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
-        exr_set_double(part, "texel_mm", btf->layout.texel_mm);
+        struct exr_part *part =
+            mdf_file_add_view(file, (int)v, 4, 4, theta_deg, (double)btf->layout.views.phi_deg[v],
+                              btf->layout.texel_mm);
         for (int k = 0; k < 16; k++)
             part->planes[0][k] = (float)(depth_mm / cos(theta_deg * G_PI / 180.0));
-        exr_file_add(file, part);
     }
     g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }
