@@ -127,7 +127,7 @@ static struct eigenmaps *new_waves(void) {
 GPU_TEST(reference) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     struct eigenmaps *maps = new_waves();
     g_assert_true(eigenmaps_write(path, maps, &error));
@@ -157,7 +157,6 @@ GPU_TEST(reference) {
     g_assert_cmpfloat(relative, <, fmax(1.5 * repeated, 0.02));
     g_assert_cmpfloat(differ, >, 0.04 * all);
     eigenmaps_free(maps);
-    remove_tree(folder);
 }
 
 /* Every view has the same depths: the way of a ray tells that of the nearest hexagon, not of a

@@ -2,6 +2,7 @@
  * full: the pictures must not differ. */
 #include "lib/lobes_scene.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
@@ -232,7 +233,7 @@ GPU_TEST(other_sample) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 16, 8);
     g_autoptr(Viewer) view = view_fixture_view(TEXEL, 8, 16, mesh);
     g_autoptr(IndexMap) map = new_map(W, H), other = new_map(W + 1, H);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-index-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "index.exr", NULL);
     g_assert_true(index_map_write(path, other, &error));
     g_assert_false(viewer_open_index(view, path, &error));
@@ -245,7 +246,6 @@ GPU_TEST(other_sample) {
     g_assert_true(index_map_write(path, map, &error));
     g_assert_true(ok(viewer_open_index(view, path, ERR)));
     g_assert_nonnull(viewer_index(view));
-    remove_folder(folder);
 }
 
 /* Tiles that the mesh has become those in which the map repeats. */

@@ -148,7 +148,7 @@ GPU_TEST(library) {
 GPU_TEST(file) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_sphere();
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autofree char *none = g_build_filename(folder, "none.exr", NULL);
     struct eigenmaps *maps = view_fixture_material(COSINE, 3, 8);
@@ -165,7 +165,6 @@ GPU_TEST(file) {
     g_assert_cmpfloat(relative, <, 0.005);
     g_assert_null(reference_open_material(none, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
-    remove_tree(folder);
 }
 
 TEST(bad) {

@@ -201,7 +201,7 @@ GPU_TEST(relief) {
     const struct scene_options scene = {3, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *file = g_build_filename(folder, "grey.exr", NULL);
     g_autoptr(MdfTable) weave = relief_scene_mdf(RELIEF_WEAVE);
     const gsize n_depths = (gsize)weave->n_views * weave->width * weave->height;
@@ -249,5 +249,4 @@ GPU_TEST(relief) {
         g_assert_cmpint(shallow, >, 50);
         g_assert_cmpint(flat, >, 50);
     }
-    remove_tree(folder);
 }

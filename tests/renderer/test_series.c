@@ -72,7 +72,7 @@ GPU_TEST(series) {
     static const char *const names[] = {"p_025.png", "p_060.png", "p_100.png"};
     static const int there[] = {2, 5, 8};
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "a.session", NULL);
     g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI), *out = NULL;
     g_autofree char *render = g_build_filename(folder, "p.png", NULL);
@@ -108,7 +108,6 @@ GPU_TEST(series) {
     }
     g_assert_cmpint(before, ==, 0);
     remove_tree(made);
-    remove_tree(folder);
 }
 
 static void refuse_to(const char *picture, const char *session, int code, const char *said,
@@ -135,7 +134,7 @@ GPU_TEST(refused) {
     if (!view_fixture_have_program())
         return;
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
     g_autofree char *session = capturing_session_new(folder);
     refuse("/nowhere.session", 1, "/nowhere.session", "50");
@@ -151,5 +150,4 @@ GPU_TEST(refused) {
     ok(session_set_value(opened, "state", "aborted", ERR));
     refuse(session, 1, "its capture has ended with 1 of 8", "50");
     remove_tree(made);
-    remove_tree(folder);
 }

@@ -2,6 +2,7 @@
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
 #include "lib/painted.h"
+#include "lib/remove_tree.h"
 #include "lib/wait.h"
 
 #include <glib-unix.h>
@@ -148,7 +149,7 @@ static gboolean on_line(gint fd, GIOCondition condition, gpointer data) {
 static void hardware_trigger(void) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_MONO)};
     struct line line = {.device = eye.device};
-    g_autofree char *dir = g_dir_make_tmp("mesorig-line-XXXXXX", NULL);
+    TEMPORARY_FOLDER(dir);
     g_autofree char *path = g_build_filename(dir, "value", NULL);
     g_autofree char *keys = g_strdup_printf("trigger = Line0\npulse_path = %s", path);
     g_assert_cmpint(mkfifo(path, 0600), ==, 0);
@@ -164,7 +165,6 @@ static void hardware_trigger(void) {
     g_assert_cmpint(eye_shoot(&eye, 6), ==, CAMERA_FAULT);
     eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "cannot make a pulse with");
     eye_end(&eye, NULL);
-    g_rmdir(dir);
 }
 
 /* On plain sockets, all triggered at the same time, and nothing lost, not even of the first

@@ -5,6 +5,7 @@
 #include "lib/btf_fixture.h"
 #include "lib/damage.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
 
@@ -307,7 +308,7 @@ static struct eigenmaps *computed(void) {
 
 TEST(file) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     struct eigenmaps *maps = computed();
     ok(eigenmaps_write(path, maps, ERR));
@@ -333,12 +334,11 @@ TEST(file) {
     g_unlink(path);
     g_assert_null(eigenmaps_read(path, &error));
     g_assert_nonnull(strstr(error->message, "eigenmaps.exr"));
-    g_rmdir(folder);
 }
 
 /* Valid EXR files that are not valid eigen-maps. */
 TEST(hostile) {
-    g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     for (int fault = 0; fault < 6; fault++) {
         g_autoptr(GError) error = NULL;
@@ -360,6 +360,4 @@ TEST(hostile) {
             exr_part_plane(exr_file_part(file, "lights"), "phi_deg")[1] = INFINITY;
         assert_file_refused(eigenmaps_read, path, file);
     }
-    g_unlink(path);
-    g_rmdir(folder);
 }

@@ -9,6 +9,7 @@
 #include "lib/btf_fixture.h"
 #include "lib/hsh_formula.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -374,7 +375,7 @@ static void spoil(struct exr_file *file, int fault) {
 }
 
 TEST(file) {
-    g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(all_terms); k++)
         write_small(path, all_terms[k]);
@@ -386,14 +387,12 @@ TEST(file) {
     }
     write_small(path, 4);
     assert_cut_refused(hsh_read, path, 211);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* By the table of codecs: encoded with the option as the command line reads it, written, opened as
  * a material, compared with the BTF. */
 TEST(codec) {
-    g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
     g_autoptr(GError) error = NULL;
     const struct codec *codec = codecs_find("hsh");
@@ -430,6 +429,4 @@ TEST(codec) {
     g_ptr_array_unref(result.levels);
     g_free(options);
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }

@@ -2,6 +2,7 @@
 #include "codecs/lobes/lobes_levels.h"
 #include "lib/damage.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include "btf/btf_checkpoint.h"
@@ -392,7 +393,7 @@ static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) 
 
 /* Cut off, it goes on with what it had, and ends with the same. */
 TEST(checkpoint) {
-    g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(dir);
     g_autofree char *path = g_build_filename(dir, "checkpoint.exr", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
@@ -421,8 +422,6 @@ TEST(checkpoint) {
     lobes_free(rest);
     lobes_free(whole);
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(dir);
 }
 
 TEST(refused) {
@@ -450,7 +449,7 @@ TEST(refused) {
 }
 
 TEST(file) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     struct btf_matrix *btf = new_btf(5, 4, 1, 2);
     fill(btf, LOBES_FIELDS, 0.01);
@@ -472,8 +471,6 @@ TEST(file) {
         lobes_free(lobes);
     }
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 static void write_small(const char *path) {
@@ -522,7 +519,7 @@ static void spoil(struct exr_file *file, int fault) {
 }
 
 TEST(hostile) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     for (int fault = 0; fault < 13; fault++) {
         write_small(path);
@@ -532,6 +529,4 @@ TEST(hostile) {
     }
     write_small(path);
     assert_cut_refused(lobes_read, path, 211);
-    g_unlink(path);
-    g_rmdir(folder);
 }

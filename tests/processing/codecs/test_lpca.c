@@ -2,6 +2,7 @@
 #include "codecs/lpca/lpca.h"
 #include "lib/damage.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include "exr/exr.h"
@@ -245,7 +246,7 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
 }
 
 TEST(quantised) {
-    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     g_autoptr(Lpca) exact = compute(btf, 3, 4);
@@ -273,8 +274,6 @@ TEST(quantised) {
         lpca_free(back);
         lpca_free(rounded);
     }
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* Relative, under one light, of what rounding makes of a local PCA. */
@@ -319,7 +318,7 @@ static void write_small(const char *path, enum lpca_quantise quantise) {
 }
 
 TEST(truncated_file) {
-    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
     write_small(path, LPCA_8BIT);
@@ -327,7 +326,6 @@ TEST(truncated_file) {
     g_unlink(path);
     g_assert_null(lpca_read(path, &error));
     g_assert_nonnull(strstr(error->message, "lpca.exr"));
-    g_rmdir(folder);
 }
 
 /* Valid EXR files that are not valid local PCAs: a part is gone, a value of a channel or an
@@ -357,7 +355,7 @@ static const struct fault {
 };
 
 TEST(hostile) {
-    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
         const struct fault *fault = &faults[i];
@@ -374,6 +372,4 @@ TEST(hostile) {
             g_assert_true(g_ptr_array_remove(file->parts, part));
         assert_file_refused(lpca_read, path, file);
     }
-    g_unlink(path);
-    g_rmdir(folder);
 }

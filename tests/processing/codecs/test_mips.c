@@ -6,6 +6,7 @@
 #include "exr/exr.h"
 #include "lib/lobes_scene.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -156,7 +157,7 @@ GPU_TEST(far) {
 
 /* Each level is the model of the averaged BTF, and comes back from the file as it was. */
 TEST(file) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     static const int widths[] = {7, 3, 1}, heights[] = {5, 2, 1};
     g_autoptr(GError) error = NULL;
@@ -200,8 +201,6 @@ TEST(file) {
     g_assert_cmpint(lobes_read_levels(path, none, &error), ==, 0);
     g_assert_nonnull(strstr(error->message, "roughness"));
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* The file without one part, or without all parts that begin so. */
@@ -219,7 +218,7 @@ static void write_without(const char *path, const char *from, const char *prefix
 
 /* A level that lacks the part by which levels are counted is not the end of them. */
 TEST(lacking) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *whole = g_build_filename(folder, "whole.exr", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     static const char *const lacking[] = {"mip1.views", "mip2.views", "mip1."};
@@ -246,9 +245,6 @@ TEST(lacking) {
     for (int k = 0; k < 2; k++)
         lobes_free(back[k]);
     btf_matrix_free(btf);
-    g_unlink(whole);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* A level that is not half of the one before, or of another model, is refused with a sentence. */

@@ -108,7 +108,7 @@ static void check_rays(const mesorig_material *m, gboolean measured, double dist
 }
 
 TEST(waves) {
-    g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
     g_autofree char *blocks_path = g_build_filename(folder, "blocks.exr", NULL);
@@ -154,12 +154,11 @@ TEST(waves) {
     g_assert_nonnull(m);
     check_rays(m, TRUE, 0.02, cos(2 * DEG));
     mesorig_material_close(m);
-    remove_tree(folder);
 }
 
 /* Without relief rays end where they enter. */
 TEST(flat) {
-    g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     const float uv[] = {1.25F, -0.5F, 0, 0}, view[] = {0.5F, 0, 0.5F, 0, 1, -0.1F};
@@ -175,5 +174,4 @@ TEST(flat) {
     g_assert_cmpint(hit[1].hit, ==, 0);
     g_assert_cmpfloat(hit[1].normal[2], ==, 0);
     mesorig_material_close(m);
-    remove_tree(folder);
 }
