@@ -1,7 +1,7 @@
 /*
  * Measures calibration against the simulated world's own truth, over several worlds: each has its
- * own misalignments, lenses and noise. One JSON object with --json: of each figure the worst world,
- * of chi2 the mean.
+ * own misalignments, lenses and noise. The figures of a part are those of the worst world, and the
+ * mean of chi2.
  */
 #include "bench.h"
 #include "lib/calibration_fixture.h"
@@ -12,7 +12,7 @@
 
 static int n_cameras = 5, size_px = 192, n_stops = 20, n_seeds = 5, first_seed = 1,
            distance_mm = 400;
-static gboolean json, show;
+static gboolean show;
 static char *only;
 
 struct total {
@@ -48,21 +48,25 @@ static void calibrate(struct fixture *f, int seed, struct total *total) {
     total->chi2_low = total->done ? MIN(total->chi2_low, e.chi2) : e.chi2;
     total->chi2_high = MAX(total->chi2_high, e.chi2);
     total->done++;
-    if (!json)
-        printf("seed %d: rms %.4f px, points %.4f px, direction %.4f°, distance %.4f %%, axis %.4f "
-               "mm %.4f°, chi2 %.2f, %.1f s of processor\n",
-               seed, result->rms_px, e.point_px, e.direction_deg, e.distance_pct, e.axis_mm,
-               e.axis_deg, e.chi2, cpu);
+    bench_begin(NULL);
+    bench_put("%d{seed} %.4f{reprojection_rms_px} %.4f{points_rms_px} %.4f{direction_deg} "
+              "%.4f{distance_pct} %.4f{axis_mm} %.4f{axis_deg} %.2f{chi2} %.1f{processor_s}",
+              seed, result->rms_px, e.point_px, e.direction_deg, e.distance_pct, e.axis_mm,
+              e.axis_deg, e.chi2, cpu);
     if (show) {
         const double azimuth = boards_azimuth_rad(f, &calibration->rig);
+        bench_begin_list("cameras");
         for (int c = 0; c < f->nominal.n_cameras; c++) {
             const struct calibration_camera *camera = &calibration->cameras[c];
-            printf("  cam%d rms %.4f px, %d corners, distance ± %.4f %%, chi2 %.2f\n", c,
-                   camera->residual_rms_px, camera->points,
-                   100 * sqrt(camera->covariance[14][14]) / f->options.distance_mm,
-                   boards_chi2(f, calibration, c, azimuth));
+            bench_row(NULL,
+                      "%d{camera} %.4f{rms_px} %d{corners} %.4f{distance_sigma_pct} %.2f{chi2}", c,
+                      camera->residual_rms_px, camera->points,
+                      100 * sqrt(camera->covariance[14][14]) / f->options.distance_mm,
+                      boards_chi2(f, calibration, c, azimuth));
         }
+        bench_end();
     }
+    bench_end();
 }
 
 static void run(int seed, struct total *total) {
@@ -94,35 +98,37 @@ static void run(int seed, struct total *total) {
 
 static gboolean refused;
 
-static char *measure_cameras(int n, gboolean tell) {
+static void measure_cameras(int n) {
     struct total total = {0};
+    bench_begin_list("each");
     for (int i = 0; i < n; i++)
         run(first_seed + i, &total);
+    bench_end();
     refused = total.done < n;
     const struct fixture_errors *w = &total.worst;
-    return g_strdup_printf(
-        "{\"worlds\": %d, \"refused\": %d, \"cameras\": %d, \"pictures\": %d, "
-        "\"distance_mm\": %d, \"reprojection_rms_px\": %.4f, \"points_rms_px\": %.4f, "
-        "\"direction_deg\": %.4f, \"distance_pct\": %.4f, \"axis_mm\": %.4f, \"axis_deg\": %.4f, "
-        "\"chi2\": %.3f, \"chi2_least\": %.3f, \"chi2_most\": %.3f, \"processor_s\": %.1f, "
-        "\"real_s\": %.1f}",
-        n, n - total.done, n_cameras, total.pictures, distance_mm, total.rms_px, w->point_px,
-        w->direction_deg, w->distance_pct, w->axis_mm, w->axis_deg, total.chi2 / MAX(total.done, 1),
-        total.chi2_low, total.chi2_high, total.cpu_s, total.real_s);
+    bench_put("%d{worlds} %d{refused} %d{cameras} %d{pictures} %d{distance_mm} "
+              "%.4f{reprojection_rms_px} %.4f{points_rms_px} %.4f{direction_deg} "
+              "%.4f{distance_pct} %.4f{axis_mm} %.4f{axis_deg} %.3f{chi2} %.3f{chi2_least} "
+              "%.3f{chi2_most} %.1f{processor_s} %.1f{real_s}",
+              n, n - total.done, n_cameras, total.pictures, distance_mm, total.rms_px, w->point_px,
+              w->direction_deg, w->distance_pct, w->axis_mm, w->axis_deg,
+              total.chi2 / MAX(total.done, 1), total.chi2_low, total.chi2_high, total.cpu_s,
+              total.real_s);
 }
 
 /* The whole of a rig of eight cameras, pictures of 192 px from half as many angles. */
-static char *measure_whole(int n, gboolean tell) {
+static void measure_whole(int n) {
     struct total total = {0};
     n_cameras = 8;
     n_stops = 12;
+    bench_begin_list("each");
     run(1, &total);
-    return bench_whole(total.cpu_s, total.pictures, tell);
+    bench_end();
+    bench_whole(total.cpu_s, total.pictures);
 }
 
 int main(int argc, char **argv) {
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
         {"cameras", 0, 0, G_OPTION_ARG_INT, &n_cameras, "Cameras, from 15° to 75°", "N"},
         {"size", 0, 0, G_OPTION_ARG_INT, &size_px, "Pixels across", "N"},
         {"stops", 0, 0, G_OPTION_ARG_INT, &n_stops, "Angles of the turntable", "N"},
@@ -136,21 +142,20 @@ int main(int argc, char **argv) {
     };
     static const struct {
         const char *name;
-        char *(*measure)(int n_seeds, gboolean tell); /* a JSON object, g_free() */
+        void (*measure)(int n_seeds); /* adds to the object of the part */
     } parts[] = {{"cameras", measure_cameras},
                  {"lights", bench_lights},
                  {"radiometry", bench_radiometry},
                  {"whole", measure_whole}};
-    g_autoptr(GString) all = g_string_new("{");
     bench_parse(&argc, &argv, entries, NULL);
-    setvbuf(stdout, NULL, _IOLBF, 0);
+    bench_begin(NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(parts); i++) {
         if (only && !g_str_equal(only, parts[i].name))
             continue;
-        g_autofree char *text = parts[i].measure(n_seeds, !json);
-        g_string_append_printf(all, "%s\"%s\": %s", all->len > 1 ? ", " : "", parts[i].name, text);
+        bench_begin(parts[i].name);
+        parts[i].measure(n_seeds);
+        bench_end();
     }
-    if (json)
-        printf("%s}\n", all->str);
+    bench_end();
     return refused;
 }

@@ -20,7 +20,7 @@ static char *session, *dump;
 #ifdef COMPRESS_MPI
 static char *ranks;
 #endif
-static gboolean json, fields, resample, rate, bits, disk, mdf;
+static gboolean fields, resample, rate, bits, disk, mdf;
 static int fits = 20000, every = 3, eigenmaps;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
@@ -56,7 +56,6 @@ static const GOptionEntry entries[] = {
      "Ways to hold the distances (MDF) of the sessions that are named as arguments instead", NULL},
     {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate and --bits take every N-th view (3)", "N"},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {NULL},
 };
 
@@ -152,11 +151,6 @@ static void note(const struct work_progress *progress, gpointer data) {
     g_strlcpy(stages->names[stages->n++], progress->stage, sizeof stages->names[0]);
 }
 
-static void print_stages(const struct stages *stages) {
-    for (int i = 0; i < stages->n; i++)
-        printf(json ? ", \"%s_s\": %.3f" : "%s %.3f s, ", stages->names[i], stages->seconds[i]);
-}
-
 static void measure(const struct btf_matrix *btf, GError **error) {
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,
@@ -172,16 +166,14 @@ static void measure(const struct btf_matrix *btf, GError **error) {
         return;
     stages.seconds[stages.n - 1] += bench_now_s() - stages.last;
     const double share = needed_gflop(btf, lpca) / time / gflops;
-    printf(json ? "{\"rows\": %zu, \"columns\": %zu, \"clusters\": %d, \"components\": %d, "
-                  "\"seconds\": %.3f, \"processor_s\": %.3f, \"error\": %.5f, "
-                  "\"sgemm_gflops\": %.1f, \"share\": %.3f"
-                : "%zu × %zu, %d clusters of %d components: %.3f s (%.3f of processors), error "
-                  "%.5f; sgemm %.1f GFLOP/s, "
-                  "share of that %.3f; ",
-           btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout), lpca->n_clusters,
-           lpca->n_components, time, cpu, lpca->error, gflops, share);
-    print_stages(&stages);
-    puts(json ? "}" : "");
+    bench_begin(NULL);
+    bench_put("%zu{rows} %zu{columns} %d{clusters} %d{components} %.3f{seconds} %.3f{processor_s} "
+              "%.5f{error} %.1f{sgemm_gflops} %.3f{share}",
+              btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout), lpca->n_clusters,
+              lpca->n_components, time, cpu, lpca->error, gflops, share);
+    for (int i = 0; i < stages.n; i++)
+        bench_put_double(stages.names[i], "_s", "%.3f", stages.seconds[i]);
+    bench_end();
     lpca_free(lpca);
 }
 
@@ -189,23 +181,23 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, NULL);
     if (fields)
-        return bench_fields(argv + 1, fits, json);
+        return bench_fields(argv + 1, fits);
 #ifdef COMPRESS_MPI
     if (ranks)
-        return bench_ranks(ranks, clusters, components, json);
+        return bench_ranks(ranks, clusters, components);
 #endif
     if (rate)
-        return bench_rate(argv + 1, every, json);
+        return bench_rate(argv + 1, every);
     if (bits)
-        return bench_bits(argv + 1, every, json);
+        return bench_bits(argv + 1, every);
     if (mdf)
-        return bench_mdf_compression(argv + 1, json);
+        return bench_mdf_compression(argv + 1);
     if (resample)
-        return bench_resample(argv + 1, clusters, components, json);
+        return bench_resample(argv + 1, clusters, components);
     if (disk || eigenmaps > 0) {
         struct btf_matrix *like = empty();
-        const int ret = disk ? bench_disk(like, shade, clusters, components, json)
-                             : bench_eigenmaps(like, shade, eigenmaps, json);
+        const int ret = disk ? bench_disk(like, shade, clusters, components)
+                             : bench_eigenmaps(like, shade, eigenmaps);
         btf_matrix_free(like);
         return ret;
     }

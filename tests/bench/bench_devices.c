@@ -12,7 +12,6 @@
 #include "lib/modbus_rig.h"
 
 #include <modbus/modbus.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #define ROUNDS 2000
@@ -102,40 +101,28 @@ static struct result measure(gboolean rtu) {
     return result;
 }
 
-static void print(const char *name, const struct result *r, gboolean json) {
+static void print(const char *name, const struct result *r) {
     const double raw = r->raw.median, line = r->line.median, start = r->start.median;
-    if (json)
-        printf("\"%s\":{\"libmodbus_us\":%.1f,\"libmodbus_p99_us\":%.1f,\"line_us\":%.1f,"
-               "\"line_p99_us\":%.1f,\"line_ratio\":%.2f,\"command_to_motion_us\":%.1f,"
-               "\"command_to_motion_p99_us\":%.1f,\"command_to_motion_ratio\":%.2f},",
-               name, raw, r->raw.p99, line, r->line.p99, line / raw, start, r->start.p99,
-               start / raw);
-    else
-        printf("%s: libmodbus %.0f µs, through the line's thread %.0f µs (%.2f), move to motion "
-               "%.0f µs (%.2f: target, read back, start)\n",
-               name, raw, line, line / raw, start, start / raw);
+    bench_row(name,
+              "%.1f{libmodbus_us} %.1f{libmodbus_p99_us} %.1f{line_us} %.1f{line_p99_us} "
+              "%.2f{line_ratio} %.1f{command_to_motion_us} %.1f{command_to_motion_p99_us} "
+              "%.2f{command_to_motion_ratio}",
+              raw, r->raw.p99, line, r->line.p99, line / raw, start, r->start.p99, start / raw);
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
-    const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL}, {NULL}};
-    bench_parse(&argc, &argv, entries, NULL);
+    bench_parse(&argc, &argv, NULL, NULL);
     struct result tcp = measure(FALSE), rtu = measure(TRUE);
     struct gige_latency g;
     gige_latency(1024, 768, &g);
     const double protocol = g.protocol.median, driver = g.driver.median;
-    printf(json ? "{" : "");
-    print("tcp", &tcp, json);
-    print("rtu", &rtu, json);
-    if (json)
-        printf("\"gige_1024x768\":{\"register_us\":%.1f,\"protocol_us\":%.1f,"
-               "\"protocol_p99_us\":%.1f,\"trigger_to_frame_us\":%.1f,"
-               "\"trigger_to_frame_p99_us\":%.1f,\"trigger_to_frame_ratio\":%.2f}}\n",
-               g.register_us, protocol, g.protocol.p99, driver, g.driver.p99, driver / protocol);
-    else
-        printf("gige, 1024 × 768 of 8 bits: a register %.0f µs, trigger to picture by the bare "
-               "protocol %.0f µs, by the driver %.0f µs (%.2f)\n",
-               g.register_us, protocol, driver, driver / protocol);
+    bench_begin(NULL);
+    print("tcp", &tcp);
+    print("rtu", &rtu);
+    bench_row("gige_1024x768",
+              "%.1f{register_us} %.1f{protocol_us} %.1f{protocol_p99_us} %.1f{trigger_to_frame_us} "
+              "%.1f{trigger_to_frame_p99_us} %.2f{trigger_to_frame_ratio}",
+              g.register_us, protocol, g.protocol.p99, driver, g.driver.p99, driver / protocol);
+    bench_end();
     return 0;
 }

@@ -11,6 +11,7 @@
 #include "drawing/gl/direction_table.h"
 #include "drawing/methods/lobes_view.h"
 #include "frame_time.h"
+#include "lib/direction.h"
 #include "shapes/scene.h"
 
 #include <math.h>
@@ -63,11 +64,6 @@ static GLuint make_program(const char *way) {
     return bench_program(vertex, fragment);
 }
 
-static struct vec3 unit(double theta_deg, double phi_deg) {
-    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
 struct rings {
     float theta_deg[200], phi_deg[200];
     struct vec3 measured[201]; /* the last is the pole */
@@ -94,7 +90,7 @@ static gboolean make_rings(struct rings *r, GError **error) {
         return FALSE;
     const int *pole = directions_pole(r->directions, &n_pole);
     for (int k = 0; k < r->n; k++)
-        r->measured[k] = unit((double)r->theta_deg[k], (double)r->phi_deg[k]);
+        r->measured[k] = direction_of_deg((double)r->theta_deg[k], (double)r->phi_deg[k]);
     r->measured[r->n] = vec3(0, 0, 0);
     for (int k = 0; k < n_pole; k++)
         r->measured[r->n] =
@@ -175,7 +171,7 @@ static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, G
     return good;
 }
 
-static gboolean bench(int frames, gboolean json, GError **error) {
+static gboolean bench(int frames, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     static struct rings rings;
     struct gpu_target target = {0};
@@ -211,39 +207,32 @@ static gboolean bench(int frames, gboolean json, GError **error) {
         }
     for (int way = 0; way < WAYS; way++)
         ways[way].ms = bench_time_quantile(times + (gsize)way * frames, frames, 0.5);
-    g_print(json ? "\"renderer\": \"%s\", \"directions\": %d, \"ways\": [" : "%s, %d directions\n",
-            gpu_renderer(), rings.n);
+    bench_put("%s{renderer} %d{directions}", gpu_renderer(), rings.n);
+    bench_begin_list("ways");
     for (int k = 0; k < WAYS; k++)
-        g_print(json ? "%s{\"way\": \"%s\", \"rms\": %.6f, \"worst\": %.6f, \"ms\": %.2f, "
-                       "\"bytes\": %" G_GINT64_FORMAT "}"
-                     : "%s%s: directions off by %.6f RMS, %.6f at worst; %.2f ms for 800 × 600; "
-                       "%" G_GINT64_FORMAT " bytes",
-                k == 0 ? ""
-                : json ? ", "
-                       : "\n",
-                ways[k].name, ways[k].rms, ways[k].worst, ways[k].ms,
-                direction_textures_bytes(&ways[k].textures));
+        bench_row(NULL, "%-24s{way} %.6f{rms} %.6f{worst} %.2f{ms} %" G_GINT64_FORMAT "{bytes}",
+                  ways[k].name, ways[k].rms, ways[k].worst, ways[k].ms,
+                  direction_textures_bytes(&ways[k].textures));
+    bench_end();
     double ms = 0;
     const gboolean good = gpu_check("the bench", error) && time_fields(&rings, frames, &ms, error);
-    g_print(json ? "], \"fields_ms\": %.2f" : "\na torus of reflectance fields: %.2f ms\n", ms);
+    bench_put("%.2f{fields_ms}", ms); /* a torus of reflectance fields */
     directions_free(rings.directions);
     return good;
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int frames = 15;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
         {NULL}};
     g_autoptr(GError) error = NULL;
     bench_parse(&argc, &argv, entries, NULL);
     if (frames < 1 || argc > 1)
         bench_fail(2, "bad arguments");
-    g_print("%s", json ? "{" : "");
-    bench(frames, json, &error);
-    g_print("%s", json ? "}\n" : "");
+    bench_begin(NULL);
+    bench(frames, &error);
+    bench_end();
     bench_check(error);
     return 0;
 }

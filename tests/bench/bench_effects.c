@@ -10,7 +10,6 @@
 #include <json-glib/json-glib.h>
 #include <math.h>
 #include <png.h>
-#include <stdio.h>
 #include <string.h>
 
 #define DEMO     SOURCE_DIR "/etc/demo/"
@@ -40,7 +39,6 @@ static const struct effect {
 };
 
 static char *folder; /* of the effect */
-static gboolean json;
 
 static char *in_folder(const char *name) {
     return g_build_filename(folder, name, NULL);
@@ -277,80 +275,50 @@ static double figure(JsonNode *report, const char *path) {
 }
 
 static const struct {
-    const char *name, *path, *title;
-    double scale;
+    const char *name, *path;
 } figures[] = {
-#define CALIBRATION(name, title, scale)                                                            \
-    {name "_before", "$.calibration." name ".nominal", title, scale}, {                            \
-        name, "$.calibration." name ".calibrated", "after", scale                                  \
+#define CALIBRATION(name)                                                                          \
+    {name "_before", "$.calibration." name ".nominal"}, {                                          \
+        name, "$.calibration." name ".calibrated"                                                  \
     }
-    CALIBRATION("camera_points_rms_px", "board px", 1),
-    CALIBRATION("lamp_direction_deg", "lamp °", 1),
-    CALIBRATION("laser_sheet_mm", "sheet mm", 1),
-    CALIBRATION("light_median", "light %", 100),
+    CALIBRATION("camera_points_rms_px"),
+    CALIBRATION("lamp_direction_deg"),
+    CALIBRATION("laser_sheet_mm"),
+    CALIBRATION("light_median"),
 #undef CALIBRATION
-    {"mdf_rms_mm", "$.mdf_rms_mm", "MDF mm", 1},
-    {"mdf_beyond_3_sigma", "$.mdf_beyond_3_sigma", "> 3 σ %", 100},
-    {"mdf_chi2", "$.mdf_chi2", "χ²", 1},
-    {"btf_median", "$.btf_relative_error_median", "BTF %", 100},
-    {"btf_p95", "$.btf_relative_error_p95", "p95 %", 100},
-    {"btf_chi2", "$.btf_chi2", "χ²", 1},
+    {"mdf_rms_mm", "$.mdf_rms_mm"},
+    {"mdf_beyond_3_sigma", "$.mdf_beyond_3_sigma"},
+    {"mdf_chi2", "$.mdf_chi2"},
+    {"btf_median", "$.btf_relative_error_median"},
+    {"btf_p95", "$.btf_relative_error_p95"},
+    {"btf_chi2", "$.btf_chi2"},
 };
 
-static void tell(const struct effect *effect, JsonNode *report, const GPtrArray *warnings,
-                 const char *refused) {
-    printf("%-15s", effect->name);
+static void print(const struct effect *effect, JsonNode *report, const GPtrArray *warnings,
+                  const char *refused) {
+    bench_begin(effect->name);
     for (gsize i = 0; report && i < G_N_ELEMENTS(figures); i++)
-        printf(" %9.3f", figures[i].scale * figure(report, figures[i].path));
-    printf(report ? "\n" : " refused: %s\n", refused);
+        bench_put_double(figures[i].name, "", "%.6g", figure(report, figures[i].path));
+    if (!report)
+        bench_put("%s{refused}", refused);
+    bench_begin_list("warnings");
     for (guint i = 0; i < warnings->len; i++)
-        printf("  %s\n", (const char *)warnings->pdata[i]);
-}
-
-static void build(JsonBuilder *builder, const struct effect *effect, JsonNode *report,
-                  const GPtrArray *warnings, const char *refused) {
-    json_builder_set_member_name(builder, effect->name);
-    json_builder_begin_object(builder);
-    for (gsize i = 0; report && i < G_N_ELEMENTS(figures); i++) {
-        json_builder_set_member_name(builder, figures[i].name);
-        json_builder_add_double_value(builder, figure(report, figures[i].path));
-    }
-    if (!report) {
-        json_builder_set_member_name(builder, "refused");
-        json_builder_add_string_value(builder, refused);
-    }
-    json_builder_set_member_name(builder, "warnings");
-    json_builder_begin_array(builder);
-    for (guint i = 0; i < warnings->len; i++)
-        json_builder_add_string_value(builder, warnings->pdata[i]);
-    json_builder_end_array(builder);
-    json_builder_end_object(builder);
-}
-
-static void print_json(JsonBuilder *builder) {
-    g_autoptr(JsonNode) root = json_builder_get_root(builder);
-    g_autofree char *text = json_to_string(root, TRUE);
-    printf("%s\n", text);
+        bench_row(NULL, "%s{warning}", (const char *)warnings->pdata[i]);
+    bench_end();
+    bench_end();
 }
 
 int main(int argc, char **argv) {
     char *only = NULL, *keep = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
         {"effect", 0, 0, G_OPTION_ARG_STRING, &only, "Measure this effect alone", "NAME"},
         {"keep", 0, 0, G_OPTION_ARG_FILENAME, &keep, "Leave all files in this folder", "DIR"},
         {NULL},
     };
-    g_autoptr(JsonBuilder) builder = json_builder_new();
     gboolean found = FALSE;
     bench_parse(&argc, &argv, entries, NULL);
-    setvbuf(stdout, NULL, _IOLBF, 0);
     g_autofree char *base = keep ? keep : g_dir_make_tmp("mesorig-effects-XXXXXX", NULL);
-    json_builder_begin_object(builder);
-    for (gsize i = 0; !json && i < G_N_ELEMENTS(figures); i++)
-        printf("%*s%s", i ? 1 + MAX(0, 9 - (int)g_utf8_strlen(figures[i].title, -1)) : 17, "",
-               figures[i].title);
-    printf(json ? "" : "\n");
+    bench_begin(NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(effects); i++) {
         if (only && !g_str_equal(only, effects[i].name))
             continue;
@@ -361,15 +329,10 @@ int main(int argc, char **argv) {
         remove_tree(folder);
         g_mkdir_with_parents(folder, 0755);
         g_autoptr(JsonNode) report = measure(&effects[i], warnings, &refused);
-        if (json)
-            build(builder, &effects[i], report, warnings, refused);
-        else
-            tell(&effects[i], report, warnings, refused);
+        print(&effects[i], report, warnings, refused);
         g_clear_pointer(&folder, g_free);
     }
-    json_builder_end_object(builder);
-    if (json)
-        print_json(builder);
+    bench_end();
     if (!keep)
         remove_tree(base);
     g_free(only);

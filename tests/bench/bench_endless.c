@@ -6,6 +6,7 @@
  * how much points a tile apart still have in common. For each session, or, without one, for samples
  * made here: noise, printed dots, and tiles in order.
  */
+#include "base/robust.h"
 #include "bench.h"
 #include "btf/btf_matrix.h"
 #include "codecs/eigenmaps/eigenmaps_codec.h"
@@ -27,11 +28,9 @@
 #define LAGS   3
 #define LOOKS  10 /* pictures by which hexagons are chosen */
 
-static gboolean as_json;
 static int frames = 5, views_at_most = 12;
 
 static const GOptionEntry options[] = {
-    {"json", 0, 0, G_OPTION_ARG_NONE, &as_json, "Print JSON", NULL},
     {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Frames that are timed, 5; 0: none", "N"},
     {"views", 0, 0, G_OPTION_ARG_INT, &views_at_most, "Views that are looked at, 12", "N"},
     {NULL},
@@ -172,11 +171,6 @@ static double at_places(const struct picture *p, const struct endless_places *at
     return sum;
 }
 
-static int compare_doubles(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 struct moments {
     double mean, deviation;
 };
@@ -215,8 +209,8 @@ static void measure_picture(const struct picture *p, const struct point *points,
     if (!(a.mean > 1e-4) || !(a.deviation > 1e-6))
         return;
     const double mean = fabs(b.mean / a.mean - 1), deviation = fabs(b.deviation / a.deviation - 1);
-    qsort(repeated, ALL, sizeof *repeated, compare_doubles);
-    qsort(endless, ALL, sizeof *endless, compare_doubles);
+    qsort(repeated, ALL, sizeof *repeated, robust_by_value);
+    qsort(endless, ALL, sizeof *endless, robust_by_value);
     for (int k = 0; k < ALL; k++)
         distance += fabs(repeated[k] - endless[k]) / ALL;
     f->mean_rms += mean * mean;
@@ -332,24 +326,16 @@ static struct endless *choose_centres(const struct btf_matrix *btf) {
 }
 
 static void print(const char *name, const struct figures *f) {
-    if (as_json)
-        g_print("{\"sample\": \"%s\", \"width\": %d, \"height\": %d, \"pictures\": %d, "
-                "\"evaluations\": %.4f, \"in_one\": %.4f, \"mean_rms\": %.5f, \"mean_most\": %.5f, "
-                "\"deviation_rms\": %.5f, \"deviation_most\": %.5f, \"averaged_deviation_rms\": "
-                "%.5f, \"distance_rms\": %.5f, \"below\": %.6f, \"lags\": [%.4f, %.4f, %.4f], "
-                "\"order\": %.4f, \"plain_ms\": %.2f, \"ratio\": %.3f}\n",
-                name, f->width, f->height, f->pairs, f->evaluations, f->in_one, f->mean_rms,
-                f->mean_most, f->deviation_rms, f->deviation_most, f->averaged_rms, f->distance_rms,
-                f->below, f->lag[0], f->lag[1], f->lag[2], f->order, f->ms[1], f->times[0]);
-    else
-        g_print("%s: %.2f look-ups a point, %.0f %% of points in one hexagon; mean off by %.2f %% "
-                "RMS, %.2f %% at most, deviation %.2f %% and %.2f %% (averaged: %.2f %%), "
-                "distributions %.4f deviations apart; %.3f %% below 0; a tile apart %.3f, %.3f, "
-                "%.3f alike; order %.3f; frame %.2f times %.1f ms\n",
-                name, f->evaluations, 100 * f->in_one, 100 * f->mean_rms, 100 * f->mean_most,
-                100 * f->deviation_rms, 100 * f->deviation_most, 100 * f->averaged_rms,
-                f->distance_rms, 100 * f->below, f->lag[0], f->lag[1], f->lag[2], f->order,
-                f->times[0], f->ms[1]);
+    bench_begin(NULL);
+    bench_put("%s{sample} %d{width} %d{height} %d{pictures} %.4f{evaluations} %.4f{in_one} "
+              "%.5f{mean_rms} %.5f{mean_most} %.5f{deviation_rms} %.5f{deviation_most} "
+              "%.5f{averaged_deviation_rms} %.5f{distance_rms} %.6f{below}",
+              name, f->width, f->height, f->pairs, f->evaluations, f->in_one, f->mean_rms,
+              f->mean_most, f->deviation_rms, f->deviation_most, f->averaged_rms, f->distance_rms,
+              f->below);
+    bench_put_doubles("lags", "%.4f", f->lag, LAGS);
+    bench_put("%.4f{order} %.2f{plain_ms} %.3f{ratio}", f->order, f->ms[1], f->times[0]);
+    bench_end();
 }
 
 static void measure(const char *name, const struct btf_matrix *btf) {

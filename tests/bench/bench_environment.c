@@ -9,7 +9,6 @@
 #include "bench.h"
 
 #include "base/direction.h"
-#include "base/json.h"
 #include "base/vec.h"
 #include "scene/environment.h"
 
@@ -149,10 +148,8 @@ static void judge(const struct bench_surface *s, const struct environment *e, do
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int smaller = 4;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
         {"smaller", 0, 0, G_OPTION_ARG_INT, &smaller,
          "Average maps over so many pixels each way first, default 4", "N"},
         {NULL},
@@ -171,7 +168,7 @@ int main(int argc, char **argv) {
         if (surfaces[n_surfaces++].material == NULL)
             bench_fail(1, "%s", why.text);
     }
-    g_autoptr(GString) out = g_string_new("{");
+    bench_begin(NULL);
     for (int e = 0; e < 3; e++) {
         const char *name = e < 2 ? environment_names[e] : argc > 2 ? argv[2] : NULL;
         g_autoptr(GError) error = NULL;
@@ -180,39 +177,22 @@ int main(int argc, char **argv) {
         struct environment *whole = environment_open(name, &error);
         bench_check(error);
         struct environment *map = make_smaller(whole, smaller);
-        if (!json)
-            g_print("%s\n%-10s", name, "lamps");
-        for (int k = 0; !json && k < NUMBERS; k++)
-            g_print("%8d", lamp_numbers[k]);
-        g_string_append(out, e > 0 ? ", " : "");
-        json_append_string(out, name);
-        g_string_append(out, ": {");
+        bench_begin(name);
         for (int s = 0; s < n_surfaces; s++) {
             double found[NUMBERS];
             judge(&surfaces[s], map, found);
-            if (!json)
-                g_print("\n%-10s", surfaces[s].name);
-            g_string_append(out, s > 0 ? ", " : "");
-            json_append_string(out, surfaces[s].name);
-            g_string_append(out, ": {");
+            bench_begin(surfaces[s].name);
             for (int k = 0; k < NUMBERS; k++) {
-                char number[G_ASCII_DTOSTR_BUF_SIZE];
-                g_ascii_formatd(number, sizeof number, "%.5f", found[k]);
-                g_string_append_printf(out, "%s\"%d\": %s", k > 0 ? ", " : "", lamp_numbers[k],
-                                       number);
-                if (!json)
-                    g_print("%8.4f", found[k]);
+                g_autofree char *lamps = g_strdup_printf("%d", lamp_numbers[k]);
+                bench_put_double(lamps, "", "%.5f", found[k]);
             }
-            g_string_append(out, "}");
+            bench_end();
         }
-        g_string_append(out, "}");
-        if (!json)
-            g_print("\n");
+        bench_end();
         environment_free(whole);
         environment_free(map);
     }
-    if (json)
-        g_print("%s}\n", out->str);
+    bench_end();
     mesorig_material_close(surfaces[G_N_ELEMENTS(surfaces) - 1].material);
     return 0;
 }

@@ -44,7 +44,7 @@ struct scene {
     guint8 **edges;
 };
 
-static gboolean json, replay;
+static gboolean replay;
 static int every = 1;
 static const GOptionEntry entries[] = {
     {"every", 0, 0, G_OPTION_ARG_INT, &every,
@@ -52,7 +52,6 @@ static const GOptionEntry entries[] = {
      "N"},
     {"replay", 0, 0, G_OPTION_ARG_NONE, &replay,
      "Replay the rounds with the session that has all sweeps", NULL},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
 
@@ -230,30 +229,20 @@ static void fast_measure(struct scene *scene, const char *directory, gboolean co
     g_clear_pointer(&scene->catalogue, catalogue_free);
 }
 
-static void fast_tell(const char *name, const struct measured *all, const struct measured *some,
-                      gboolean first) {
-    const double time = some->laser_s / all->laser_s, rms = some->rms / all->rms;
-    const double coverage = some->coverage / all->coverage;
-    if (!json) {
-        g_print("%-10s laser %5.0f s → %4.0f s (%.3f), sweeps %3d → %3d in %d rounds; measured "
-                "%.4f → %.4f (%.4f), known %.4f → %.4f; RMS %.4f → %.4f texels (%.3f), wrong "
-                "%.4f → %.4f\n",
-                name, all->laser_s, some->laser_s, time, all->sweeps, some->sweeps, some->rounds,
-                all->coverage, some->coverage, coverage, all->known, some->known, all->rms,
-                some->rms, rms, all->wrong, some->wrong);
-        return;
-    }
-    g_print("%s\n  \"%s\": {", first ? "{" : ",", name);
+static void fast_tell(const char *name, const struct measured measured[WAYS]) {
+    const struct measured *all = &measured[ALL], *some = &measured[COVERED];
+    bench_begin(name);
     for (int k = 0; k < WAYS; k++) {
-        const struct measured *m = k == ALL ? all : some;
-        g_print("\n    \"%s\": {\"laser_s\": %.1f, \"session_s\": %.1f, \"sweeps\": %d, "
-                "\"left_out\": %d, \"rounds\": %d, \"coverage\": %.5f, \"known\": %.5f, "
-                "\"rms_texels\": %.5f, \"wrong\": %.5f},",
-                ways[k], m->laser_s, m->session_s, m->sweeps, m->left_out, m->rounds, m->coverage,
-                m->known, m->rms, m->wrong);
+        const struct measured *m = &measured[k];
+        bench_row(ways[k],
+                  "%.1f{laser_s} %.1f{session_s} %d{sweeps} %d{left_out} %d{rounds} %.5f{coverage} "
+                  "%.5f{known} %.5f{rms_texels} %.5f{wrong}",
+                  m->laser_s, m->session_s, m->sweeps, m->left_out, m->rounds, m->coverage,
+                  m->known, m->rms, m->wrong);
     }
-    g_print("\n    \"laser_time_ratio\": %.4f, \"coverage_ratio\": %.5f, \"rms_ratio\": %.4f}",
-            time, coverage, rms);
+    bench_put("%.4f{laser_time_ratio} %.5f{coverage_ratio} %.4f{rms_ratio}",
+              some->laser_s / all->laser_s, some->coverage / all->coverage, some->rms / all->rms);
+    bench_end();
 }
 
 int main(int argc, char **argv) {
@@ -262,6 +251,7 @@ int main(int argc, char **argv) {
         bench_fail(2, "--every %d: give 1 or more", every);
     if (argc < 3)
         bench_fail(2, "give the folder of fast_materials, and names of materials in it");
+    bench_begin(NULL);
     for (int i = 2; i < argc; i++) {
         g_autoptr(GError) error = NULL;
         g_autofree char *path = g_build_filename(argv[1], argv[i], "world.conf", NULL);
@@ -280,9 +270,8 @@ int main(int argc, char **argv) {
         g_free(scene.truth);
         g_free(scene.edges);
         world_unref(scene.world);
-        fast_tell(argv[i], &measured[ALL], &measured[COVERED], i == 2);
+        fast_tell(argv[i], measured);
     }
-    if (json)
-        g_print("\n}\n");
+    bench_end();
     return 0;
 }

@@ -92,7 +92,7 @@ static struct steps fields_steps(const struct direction_list *list, const double
     return ret;
 }
 
-static void fields_print_steps(const struct btf_matrix *btf, gboolean json) {
+static void fields_print_steps(const struct btf_matrix *btf) {
     const gsize n_texels = btf_layout_texels(&btf->layout);
     const gsize n_views = btf->layout.views.n, n_lights = btf->layout.lights.n;
     g_autofree double *f = g_new0(double, n_views *n_lights);
@@ -108,16 +108,11 @@ static void fields_print_steps(const struct btf_matrix *btf, gboolean json) {
     }
     const struct steps r = fields_steps(&btf->layout.views, e_r, n_texels);
     const struct steps i = fields_steps(&btf->layout.lights, e_i, n_texels);
-    g_print(json ? "\"e_r_steps\": %.5f, \"e_i_steps\": %.5f, \"e_r_lowest_steps\": %.5f, "
-                   "\"e_i_lowest_steps\": %.5f, \"e_r_kinks\": %.5f, \"e_i_kinks\": %.5f, "
-                   "\"e_r_lowest_kinks\": %.5f, \"e_i_lowest_kinks\": %.5f"
-                 : "  steps of E_r %.4f, of E_i %.4f; on the lowest ring %.4f and %.4f\n"
-                   "  kinks of E_r %.4f, of E_i %.4f; on the lowest ring %.4f and %.4f\n",
-            r.all, i.all, r.lowest, i.lowest, r.kinks, i.kinks, r.lowest_kinks, i.lowest_kinks);
-    g_print(json ? ", \"lowest_view_deg\": %g, \"views_on_it\": %d, \"lowest_light_deg\": %g, "
-                   "\"lights_on_it\": %d"
-                 : "  lowest rings: views at %g°, %d; lights at %g°, %d\n",
-            r.theta_deg, r.around, i.theta_deg, i.around);
+    bench_put("%.5f{e_r_steps} %.5f{e_i_steps} %.5f{e_r_lowest_steps} %.5f{e_i_lowest_steps} "
+              "%.5f{e_r_kinks} %.5f{e_i_kinks} %.5f{e_r_lowest_kinks} %.5f{e_i_lowest_kinks} "
+              "%g{lowest_view_deg} %d{views_on_it} %g{lowest_light_deg} %d{lights_on_it}",
+              r.all, i.all, r.lowest, i.lowest, r.kinks, i.kinks, r.lowest_kinks, i.lowest_kinks,
+              r.theta_deg, r.around, i.theta_deg, i.around);
 }
 
 /* Views and lights exchanged, so that a reflectance field of the result is a light field; divided:
@@ -154,19 +149,15 @@ static double fields_fit(const struct btf_matrix *btf, enum lobes_model model, g
     return error;
 }
 
-static void fields_print_fits(const struct btf_matrix *btf, gboolean json) {
+static void fields_print_fits(const struct btf_matrix *btf) {
     static const enum lobes_model models[] = {LOBES_FIELDS, LOBES_PTM};
     for (gsize m = 0; m < G_N_ELEMENTS(models); m++)
         for (int divided = 0; divided < 2; divided++) {
-            const char *name = lobes_model_name(models[m]), *of = divided ? "_without_nl" : "";
-            const double reflectance = fields_fit(btf, models[m], FALSE, divided);
-            const double light = fields_fit(btf, models[m], TRUE, divided);
-            if (json)
-                g_print(", \"%s%s\": {\"reflectance_fields\": %.5f, \"light_fields\": %.5f}", name,
-                        of, reflectance, light);
-            else
-                g_print("  %s%s: of reflectance fields %.5f, of light fields %.5f (%.2f)\n", name,
-                        divided ? ", without n·l" : "", reflectance, light, light / reflectance);
+            g_autofree char *name =
+                g_strconcat(lobes_model_name(models[m]), divided ? "_without_nl" : "", NULL);
+            bench_row(name, "%.5f{reflectance_fields} %.5f{light_fields}",
+                      fields_fit(btf, models[m], FALSE, divided),
+                      fields_fit(btf, models[m], TRUE, divided));
         }
 }
 
@@ -342,7 +333,7 @@ static void fields_two_views(const struct btf_matrix *btf, int ret[2]) {
 }
 
 static void fields_session(const char *path, const char *plot, int texel, gboolean energy,
-                           gboolean json, GError **error) {
+                           GError **error) {
     static const enum lobes_model models[PLOTTED] = {LOBES_LAFORTUNE, LOBES_PTM, LOBES_FIELDS};
     g_autoptr(BtfMatrix) btf = btf_matrix_read(path, NULL, error);
     struct lobes *lobes[PLOTTED] = {NULL};
@@ -353,24 +344,20 @@ static void fields_session(const char *path, const char *plot, int texel, gboole
         texel = (int)(btf->layout.height / 2 * btf->layout.width + btf->layout.width / 2);
     if (texel >= n_texels)
         bench_fail(2, "%s has %d texels", path, n_texels);
-    g_print(json ? "{\"name\": \"%s\", " : "%s\n", btf->name);
-    fields_print_steps(btf, json);
-    if (energy) {
-        g_print("%s", json ? "}" : "");
-        return;
-    }
-    fields_print_fits(btf, json);
-    for (int k = 0; k < PLOTTED; k++) {
+    bench_begin(NULL);
+    bench_put("%s{name}", btf->name);
+    fields_print_steps(btf);
+    if (!energy)
+        fields_print_fits(btf);
+    for (int k = 0; !energy && k < PLOTTED; k++) {
         const struct lobes_options options = {.model = models[k]};
         lobes[k] = lobes_compute(btf, &options, NULL);
-        if (json)
-            g_print(", \"%s_horizon\": %.4f", lobes_model_name(models[k]),
-                    fields_horizon(btf, lobes[k]));
-        else
-            g_print("  %s under a light at the horizon: %.3f of the mean luminance\n",
-                    lobes_model_name(models[k]), fields_horizon(btf, lobes[k]));
+        bench_put_double(lobes_model_name(models[k]), "_horizon", "%.4f",
+                         fields_horizon(btf, lobes[k]));
     }
-    g_print("%s", json ? "}" : "");
+    bench_end();
+    if (energy)
+        return;
     if (plot) {
         int views[2];
         fields_two_views(btf, views);
@@ -381,11 +368,10 @@ static void fields_session(const char *path, const char *plot, int texel, gboole
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE, energy = FALSE;
+    gboolean energy = FALSE;
     int texel = -1;
     g_autofree char *plot = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"energy", 0, 0, G_OPTION_ARG_NONE, &energy, "The energy alone, without fits", NULL},
         {"plot", 0, 0, G_OPTION_ARG_FILENAME, &plot, "Draw a texel of the last session", "OUT.png"},
         {"texel", 0, 0, G_OPTION_ARG_INT, &texel, "Which one, row by row (the middle)", "N"},
@@ -394,12 +380,12 @@ int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, "SESSION…");
     if (argc < 2)
         bench_fail(2, "name a session");
-    g_print("%s", json ? "{\"materials\": [" : "");
-    for (int i = 1; i < argc && !error; i++) {
-        g_print("%s", json && i > 1 ? ", " : "");
-        fields_session(argv[i], i == argc - 1 ? plot : NULL, texel, energy, json, &error);
-    }
-    g_print("%s", json ? "]}\n" : "");
+    bench_begin(NULL);
+    bench_begin_list("materials");
+    for (int i = 1; i < argc && !error; i++)
+        fields_session(argv[i], i == argc - 1 ? plot : NULL, texel, energy, &error);
+    bench_end();
+    bench_end();
     bench_check(error);
     return 0;
 }

@@ -17,14 +17,13 @@
 #define HEIGHT    768
 
 static int rate = 30, seconds = 60;
-static gboolean packet_socket, json;
+static gboolean packet_socket;
 
 static const GOptionEntry entries[] = {
     {"seconds", 0, 0, G_OPTION_ARG_INT, &seconds, "How long", "N"},
     {"rate", 0, 0, G_OPTION_ARG_INT, &rate, "Pictures a second and camera", "HZ"},
     {"packet-socket", 0, 0, G_OPTION_ARG_NONE, &packet_socket,
      "Read packets by AF_PACKET (needs CAP_NET_RAW)", NULL},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
 
@@ -113,16 +112,14 @@ static void print(struct seat *seats, const struct tally *tally) {
         resent += state.resent;
         packets += state.packets;
     }
-    g_print(json
-                ? "{\"socket\":\"%s\",\"rate_hz\":%d,\"seconds\":%d,\"triggered\":%d,\"frames\":%d,"
-                  "\"late\":%d,\"refused\":%d,\"faults\":%d,\"packets\":%" G_GUINT64_FORMAT
-                  ",\"resent\":%" G_GUINT64_FORMAT ",\"mean_ms\":%.2f,\"slowest_ms\":%.1f}\n"
-                : "%s sockets, %d Hz, %d s: %d triggered, %d frames, %d late, %d refused, "
-                  "%d faults; %" G_GUINT64_FORMAT " packets, %" G_GUINT64_FORMAT
-                  " sent again; a picture takes %.2f ms, at most %.1f\n",
-            packet_socket ? "packet" : "plain", rate, seconds, tally->triggered, tally->frames,
-            tally->late, tally->refused, tally->faults, packets, resent,
-            tally->sum_ms / MAX(tally->frames, 1), tally->slowest_ms);
+    bench_begin(NULL);
+    bench_put("%s{socket} %d{rate_hz} %d{seconds} %d{triggered} %d{frames} %d{late} %d{refused} "
+              "%d{faults} %" G_GUINT64_FORMAT "{packets} %" G_GUINT64_FORMAT
+              "{resent} %.2f{mean_ms} %.1f{slowest_ms}",
+              packet_socket ? "packet" : "plain", rate, seconds, tally->triggered, tally->frames,
+              tally->late, tally->refused, tally->faults, packets, resent,
+              tally->sum_ms / MAX(tally->frames, 1), tally->slowest_ms);
+    bench_end();
 }
 
 int main(int argc, char **argv) {

@@ -163,86 +163,67 @@ static gboolean open_views(Viewer *viewers[N_WAYS], GError **error) {
     return good;
 }
 
-static gboolean bench(const char *file, int frames, gboolean json, GError **error) {
+static gboolean bench(const char *file, int frames, GError **error) {
     static const struct {
         int n_components, n_grid;
     } cases[] = {{2, 12}, {4, 12}, {8, 8}, {8, 12}, {8, 16}};
-    g_autoptr(Gpu) gpu = gpu_new_headless(error);
     Viewer *viewers[N_WAYS] = {NULL};
-    gboolean good = gpu && open_views(viewers, error);
-    g_print(json ? "{\"renderer\": \"%s\", \"cases\": [" : "%s, 800 × 600, torus\n",
-            gpu ? gpu_renderer() : "");
+    gboolean good = open_views(viewers, error);
+    bench_begin_list("cases");
     for (gsize k = 0; good && k < G_N_ELEMENTS(cases); k++) {
         struct result r = {.n_components = cases[k].n_components, .n_grid = cases[k].n_grid};
         struct lpca *whole = file ? lpca_read(file, error) : make_lpca(r.n_components);
         struct lpca *lpca =
             whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
         good = lpca && measure(lpca, viewers, frames, &r, error);
-        if (good && json) {
+        if (good) {
             static const char *const keys[N_WAYS] = {"pairs", "revised", "grid"};
-            g_print("%s{\"components\": %d, \"grid\": %d, \"limit\": %.1f", (k == 0) ? "" : ", ",
-                    r.n_components, r.n_grid, LIMIT);
-            for (int way = 0; way < N_WAYS; way++)
-                g_print(", \"%s_ms\": %.2f, \"%s_gpu_bytes\": %" G_GINT64_FORMAT, keys[way],
-                        r.ms[way], keys[way], r.bytes[way]);
-            for (int way = REVISED; way < N_WAYS; way++)
-                g_print(", \"%s_ratio\": %.3f, \"%s_rms_difference\": %.4f", keys[way],
-                        r.ms[PAIRS] / r.ms[way], keys[way], r.difference[way]);
-            g_print("}");
-        } else if (good) {
-            static const char *const names[N_WAYS] = {"nine pairs", "3D texture",
-                                                      "packed simplices"};
-            g_print("c = %d, grid of %d\n", r.n_components, r.n_grid);
+            bench_begin(NULL);
+            bench_put("%d{components} %d{grid} %.1f{limit}", r.n_components, r.n_grid, LIMIT);
             for (int way = 0; way < N_WAYS; way++) {
-                g_print("  %s: %.1f ms, %.1f MB", names[way], r.ms[way],
-                        (double)r.bytes[way] * 1e-6);
-                if (way > PAIRS)
-                    g_print(", %.2f times as fast%s, RMS difference %.2f %%",
-                            r.ms[PAIRS] / r.ms[way], way == GRID ? " (limit 2)" : "",
-                            100 * r.difference[way]);
-                g_print("\n");
+                bench_put_double(keys[way], "_ms", "%.2f", r.ms[way]);
+                bench_put_double(keys[way], "_gpu_bytes", "%.0f", (double)r.bytes[way]);
             }
+            for (int way = REVISED; way < N_WAYS; way++) {
+                bench_put_double(keys[way], "_ratio", "%.3f", r.ms[PAIRS] / r.ms[way]);
+                bench_put_double(keys[way], "_rms_difference", "%.4f", r.difference[way]);
+            }
+            bench_end();
         }
         lpca_free(whole);
         lpca_free(lpca);
     }
-    g_print(json ? "]}\n" : "");
+    bench_end();
     for (int k = 0; k < N_WAYS; k++)
         viewer_free(viewers[k]);
     return good;
 }
 
-static gboolean bench_fetches(const char *file, int frames, gboolean json, GError **error) {
+static gboolean bench_fetches(const char *file, int frames, GError **error) {
     static const int n_components[] = {2, 4, 8};
-    g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    gboolean good = gpu != NULL;
-    g_print(json ? "{\"renderer\": \"%s\", \"fetches\": [" : "%s, 800 × 600, torus\n",
-            gpu ? gpu_renderer() : "");
+    gboolean good = TRUE;
+    bench_begin_list("fetches");
     for (gsize k = 0; good && k < G_N_ELEMENTS(n_components); k++) {
         g_autoptr(Lpca) whole = file ? lpca_read(file, error) : make_lpca(n_components[k]);
         g_autoptr(Lpca) lpca =
             whole ? lpca_truncated(whole, MIN(n_components[k], whole->n_components)) : NULL;
-        g_print("%s", json && k > 0 ? ", " : "");
-        good = lpca && lpca_rendering_fetches(lpca, 12, frames, json, error);
+        good = lpca && lpca_rendering_fetches(lpca, 12, frames, error);
     }
-    g_print(json ? "]}\n" : "");
+    bench_end();
     return good;
 }
 
-static gboolean bench_mips(const char *file, int frames, gboolean json, GError **error) {
-    g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    g_print(json ? "{\"renderer\": \"%s\", \"mips\": [" : "%s, 800 × 600, torus\n",
-            gpu ? gpu_renderer() : "");
-    const gboolean good = gpu && lpca_rendering_mips(file, 12, frames, json, error);
-    g_print(json ? "]}\n" : "");
+static gboolean bench_mips(const char *file, int frames, GError **error) {
+    bench_begin_list("mips");
+    const gboolean good = lpca_rendering_mips(file, 12, frames, error);
+    bench_end();
     return good;
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE, fetches = FALSE, mips = FALSE;
+    gboolean fetches = FALSE, mips = FALSE;
     int frames = 5;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
         {"fetches", 0, 0, G_OPTION_ARG_NONE, &fetches, "Count and time texture fetches instead",
          NULL},
@@ -253,9 +234,14 @@ int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, "[lpca.exr]");
     if (frames < 1 || argc > 2 || (mips && argc < 2))
         bench_fail(2, "bad arguments");
+    g_autoptr(Gpu) gpu = gpu_new_headless(&error);
+    bench_check(error);
+    bench_begin(NULL);
+    bench_put("%s{renderer}", gpu_renderer());
     (mips      ? bench_mips
      : fetches ? bench_fetches
-               : bench)(argc > 1 ? argv[1] : NULL, frames, json, &error);
+               : bench)(argc > 1 ? argv[1] : NULL, frames, &error);
+    bench_end();
     bench_check(error);
     return 0;
 }

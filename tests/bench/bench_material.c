@@ -123,10 +123,8 @@ static gboolean measure_numpy(const char *folder, const char *path, const struct
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int texels = 48, rings = 4, n = 50000;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels each way, default 48", "N"},
         {"rings", 0, 0, G_OPTION_ARG_INT, &rings, "Rings of views and lights, default 4: 61 each",
          "N"},
@@ -139,10 +137,10 @@ int main(int argc, char **argv) {
     g_autoptr(BtfMatrix) btf = material_fixture_sized(texels, texels, rings, TRUE);
     struct points p = make_points(n);
     struct rates numpy = {0};
-    g_print(
-        json ? "{\"texels\": %d, \"views\": %zu, \"lights\": %zu, \"codecs\": {"
-             : "%d² texels, %zu views, %zu lights; evaluations a second, singly and in one call\n",
-        texels, btf->layout.views.n, btf->layout.lights.n);
+    bench_begin(NULL);
+    bench_put("%d{texels} %zu{views} %zu{lights}", texels, btf->layout.views.n,
+              btf->layout.lights.n);
+    bench_begin("codecs"); /* evaluations a second */
     for (gsize i = 0; codecs[i]; i++) {
         g_autofree char *path = g_strdup_printf("%s/%s.exr", folder, codecs[i]->name);
         struct mesorig_error error = {0};
@@ -154,17 +152,11 @@ int main(int argc, char **argv) {
         mesorig_material_close(m);
         if (i == 0 && !measure_numpy(folder, path, &p, 1000, &numpy))
             g_printerr("bench_material: no NumPy to compare with: install python3-numpy\n");
-        g_print(json ? "%s\"%s\": {\"single\": %.0f, \"batch\": %.0f}" : "%s%-10s %9.0f %9.0f",
-                i == 0 ? ""
-                : json ? ", "
-                       : "\n",
-                codecs[i]->name, rates.single, rates.batch);
-        if (numpy.single > 0)
-            g_print(json ? "" : "   %6.1f × a NumPy loop", rates.single / numpy.single);
+        bench_row(codecs[i]->name, "%.0f{single} %.0f{batch}", rates.single, rates.batch);
     }
-    g_print(json ? "}, \"numpy\": {\"single\": %.0f, \"batch\": %.0f}}\n"
-                 : "\nNumPy, lpca %9.0f %9.0f\n",
-            numpy.single, numpy.batch);
+    bench_end();
+    bench_row("numpy", "%.0f{single} %.0f{batch}", numpy.single, numpy.batch);
+    bench_end();
     g_free(p.uv);
     g_free(p.view);
     g_free(p.light);

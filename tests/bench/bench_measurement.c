@@ -25,11 +25,10 @@ static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
 static int steps = 64, every = 1;
 static double relief_mm;
-static gboolean json, quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures;
+static gboolean quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures;
 static char *only, *pictures;
 
 static const GOptionEntry entries[] = {
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
     {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels across, 0.78 mm each (24)", "N"},
     {"pixels", 0, 0, G_OPTION_ARG_DOUBLE, &pixels, "Camera pixels a texel, at least (3)", "N"},
     {"supersample", 0, 0, G_OPTION_ARG_INT, &supersample, "Rays a pixel, in x and y (4)", "N"},
@@ -88,15 +87,15 @@ static struct errors btf_limit(gboolean steep) {
 
 static void print_group(const char *name, const struct bench_cell *cells, gboolean steep) {
     struct errors e = group_errors(cells, steep), limit = btf_limit(steep);
-    if (json)
-        printf("\"%s_median\": %.5f, \"%s_p95\": %.5f, ", name, e.median, name, e.p95);
-    else
-        printf("  %s: median %.2f %% (limit %.0f), p95 %.2f %% (limit %.0f)\n", name,
-               100 * e.median, 100 * limit.median, 100 * e.p95, 100 * limit.p95);
+    bench_put_double(name, "_median", "%.5f", e.median);
+    bench_put_double(name, "_median_limit", "%.5f", limit.median);
+    bench_put_double(name, "_p95", "%.5f", e.p95);
+    bench_put_double(name, "_p95_limit", "%.5f", limit.p95);
 }
 
 /* With every kind of camera, to tell what of the errors is noise, what the colour filter, and what
- * any camera of as many pixels has: a texel's border does not follow those of pixels. */
+ * any camera of as many pixels has: a texel's border does not follow those of pixels. Values:
+ * median and 95th percentile up to 60°, and at 75°. */
 static const struct {
     const char *name;
     gboolean mono, quiet;
@@ -106,9 +105,6 @@ static const struct {
                {"mono_quiet", TRUE, TRUE}};
 
 static void print_cameras(struct bench_setup setup) {
-    if (!json)
-        printf("  %g pixels a texel, median / p95 in %%: to 60° (limits 1 / 4), 75° (2 / 8)\n",
-               setup.pixels_a_texel);
     for (gsize k = 0; k < G_N_ELEMENTS(cameras); k++) {
         struct bench_cell cells[PAIRS];
         new_cells(cells);
@@ -116,45 +112,30 @@ static void print_cameras(struct bench_setup setup) {
         setup.noise = !cameras[k].quiet;
         bench_btf(&setup, samples, cells, NULL);
         struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
-        printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]"
-                    : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
-               cameras[k].name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
-               steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
+        const double all[] = {flat.median, flat.p95, steep.median, steep.p95};
+        bench_put_doubles(cameras[k].name, "%.5f", all, G_N_ELEMENTS(all));
         clear_cells(cells);
     }
 }
 
 static void print_curve(struct bench_setup setup) {
     static const double all[] = {2, 3, 4, 5, 6};
-    printf(json ? "\"curve\": [" : "");
+    bench_begin_list("curve");
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
         setup.pixels_a_texel = all[i];
-        if (json)
-            printf("%s{\"pixels\": %g", i ? ", " : "", all[i]);
+        bench_begin(NULL);
+        bench_put("%g{pixels}", all[i]);
         print_cameras(setup);
-        printf(json ? "}" : "");
+        bench_end();
     }
-    printf(json ? "]" : "");
-}
-
-/* χ² of error bars of a material, a row of a table over views' elevations: of the MDF off edges and
- * at them, and of the BTF. */
-static void print_chi_row(const char *name, const double chi2[RIG_VIEWS]) {
-    printf(json ? ", \"%s\": [" : "  %s, from 15 … 75°:", name);
-    for (int view = 0; view < RIG_VIEWS; view++)
-        if (isnan(chi2[view])) /* no texel of that sort */
-            printf(json ? "%snull" : "%s –", json && view ? ", " : "");
-        else
-            printf(json ? "%s%.4f" : "%s %.2f", json && view ? ", " : "", chi2[view]);
-    printf(json ? "]" : "\n");
+    bench_end();
 }
 
 /* Of error bars (btf_sigma.h), for each view's elevation, and of all values together. */
 static void print_chi_squares(const struct bench_cell *cells) {
     struct bench_cell all = {0};
     double chi2[RIG_VIEWS];
-    printf(json ? ", \"btf_chi_square\": ["
-                : "  χ² of error bars, and of noise alone, in views of\n");
+    bench_begin_list("btf_chi_square");
     for (int view = 0; view <= RIG_VIEWS; view++) {
         struct bench_cell sum = {0};
         for (int i = view * RIG_VIEWS; view < RIG_VIEWS && i < (view + 1) * RIG_VIEWS; i++) {
@@ -171,19 +152,13 @@ static void print_chi_squares(const struct bench_cell *cells) {
         const double n = (double)cell->values;
         if (view < RIG_VIEWS)
             chi2[view] = cell->chi / n;
-        if (json)
-            printf("%s{\"elevation_deg\": %g, \"chi_square\": %.4f, \"noise_alone\": %.4f, "
-                   "\"beyond_3_sigma\": %.5f}",
-                   view ? ", " : "", view < RIG_VIEWS ? bench_elevation_deg(view) : -1,
-                   cell->chi / n, cell->chi_noise / n, (double)cell->beyond / n);
-        else
-            printf("    %s%.0f°: %.2f, %.1f; %.2f %% beyond 3 σ\n",
-                   view < RIG_VIEWS ? "" : "all, to ",
-                   bench_elevation_deg(MIN(view, RIG_VIEWS - 1)), cell->chi / n,
-                   cell->chi_noise / n, 100 * (double)cell->beyond / n);
+        /* −1: all views. */
+        bench_row(NULL, "%g{elevation_deg} %.4f{chi_square} %.4f{noise_alone} %.5f{beyond_3_sigma}",
+                  view < RIG_VIEWS ? bench_elevation_deg(view) : -1, cell->chi / n,
+                  cell->chi_noise / n, (double)cell->beyond / n);
     }
-    printf(json ? "]" : "");
-    print_chi_row("chi2_btf", chi2);
+    bench_end();
+    bench_put_doubles("chi2_btf", "%.4f", chi2, RIG_VIEWS);
 }
 
 static double part(gint64 n, gint64 of) {
@@ -201,37 +176,31 @@ static double mean_of(GArray *values) {
     return values->len > 0 ? sum / values->len : NAN;
 }
 
-/* χ² of error bars a texel: mean ((d − truth) / σ)², and its median over that of a normal deviate's
- * square, which a few large errors do not move; both are 1 where error bars are right. */
+/* χ² of error bars: number of texels, mean ((d − truth) / σ)², and its median over that of a normal
+ * deviate's square, which a few large errors do not move. Both are 1 where error bars are right. */
 static void print_chi2(const char *name, GArray *chi2) {
+    const double all[] = {chi2->len, mean_of(chi2), bench_quantile(chi2, 0.5) / NORMAL_MEDIAN};
     if (chi2->len > 0)
-        printf(json ? ", \"%s\": [%u, %.3f, %.3f]" : " %s of %u texels: mean %.2f, median %.3f;",
-               name, chi2->len, mean_of(chi2), bench_quantile(chi2, 0.5) / NORMAL_MEDIAN);
+        bench_put_doubles(name, "%.6g", all, G_N_ELEMENTS(all));
 }
 
 static void print_view(int view, struct bench_mdf *m) {
-    printf(
-        json ? "%s{\"view_deg\": %.0f, \"rms_texels\": %.4f, \"median_texels\": %.4f, "
-               "\"mean_texels\": %.4f, \"edge_texels\": %.4f, \"edge_rms_texels\": %.4f, "
-               "\"coverage\": %.4f, \"coverage_of_shown\": %.4f, \"dark\": %" G_GINT64_FORMAT
-               ", \"outliers\": %.4f, \"outliers_with_edges\": %.4f"
-             : "%s  MDF from %.0f°: rms %.4f texels, median %.4f, mean %+.4f; %.3f of texels at "
-               "edges, rms there %.3f; %.4f of what is lit covered, %.4f of what also shows (dark: "
-               "%" G_GINT64_FORMAT "); outliers %.4f, with edges %.4f\n   ",
-        json && view ? ", " : "", bench_elevation_deg(view), rms(m->squares, m->measured),
-        bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
-        part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
-        part(m->covered, m->seen), part(m->covered, m->seen - m->dark), m->dark,
-        part(m->outliers, m->measured),
-        part(m->outliers + m->edge_outliers, m->edges + m->measured));
+    bench_begin(NULL);
+    bench_put("%.0f{view_deg} %.4f{rms_texels} %.4f{median_texels} %.4f{mean_texels} "
+              "%.4f{edge_texels} %.4f{edge_rms_texels} %.4f{coverage} %.4f{coverage_of_shown} "
+              "%" G_GINT64_FORMAT "{dark} %.4f{outliers} %.4f{outliers_with_edges}",
+              bench_elevation_deg(view), rms(m->squares, m->measured),
+              bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
+              part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
+              part(m->covered, m->seen), part(m->covered, m->seen - m->dark), m->dark,
+              part(m->outliers, m->measured),
+              part(m->outliers + m->edge_outliers, m->edges + m->measured));
     print_chi2("chi2", m->chi2);
     print_chi2("edge_chi2", m->edge_chi2);
     print_chi2("alone_chi2", m->alone_chi2);
-    printf(json ? ", \"alone\": %" G_GINT64_FORMAT
-                  ", \"alone_outliers\": %.4f, \"alone_rms_texels\": %.4f}"
-                : "\n    seen by one position alone: %" G_GINT64_FORMAT
-                  " texels, outliers %.4f, rms %.3f\n",
-           m->alone, part(m->alone_outliers, m->alone), rms(m->alone_squares, m->alone));
+    bench_put("%" G_GINT64_FORMAT "{alone} %.4f{alone_outliers} %.4f{alone_rms_texels}", m->alone,
+              part(m->alone_outliers, m->alone), rms(m->alone_squares, m->alone));
+    bench_end();
 }
 
 /* What the views say of each other's outliers, those at edges included. */
@@ -259,10 +228,8 @@ struct settled {
 };
 
 static void print_worth(const char *name, const struct worth *w) {
-    printf(json ? ", \"%s\": {\"n\": %" G_GINT64_FORMAT
-                  ", \"outliers\": %.5f, \"rms_texels\": %.4f}"
-                : "    %-22s %7" G_GINT64_FORMAT " texels, %.4f outliers, rms %.3f\n",
-           name, w->n, part(w->outliers, w->n), rms(w->squares, w->n));
+    bench_row(name, "%" G_GINT64_FORMAT "{n} %.5f{outliers} %.4f{rms_texels}", w->n,
+              part(w->outliers, w->n), rms(w->squares, w->n));
 }
 
 static void print_settled(const struct bench_setup *setup, const struct bench_mdf *all) {
@@ -300,12 +267,10 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
                 add_worth(&s.removed, before, truth, setup->texel_mm);
         }
     }
-    printf(json ? ", \"mdf_settled\": {\"coverage_before\": %.5f, \"coverage_measured\": %.5f, "
-                  "\"coverage_with_predicted\": %.5f"
-                : "  MDF settled between views: of lit texels %.4f measured before, %.4f after, "
-                  "%.4f with predicted\n",
-           part(s.before, s.lit), part(s.after[MDF_MEASURED] + s.after[MDF_OTHER], s.lit),
-           part(s.lit - s.after[MDF_UNSEEN], s.lit));
+    bench_begin("mdf_settled");
+    bench_put("%.5f{coverage_before} %.5f{coverage_measured} %.5f{coverage_with_predicted}",
+              part(s.before, s.lit), part(s.after[MDF_MEASURED] + s.after[MDF_OTHER], s.lit),
+              part(s.lit - s.after[MDF_UNSEEN], s.lit));
     print_worth("off_edges_before", &s.off_before);
     print_worth("off_edges_after", &s.off_after);
     print_worth("edges_before", &s.edge_before);
@@ -313,7 +278,7 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
     print_worth("second_choice", &s.source[MDF_OTHER]);
     print_worth("predicted", &s.source[MDF_PREDICTED]);
     print_worth("taken_back", &s.removed);
-    printf(json ? "}" : "");
+    bench_end();
 }
 
 static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *view) {
@@ -329,7 +294,7 @@ static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS];
     struct agreement a = {0};
     double chi2[RIG_VIEWS], edges[RIG_VIEWS];
-    printf(json ? "\"mdf\": [" : "");
+    bench_begin_list("mdf");
     for (int view = 0; view < RIG_VIEWS; view++) {
         bench_mdf_init(&all[view]);
         bench_mdf(setup, view, steps, every, &all[view]);
@@ -337,6 +302,7 @@ static void print_mdf(const struct bench_setup *setup) {
         chi2[view] = mean_of(all[view].chi2);
         edges[view] = mean_of(all[view].edge_chi2);
     }
+    bench_end();
     if (pictures)
         draw_mdf(setup, &all[SHOWN_VIEW]);
     struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
@@ -362,43 +328,27 @@ static void print_mdf(const struct bench_setup *setup) {
         }
     }
     gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
-    printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
-                  "\"mdf_outliers_unrefuted\": %.5f"
-                : "  MDF, all views and edges: %.4f outliers; %.4f refuted by other views, without "
-                  "them %.4f\n",
-           part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept));
+    bench_put("%.5f{mdf_outliers} %.5f{mdf_refuted} %.5f{mdf_outliers_unrefuted}",
+              part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept));
     print_settled(setup, all);
-    print_chi_row("chi2_mdf", chi2);
-    print_chi_row("chi2_mdf_edges", edges);
-    printf(json && !no_btf ? ", " : "");
+    bench_put_doubles("chi2_mdf", "%.4f", chi2, RIG_VIEWS);
+    bench_put_doubles("chi2_mdf_edges", "%.4f", edges, RIG_VIEWS);
     for (int view = 0; view < RIG_VIEWS; view++)
         bench_mdf_clear(&all[view]);
 }
 
-/* 96 steps over 50 mm give σ = 0.7 frames; finer steps, slanted surfaces and wide lines give more.
- */
+/* RMS of a pulse's time in frames, and its ratio to the Cramér-Rao bound (limit 1.3). 96 steps over
+ * 50 mm give σ = 0.7 frames. Finer steps, slanted surfaces and wide lines give more. */
 static void print_peaks(void) {
     static const double sigmas[] = {0.6, 0.7, 1, 1.4, 2, 3};
-    gboolean first = TRUE;
-    printf(json ? "\"peaks\": ["
-                : "time of a pulse, rms in frames, of the Cramér-Rao bound (limit 1.3)\n");
-    for (gsize i = 0; i < G_N_ELEMENTS(sigmas); i++) {
-        if (!json)
-            printf("  sigma %.1f frames:", sigmas[i]);
+    bench_begin_list("peaks");
+    for (gsize i = 0; i < G_N_ELEMENTS(sigmas); i++)
         for (double dn = 20; dn < 4000; dn *= 2) {
             struct bench_peaks p = bench_peaks(dn, sigmas[i]);
-            double ratio = p.rms / p.bound;
-            if (json)
-                printf("%s{\"sigma_frames\": %.1f, \"dn\": %.0f, \"rms\": %.5f, "
-                       "\"ratio\": %.3f, \"missed\": %.5f}",
-                       first ? "" : ", ", sigmas[i], dn, p.rms, ratio, p.missed);
-            else
-                printf(" %.0f DN %.4f (%.2f)%s", dn, p.rms, ratio, p.missed > 0 ? " missed!" : "");
-            first = FALSE;
+            bench_row(NULL, "%.1f{sigma_frames} %.0f{dn} %.5f{rms} %.3f{ratio} %.5f{missed}",
+                      sigmas[i], dn, p.rms, p.rms / p.bound, p.missed);
         }
-        printf(json ? "" : "\n");
-    }
-    printf(json ? "]" : "");
+    bench_end();
 }
 
 /* 128 × 128 texels, from 45°. */
@@ -406,13 +356,9 @@ static void print_speed(void) {
     struct bench_setup setup = {
         .material = "weave", .texels = 128, .texel_mm = 0.390625, .pixels_a_texel = pixels};
     struct bench_speed s = bench_speed(&setup, 2);
-    printf(json ? "%s\"speed\": {\"decode_ms\": %.2f, \"rectify_ms\": %.2f, \"errors_ms\": %.2f, "
-                  "\"prepare_ms\": %.0f, "
-                  "\"guide_ms\": %.0f}"
-                : "%sa frame of 128 × 128 texels: decoded in %.2f ms, rectified in %.2f, its error "
-                  "bars found in %.2f; a view "
-                  "prepared in %.0f ms, its guide made in %.0f\n",
-           json ? ", " : "", s.decode_ms, s.rectify_ms, s.errors_ms, s.prepare_ms, s.guide_ms);
+    bench_row("speed",
+              "%.2f{decode_ms} %.2f{rectify_ms} %.2f{errors_ms} %.0f{prepare_ms} %.0f{guide_ms}",
+              s.decode_ms, s.rectify_ms, s.errors_ms, s.prepare_ms, s.guide_ms);
 }
 
 static void draw(const char *material, const struct demo_btf *picture) {
@@ -435,7 +381,7 @@ static void measure(const char *material) {
                                 .mono = mono};
     struct bench_cell cells[PAIRS];
     new_cells(cells);
-    printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
+    bench_begin(material);
     if (curve)
         print_curve(setup);
     else if (pictures && only_mdf_pictures) {
@@ -455,21 +401,15 @@ static void measure(const char *material) {
         demo_btf_free(picture);
         print_group("btf_to_60deg", cells, FALSE);
         print_group("btf_75deg", cells, TRUE);
-        printf(json ? "\"view_light_median_p95\": ["
-                    : "  rows: view 15 … 75°, columns: light 15 … 75°\n");
-        for (int i = 0; i < PAIRS; i++) {
-            double median = bench_quantile(cells[i].errors, 0.5);
-            double p95 = bench_quantile(cells[i].errors, 0.95);
-            if (json)
-                printf("%s[%.5f, %.5f]", i ? ", " : "", median, p95);
-            else
-                printf("%8.2f /%6.2f%s", 100 * median, 100 * p95, i % RIG_VIEWS < 4 ? "" : "\n");
-        }
-        printf(json ? "]" : "");
+        bench_begin_list("view_light_median_p95");
+        for (int i = 0; i < PAIRS; i++)
+            bench_row(NULL, "%.0f{view_deg} %.0f{light_deg} %.5f{median} %.5f{p95}",
+                      bench_elevation_deg(i / RIG_VIEWS), bench_elevation_deg(i % RIG_VIEWS),
+                      bench_quantile(cells[i].errors, 0.5), bench_quantile(cells[i].errors, 0.95));
+        bench_end();
         print_chi_squares(cells);
     }
-    printf(json ? "}" : "");
-    fflush(stdout);
+    bench_end();
     clear_cells(cells);
 }
 
@@ -481,13 +421,14 @@ int main(int argc, char **argv) {
         fprintf(stderr, "bench_measurement: --every is %d, and must be 1 or more\n", every);
         return 2;
     }
-    printf(json ? "{\"pixels_a_texel\": %g, " : "at least %g pixels a texel\n", pixels);
+    bench_begin(NULL);
+    bench_put("%g{pixels_a_texel}", pixels);
     print_peaks();
     print_speed();
     for (gsize i = 0; !only && i < G_N_ELEMENTS(materials); i++)
         measure(materials[i]);
     if (only)
         measure(only);
-    printf(json ? "}\n" : "");
+    bench_end();
     return 0;
 }

@@ -3,6 +3,7 @@
  * exact one as the normal tilts. */
 #include "bench.h"
 #include "frame_time.h"
+#include "lib/direction.h"
 #include "lib/microfacet_formula.h"
 #include "microfacet_parts.h"
 #include "shapes/scene.h"
@@ -20,11 +21,6 @@ struct tilt {
     double ward_rms;             /* of reflectances, relative to the exact ones' RMS */
 };
 
-static struct vec3 unit(double theta_deg, double phi_deg) {
-    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
 static double ward_at(struct vec3 n, struct vec3 h, enum method_rotation rotation) {
     static const struct microfacet ward = {
         MICROFACET_WARD, {0, 0, 0}, {1, 1, 1}, {0.1F, 0.5F}}; /* of Kang & Cho 2011, fig. 5 */
@@ -39,10 +35,11 @@ static struct tilt measure_tilt(double degrees) {
     double all = 0, off = 0;
     int n = 0;
     for (int a = 0; a < AZIMUTH; a++) {
-        const struct vec3 normal = unit(degrees, 360.0 * a / AZIMUTH);
+        const struct vec3 normal = direction_of_deg(degrees, 360.0 * a / AZIMUTH);
         for (int k = 0; k < AZIMUTH * 40; k++) {
             const int ring = k / AZIMUTH;
-            const struct vec3 h = unit(1.5 + 2.2 * ring, 360.0 * (k % AZIMUTH) / AZIMUTH);
+            const struct vec3 h =
+                direction_of_deg(1.5 + 2.2 * ring, 360.0 * (k % AZIMUTH) / AZIMUTH);
             if (vec3_dot(h, normal) < 0.5)
                 continue;
             const double far =
@@ -96,35 +93,29 @@ static gboolean plot(const char *path, const struct tilt *tilts) {
     return fclose(file) == 0;
 }
 
-static void tell_tilts(const struct tilt *tilts, gboolean json) {
+static void tell_tilts(const struct tilt *tilts) {
     for (int k = 0; k < STEPS; k++)
-        g_print(json ? "%s{\"tilt_deg\": %g, \"half_rms\": %.4f, \"half_worst\": %.4f, "
-                       "\"ward_relative_rms\": %.4f}"
-                     : "%stilt %2g°: half vector RMS %.4f, worst %.4f, Ward relative RMS %.4f",
-                json && k > 0 ? ", " : (k > 0 ? "\n" : ""), tilts[k].degrees, tilts[k].half_rms,
-                tilts[k].half_worst, tilts[k].ward_rms);
+        bench_row(NULL, "%g{tilt_deg} %.4f{half_rms} %.4f{half_worst} %.4f{ward_relative_rms}",
+                  tilts[k].degrees, tilts[k].half_rms, tilts[k].half_worst, tilts[k].ward_rms);
 }
 
-static void tell_times(const char *name, const double *ms, const double *times, gboolean json,
-                       gboolean first) {
-    const double none = ms[METHOD_ROTATION_NONE], exact = ms[METHOD_ROTATION_EXACT];
-    const double approximate = ms[METHOD_ROTATION_APPROXIMATE];
-    g_print(json ? "%s{\"method\": \"%s\", \"none_ms\": %.2f, \"exact_ms\": %.2f, "
-                   "\"approximate_ms\": %.2f, \"exact_ratio\": %.4f, \"approximate_ratio\": %.4f, "
-                   "\"limit\": %.2f}"
-                 : "%s%s: normal mapping %.2f ms, exact rotation %.2f ms, approximate %.2f ms; "
-                   "ratios %.3f, %.3f (limit %.2f)\n",
-            json && !first ? ", " : "", name, none, exact, approximate,
-            times[METHOD_ROTATION_EXACT], times[METHOD_ROTATION_APPROXIMATE], LIMIT);
+static void tell_times(const char *name, const double *ms, const double *times) {
+    bench_row(NULL,
+              "%-16s{method} %.2f{none_ms} %.2f{exact_ms} %.2f{approximate_ms} %.4f{exact_ratio} "
+              "%.4f{approximate_ratio} %.2f{limit}",
+              name, ms[METHOD_ROTATION_NONE], ms[METHOD_ROTATION_EXACT],
+              ms[METHOD_ROTATION_APPROXIMATE], times[METHOD_ROTATION_EXACT],
+              times[METHOD_ROTATION_APPROXIMATE], LIMIT);
 }
 
-static gboolean bench(int frames, gboolean json, GError **error) {
+static gboolean bench(int frames, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(Viewer) viewer = gpu ? viewer_new(NULL, error) : NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
     gboolean good = viewer && viewer_set_mesh(viewer, mesh, error);
-    g_print(json ? "\"renderer\": \"%s\", \"times\": [" : "%s, 800 × 600, torus\n",
-            gpu ? gpu_renderer() : "");
+    if (gpu)
+        bench_put("%s{renderer}", gpu_renderer());
+    bench_begin_list("times");
     for (int k = 0; good && k < MICROFACET_METHODS; k++) {
         double ms[METHOD_ROTATIONS] = {0}, times[METHOD_ROTATIONS] = {0};
         /* Of each rotation; ret_times: as long as none takes, which is the last. */
@@ -138,19 +129,17 @@ static gboolean bench(int frames, gboolean json, GError **error) {
         good = viewer_open(viewer, &methods_microfacet[k], NULL, error) &&
                time_in_turns(viewers, settings, METHOD_ROTATIONS, frames, ms, times, error);
         if (good)
-            tell_times(methods_microfacet[k].name, ms, times, json, k == 0);
+            tell_times(methods_microfacet[k].name, ms, times);
     }
     mesh_free(mesh);
-    g_print("%s", json ? "], " : "");
-    return good && microfacet_times(frames, json, error);
+    bench_end();
+    return good && microfacet_times(frames, error);
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int frames = 15;
     g_autofree char *svg = NULL, *lobes = NULL, *fabric = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
         {"fabric", 0, 0, G_OPTION_ARG_FILENAME, &fabric, "Draw fabric, time nothing", "OUT.png"},
         {"lobes", 0, 0, G_OPTION_ARG_FILENAME, &lobes, "Draw distributions, time nothing",
@@ -171,11 +160,12 @@ int main(int argc, char **argv) {
         return 0;
     for (int k = 0; k < STEPS; k++)
         tilts[k] = measure_tilt(5.0 * k);
-    g_print("%s", json ? "{" : "");
-    const gboolean plotted = bench(frames, json, &error) && (!svg || plot(svg, tilts));
-    g_print("%s", json ? ", \"tilts\": [" : "");
-    tell_tilts(tilts, json);
-    g_print("%s\n", json ? "]}" : "");
+    bench_begin(NULL);
+    const gboolean plotted = bench(frames, &error) && (!svg || plot(svg, tilts));
+    bench_begin_list("tilts");
+    tell_tilts(tilts);
+    bench_end();
+    bench_end();
     bench_check(error);
     if (!plotted)
         bench_fail(1, "%s: the plot cannot be written", svg);

@@ -34,6 +34,7 @@
 #include "base/work.h"
 #include "btf/btf_matrix.h"
 #include "exr/exr.h"
+#include "lib/direction.h"
 #include "prediction_parts.h"
 #include "session/session.h"
 #include "world/truth.h"
@@ -41,7 +42,6 @@
 enum { START, CHOSEN, INTERPOLATED, LOW_RANK, SLICES, WAYS };
 static const char *const ways[WAYS] = {"start", "chosen", "interpolated", "low_rank", "slices"};
 
-static gboolean json;
 static char *only, *write_pictures, *parts_list;
 static char **besides;
 static int truth_samples = 3, every = 1;
@@ -60,18 +60,12 @@ static const GOptionEntry entries[] = {
     {"parts", 0, 0, G_OPTION_ARG_STRING, &parts_list,
      "Take one of so many shots; the first is the start set of the chosen ones; default 16;8;4;2",
      "N;…"},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
 
 struct result {
     double error, left_out, within, expected, seconds;
 };
-
-static struct vec3 prediction_bench_unit(double theta_deg, double phi_deg) {
-    const double t = theta_deg * G_PI / 180, p = phi_deg * G_PI / 180;
-    return vec3(sin(t) * cos(p), sin(t) * sin(p), cos(t));
-}
 
 static void prediction_bench_places(struct prediction_scene *scene, const char *session) {
     g_autoptr(GError) error = NULL;
@@ -198,11 +192,11 @@ static void prediction_bench_open(struct prediction_scene *scene, const char *pa
     scene->light_mm = g_new(struct vec3, scene->n_lights);
     scene->at_mm = g_new(struct vec3, scene->n_texels);
     for (int v = 0; v < scene->n_views; v++)
-        scene->view[v] = prediction_bench_unit((double)layout->views.theta_deg[v],
-                                               (double)layout->views.phi_deg[v]);
+        scene->view[v] =
+            direction_of_deg((double)layout->views.theta_deg[v], (double)layout->views.phi_deg[v]);
     for (int l = 0; l < scene->n_lights; l++)
-        scene->light[l] = prediction_bench_unit((double)layout->lights.theta_deg[l],
-                                                (double)layout->lights.phi_deg[l]);
+        scene->light[l] = direction_of_deg((double)layout->lights.theta_deg[l],
+                                           (double)layout->lights.phi_deg[l]);
     for (int t = 0; t < scene->n_texels; t++) {
         const int column = t % (int)layout->width, row = t / (int)layout->width;
         scene->at_mm[t] =
@@ -415,28 +409,20 @@ static void prediction_bench_pictures(const struct prediction_scene *scene, cons
     const struct prediction_pictures found =
         prediction_pictures_compare(scene, prediction_bench_make_values, &maker, path);
     prediction_bench_maker_clear(&maker);
-    if (json)
-        g_print(",\n    \"pictures_%d\": {\"full\": %.3f, \"made\": %.3f, \"ratio\": %.3f}", part,
-                found.full, found.made, found.made / found.full);
-    else
-        g_print("%-10s 1/%-2d pictures: ΔE %.3f of the full capture, %.3f predicted (%.3f)\n", name,
-                part, found.full, found.made, found.made / found.full);
+    g_autofree char *key = g_strdup_printf("pictures_%d", part);
+    bench_row(key, "%.3f{full} %.3f{made} %.3f{ratio}", found.full, found.made,
+              found.made / found.full);
 }
 
-static void prediction_bench_tell(const char *name, int part, int way, const struct result *result,
-                                  double full) {
-    if (!json)
-        g_print("%-10s 1/%-2d %-12s error %.4f (%.3f of full), left out %.4f, expected %.4f, "
-                "within 2 σ %.3f; %.1f s CPU\n",
-                name, part, ways[way], result->error, result->error / full, result->left_out,
-                result->expected, result->within, result->seconds);
-    else
-        g_print(",\n    \"%s_%d\": {\"error\": %.4f, \"ratio\": %.3f, \"left_out\": %.4f",
-                ways[way], part, result->error, result->error / full, result->left_out);
-    if (json && way <= CHOSEN)
-        g_print(", \"expected\": %.4f, \"within\": %.3f", result->expected, result->within);
-    if (json)
-        g_print("}");
+static void prediction_bench_tell(int part, int way, const struct result *result, double full) {
+    g_autofree char *key = g_strdup_printf("%s_%d", ways[way], part);
+    bench_begin(key);
+    bench_put("%.4f{error} %.3f{ratio} %.4f{left_out}", result->error, result->error / full,
+              result->left_out);
+    if (way <= CHOSEN)
+        bench_put("%.4f{expected} %.3f{within}", result->expected, result->within);
+    bench_put("%.1f{cpu_s}", result->seconds);
+    bench_end();
 }
 
 static double prediction_bench_clock_s(const char *session) {
@@ -449,7 +435,7 @@ static double prediction_bench_clock_s(const char *session) {
 
 /* Another session's BTF against the same truth. */
 static void prediction_bench_beside(const struct prediction_scene *scene, const char *session,
-                                    const char *material, const gboolean *all, double full) {
+                                    const gboolean *all, double full) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_path_get_dirname(session);
     for (char **name = besides; *name; name++) {
@@ -469,14 +455,10 @@ static void prediction_bench_beside(const struct prediction_scene *scene, const 
         const double took_s = prediction_bench_clock_s(path),
                      full_s = prediction_bench_clock_s(session);
         btf_matrix_free(other);
-        if (json)
-            g_print(",\n    \"%s\": {\"seconds\": %.1f, \"full_seconds\": %.1f, \"error\": %.4f, "
-                    "\"ratio\": %.3f, \"full_delta_e\": %.3f, \"delta_e\": %.3f}",
-                    *name, took_s, full_s, found, found / full, seen.full, seen.made);
-        else
-            g_print("%-10s %-12s %.1f of %.1f s, error %.4f (%.3f of full), ΔE %.3f of the full "
-                    "capture, %.3f of this one\n",
-                    material, *name, took_s, full_s, found, found / full, seen.full, seen.made);
+        bench_row(*name,
+                  "%.1f{seconds} %.1f{full_seconds} %.4f{error} %.3f{ratio} %.3f{full_delta_e} "
+                  "%.3f{delta_e}",
+                  took_s, full_s, found, found / full, seen.full, seen.made);
     }
 }
 
@@ -503,7 +485,7 @@ static int prediction_bench_part(const char *text) {
 }
 
 static void prediction_bench_material(struct prediction_scene *scene, const char *session,
-                                      const char *name, char *const *parts, gboolean first) {
+                                      const char *name, char *const *parts) {
     g_autofree gboolean *taken = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *chosen = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *sliced = g_new0(gboolean, scene->n_shots);
@@ -511,12 +493,10 @@ static void prediction_bench_material(struct prediction_scene *scene, const char
     for (int s = 0; s < scene->n_shots; s++)
         taken[s] = TRUE;
     const struct result full = prediction_bench_error(scene, INTERPOLATED, taken);
-    if (json)
-        g_print("%s\n  \"%s\": {\"full\": {\"error\": %.4f}", first ? "{" : ",", name, full.error);
-    else
-        g_print("%-10s full: error %.4f\n", name, full.error);
+    bench_begin(name);
+    bench_row("full", "%.4f{error}", full.error);
     if (besides)
-        prediction_bench_beside(scene, session, name, taken, full.error);
+        prediction_bench_beside(scene, session, taken, full.error);
     else
         prediction_bench_start(scene, scene->n_shots / part, chosen);
     for (int k = 0; parts[k] && !besides; k++) {
@@ -538,13 +518,12 @@ static void prediction_bench_material(struct prediction_scene *scene, const char
                                                                 way == CHOSEN   ? chosen
                                                                 : way == SLICES ? sliced
                                                                                 : taken);
-            prediction_bench_tell(name, part, way, &result, full.error);
+            prediction_bench_tell(part, way, &result, full.error);
         }
         if (prediction_bench_has(CHOSEN, part) && part > 2)
             prediction_bench_pictures(scene, name, part, chosen);
     }
-    if (json)
-        g_print("}");
+    bench_end();
 }
 
 int main(int argc, char **argv) {
@@ -554,15 +533,15 @@ int main(int argc, char **argv) {
     g_auto(GStrv) parts = g_strsplit(parts_list ? parts_list : "16;8;4;2", ";", -1);
     for (int k = 0; k == 0 || parts[k]; k++)
         prediction_bench_part(parts[k]);
+    bench_begin(NULL);
     for (int i = 1; i < argc; i++) {
         struct prediction_scene scene = {0};
         g_autofree char *folder = g_path_get_dirname(argv[i]);
         g_autofree char *name = g_path_get_basename(folder);
         prediction_bench_open(&scene, argv[i]);
-        prediction_bench_material(&scene, argv[i], name, parts, i == 1);
+        prediction_bench_material(&scene, argv[i], name, parts);
         prediction_bench_close(&scene);
     }
-    if (json)
-        g_print("\n}\n");
+    bench_end();
     return 0;
 }

@@ -208,8 +208,7 @@ static int passes = 2;
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
-static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean json,
-                        GError **error) {
+static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **error) {
     Viewer *viewers[N_VARIANTS];
     struct viewer_settings settings[N_VARIANTS];
     double ms[N_VARIANTS];
@@ -231,33 +230,24 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean 
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
     const gboolean good = mesh != NULL && viewer_set_mesh(viewer, mesh, error) &&
                           time_in_turns(viewers, settings, N_VARIANTS, frames, ms, NULL, error);
-    if (good && json) {
-        g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
-                mesh->n_indices / 3);
+    if (good) {
+        bench_begin(NULL);
+        bench_put("%s{shape} %u{triangles}", shape, mesh->n_indices / 3);
         for (int k = 0; k < N_VARIANTS; k++)
-            g_print(", \"%s_ms\": %.2f", variants[k].name, ms[k]);
+            bench_put_double(variants[k].name, "_ms", "%.2f", ms[k]);
         for (int k = SILHOUETTES; k < N_VARIANTS; k++) {
-            g_print(", \"%s_ratio\": %.3f", variants[k].name, ms[k] / ms[BTF]);
+            bench_put_double(variants[k].name, "_ratio", "%.3f", ms[k] / ms[BTF]);
             if (variants[k].limit > 0)
-                g_print(", \"%s_limit\": %.2f", variants[k].name, variants[k].limit);
+                bench_put_double(variants[k].name, "_limit", "%.2f", variants[k].limit);
         }
-        g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
-    } else if (good) {
-        g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n",
-                shape, mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
-        for (int k = SILHOUETTES; k < N_VARIANTS; k++)
-            g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[k].name, ms[k],
-                    ms[k] / ms[BTF],
-                    variants[k].limit == 0                 ? ""
-                    : ms[k] <= variants[k].limit * ms[BTF] ? ", as it should"
-                                                           : ": too slow");
+        bench_put("%.3f{ratio}", ms[BTF] / ms[PLAIN]);
+        bench_end();
     }
     mesh_free(mesh);
     return good;
 }
 
-static gboolean bench(const struct eigenmaps *maps, int frames, double residual, gboolean json,
-                      GError **error) {
+static gboolean bench(const struct eigenmaps *maps, int frames, double residual, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(Viewer) viewer = gpu != NULL ? viewer_new(maps, error) : NULL;
     if (viewer == NULL)
@@ -266,29 +256,23 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
     gboolean good = viewer_set_mdf(viewer, &(struct mdf_source){.table = mdf}, error);
     mdf_table_free(mdf);
     const struct viewer_memory memory = viewer_memory(viewer);
-    if (json)
-        g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %zu, "
-                "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"gpu_bytes\": "
-                "%" G_GINT64_FORMAT ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT ", \"scenes\": [",
-                gpu_renderer(), maps->layout.width, N_THETA * N_PHI, frames, residual,
-                memory.material, memory.mdf);
-    else
-        g_print("%s, 800 × 600, %zu² texels, 4 terms, %d lights, median of %d frames\n"
-                "(error of the eigen-maps %.4f); %.1f MB on the card, and %.1f MB of the MDF\n",
-                gpu_renderer(), maps->layout.width, N_THETA * N_PHI, frames, residual,
-                (double)memory.material * 1e-6, (double)memory.mdf * 1e-6);
+    bench_begin(NULL);
+    bench_put("%s{renderer} %d{width} %d{height} %zu{texels} %d{terms} %d{lights} %d{frames} "
+              "%.4f{svd_error} %" G_GINT64_FORMAT "{gpu_bytes} %" G_GINT64_FORMAT "{gpu_bytes_mdf}",
+              gpu_renderer(), 800, 600, maps->layout.width, 4, N_THETA * N_PHI, frames, residual,
+              memory.material, memory.mdf);
+    bench_begin_list("scenes");
     for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
-        good = measure(viewer, shapes[k], frames, json, error);
-    g_print("%s", json ? "]}\n" : "");
+        good = measure(viewer, shapes[k], frames, error);
+    bench_end();
+    bench_end();
     return good;
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int frames = 20, texels = 64;
     g_autofree char *write = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 20", "N"},
         {"passes", 0, 0, G_OPTION_ARG_INT, &passes, "Of the published peeling, default 2", "N"},
         {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels each way, default 64", "N"},
@@ -305,7 +289,7 @@ int main(int argc, char **argv) {
     if (write)
         eigenmaps_write(write, maps, &error);
     else
-        bench(maps, frames, residual, json, &error);
+        bench(maps, frames, residual, &error);
     bench_check(error);
     eigenmaps_free(maps);
     return 0;

@@ -28,7 +28,6 @@
 #include "session/session.h"
 #include "world/truth.h"
 
-static gboolean json;
 static char *left_out, *pictures;
 static int threads, truth_samples;
 static const GOptionEntry entries[] = {
@@ -40,7 +39,6 @@ static const GOptionEntry entries[] = {
     {"truth", 0, 0, G_OPTION_ARG_INT, &truth_samples,
      "Compare with the simulated world, of N × N rays a texel, not with what was measured", "N"},
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
 
@@ -346,8 +344,7 @@ static void reprojection_bench_view(int k, gpointer data) {
         g_free(shown[i]);
 }
 
-static void reprojection_bench_tell(const char *session, const struct scene *scene,
-                                    gboolean first) {
+static void reprojection_bench_tell(const char *session, const struct scene *scene) {
     struct sums all = {0};
     for (int k = 0; k < scene->n_out; k++) {
         const struct sums *one = &scene->sums[k];
@@ -372,28 +369,21 @@ static void reprojection_bench_tell(const char *session, const struct scene *sce
     const double wrong = (double)all.wrong / (double)MAX(all.depths, 1);
     const double fallback = (double)all.fallback / (double)all.texels;
     const double us = 1e6 * scene->seconds / (double)all.texels;
-    if (json)
-        g_print("%s\n  \"%s\": {\"views_kept\": %d, \"views_left_out\": %d, \"error_mixed\": %.4f, "
-                "\"error_along\": %.4f, \"error_measured\": %.4f, \"ratio\": %.3f, "
-                "\"delta_e_mixed\": %.3f, \"delta_e_along\": %.3f, \"delta_e_measured\": %.3f, "
-                "\"fallback\": %.5f, \"depth_rms_texels\": %.4f, \"depth_wrong\": %.5f, "
-                "\"cpu_us_a_texel\": %.2f}",
-                first ? "{" : ",", session, scene->n_kept, scene->n_out, error[MIXED], error[ALONG],
-                error[MEASURED], error[ALONG] / error[MIXED], delta_e[MIXED], delta_e[ALONG],
-                delta_e[MEASURED], fallback, depth, wrong, us);
-    else
-        g_print(
-            "%s: %d views from %d: error %.4f mixed, %.4f along (%.3f), %.4f measured; ΔE %.2f, "
-            "%.2f (%.3f), %.2f; fallback %.4f; depth %.3f texels, wrong %.4f; %.1f µs a texel\n",
-            session, scene->n_out, scene->n_kept, error[MIXED], error[ALONG],
-            error[ALONG] / error[MIXED], error[MEASURED], delta_e[MIXED], delta_e[ALONG],
-            delta_e[ALONG] / delta_e[MIXED], delta_e[MEASURED], fallback, depth, wrong, us);
+    bench_row(session,
+              "%d{views_kept} %d{views_left_out} %.4f{error_mixed} %.4f{error_along} "
+              "%.4f{error_measured} %.3f{ratio} %.3f{delta_e_mixed} %.3f{delta_e_along} "
+              "%.3f{delta_e_measured} %.5f{fallback} %.4f{depth_rms_texels} %.5f{depth_wrong} "
+              "%.2f{cpu_us_a_texel}",
+              scene->n_kept, scene->n_out, error[MIXED], error[ALONG], error[MEASURED],
+              error[ALONG] / error[MIXED], delta_e[MIXED], delta_e[ALONG], delta_e[MEASURED],
+              fallback, depth, wrong, us);
 }
 
 int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, "DIR.session …");
     if (argc < 2)
         bench_fail(2, "give sessions with a BTF and an MDF");
+    bench_begin(NULL);
     for (int i = 1; i < argc; i++) {
         struct scene scene = {0};
         reprojection_bench_open(&scene, argv[i]);
@@ -402,10 +392,9 @@ int main(int argc, char **argv) {
         const double begun = bench_cpu_s();
         work_for_each(threads, scene.n_out, reprojection_bench_view, &scene);
         scene.seconds = bench_cpu_s() - begun;
-        reprojection_bench_tell(argv[i], &scene, i == 1);
+        reprojection_bench_tell(argv[i], &scene);
         reprojection_bench_close(&scene);
     }
-    if (json)
-        g_print("\n}\n");
+    bench_end();
     return 0;
 }

@@ -32,7 +32,6 @@ static const struct material {
     {"mail", 1.8, 2.5, 5, TRUE},
 };
 
-static gboolean json;
 static gboolean true_grazing;
 static int texels = 64, azimuths = 12, width = 400, height = 300;
 static double distance_mm = 650.0;
@@ -79,7 +78,6 @@ struct scene {
 /* table NULL: the BTF only. */
 static void show(const struct scene *s, const char *way, double value,
                  const struct mdf_table *table, gboolean straight, gboolean volume) {
-    static gboolean more;
     g_autoptr(GError) error = NULL;
     struct viewer_settings one = s->settings;
     one.silhouettes = table != NULL;
@@ -91,14 +89,12 @@ static void show(const struct scene *s, const char *way, double value,
         viewer_render_geometry(s->view, &one, VIEWER_GEOMETRY_LIT, width, height, &error);
     bench_check(error);
     struct scores score = silhouettes_score(s->shape, seen, s->truth, &one, width, height, TRUE);
-    printf(
-        json ? "%s{\"material\": \"%s\", \"shape\": \"%s\", \"tiles\": \"%dx%d\", \"way\": \"%s\", "
-               "\"raised\": %.3f, \"outline\": %.4f, \"shadow\": %.4f}"
-             : "%s%-8s %-8s %dx%d  %-10s %6.3f  outline %.4f  shadow %.4f\n",
-        json && more ? ",\n " : "", s->material->kind, s->shape->name, s->u, s->v, way, value,
-        overlap_share(&score.outline), overlap_share(&score.shadow));
-    fflush(stdout);
-    more = TRUE;
+    g_autofree char *tiles = g_strdup_printf("%dx%d", s->u, s->v);
+    bench_row(
+        NULL,
+        "%-8s{material} %-8s{shape} %s{tiles} %s{way} %.3f{raised} %.4f{outline} %.4f{shadow}",
+        s->material->kind, s->shape->name, tiles, way, value, overlap_share(&score.outline),
+        overlap_share(&score.shadow));
 }
 
 static void measure(struct scene *s, const struct mdf_table *table,
@@ -193,7 +189,6 @@ static void measure_material(const struct material *m) {
 int main(int argc, char **argv) {
     g_autofree char *size = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "A JSON array", NULL},
         {"only", 0, 0, G_OPTION_ARG_STRING_ARRAY, &kinds, "Only this sample; may be repeated",
          "KIND"},
         {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &tilings,
@@ -219,11 +214,11 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Gpu) gpu = gpu_new_headless(&error);
     bench_check(error);
-    printf(json ? "[" : "");
+    bench_begin_list(NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(materials); k++)
         if (!kinds || g_strv_contains((const char *const *)kinds, materials[k].kind))
             measure_material(&materials[k]);
-    printf(json ? "]\n" : "");
+    bench_end();
     g_strfreev(kinds);
     g_strfreev(tilings);
     world_fixture_clean();

@@ -22,11 +22,9 @@
 #define SIZES   4
 #define PICTURE 256
 
-static gboolean as_json;
 static int frames = 7;
 
 static const GOptionEntry options[] = {
-    {"json", 0, 0, G_OPTION_ARG_NONE, &as_json, "Print JSON", NULL},
     {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Frames that are timed, 7", "N"},
     {NULL},
 };
@@ -181,32 +179,19 @@ static void measure(gboolean ordered, struct figures *f) {
 
 static void print(const char *name, const struct figures *f) {
     static const char *const ways[2] = {"textons", "quilting"};
-    if (as_json)
-        g_print("{\"sample\": \"%s\", \"features_s\": %.3f, \"plain_ms\": %.2f, "
-                "\"bytes_sample\": %" G_GINT64_FORMAT ", \"bytes_index\": %" G_GINT64_FORMAT
-                ", \"bytes_laid_out\": %" G_GINT64_FORMAT,
-                name, f->features_s, f->ms[2], f->bytes_sample, f->bytes_index, f->bytes_laid_out);
-    else
-        g_print(
-            "%s: features %.2f s of CPU; repeated %.1f ms; %.1f MB and %.1f MB of index, laid out "
-            "%.1f MB\n",
-            name, f->features_s, f->ms[2], (double)f->bytes_sample * 1e-6,
-            (double)f->bytes_index * 1e-6, (double)f->bytes_laid_out * 1e-6);
+    bench_begin(NULL);
+    bench_put("%s{sample} %.3f{features_s} %.2f{plain_ms} %" G_GINT64_FORMAT
+              "{bytes_sample} %" G_GINT64_FORMAT "{bytes_index} %" G_GINT64_FORMAT
+              "{bytes_laid_out}",
+              name, f->features_s, f->ms[2], f->bytes_sample, f->bytes_index, f->bytes_laid_out);
     for (int k = 0; k < 2; k++) {
-        const double *d = f->differences[k];
-        if (as_json)
-            g_print(", \"%s\": {\"seconds\": %.3f, \"order\": %.4f, \"seam_error\": %.3f, "
-                    "\"seam_share\": %.4f, \"ratio\": %.3f, \"differences\": [%.4f, %.4f, %.4f, "
-                    "%.4f]}",
-                    ways[k], f->seconds[k], f->order[k], f->seam[k], f->seam_share[k], f->times[k],
-                    d[0], d[1], d[2], d[3]);
-        else
-            g_print("  %-8s %5.1f s of CPU, order %.3f, %4.1f %% seams of error %.2f, frame %.2f "
-                    "times, differs by %.3f %.3f %.3f %.3f\n",
-                    ways[k], f->seconds[k], f->order[k], 100 * f->seam_share[k], f->seam[k],
-                    f->times[k], d[0], d[1], d[2], d[3]);
+        bench_begin(ways[k]);
+        bench_put("%.3f{seconds} %.4f{order} %.3f{seam_error} %.4f{seam_share} %.3f{ratio}",
+                  f->seconds[k], f->order[k], f->seam[k], f->seam_share[k], f->times[k]);
+        bench_put_doubles("differences", "%.4f", f->differences[k], SIZES);
+        bench_end();
     }
-    g_print(as_json ? "}\n" : "\n");
+    bench_end();
 }
 
 int main(int argc, char **argv) {

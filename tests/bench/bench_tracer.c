@@ -90,22 +90,18 @@ static struct picture_noise picture_noise(const TraceScene *scene, int samples,
     return ret;
 }
 
-static void tell_albedo(const double variance[2], const double mean[2], gboolean json) {
-    g_print(json ? "{\"albedo\": {\"importance_mean\": %.5f, \"even_mean\": %.5f, "
-                   "\"importance_variance\": %.6g, \"even_variance\": %.6g, \"ratio\": %.3f, "
-                   "\"limit\": %.1f}, \"pictures\": ["
-                 : "reflected of an even sky: means %.5f and %.5f; variance of a sample %.3g by "
-                   "importance, %.3g evenly: 1:%.1f (at least %.0f)\n",
-            mean[0], mean[1], variance[0], variance[1], variance[1] / variance[0], LIMIT);
+static void tell_albedo(const double variance[2], const double mean[2]) {
+    bench_row("albedo",
+              "%.5f{importance_mean} %.5f{even_mean} %.6g{importance_variance} %.6g{even_variance} "
+              "%.3f{ratio} %.1f{limit}",
+              mean[0], mean[1], variance[0], variance[1], variance[1] / variance[0], LIMIT);
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
     int samples = 64;
     double tiles = 3.0;
     g_autofree char *given = NULL;
     const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
         {"material", 0, 0, G_OPTION_ARG_FILENAME, &given,
          "A session or a compressed material; default: a small one with a highlight", "PATH"},
         {"tiles", 0, 0, G_OPTION_ARG_DOUBLE, &tiles, "Around the sphere, default 3", "N"},
@@ -123,20 +119,22 @@ int main(int argc, char **argv) {
     for (int way = 0; way < 2; way++)
         variance[way] =
             albedo_variance(surface, (enum trace_drawing)way, 200 * samples, &mean[way]);
-    tell_albedo(variance, mean, json);
+    bench_begin(NULL);
+    tell_albedo(variance, mean);
+    bench_begin_list("pictures");
     for (int lamps_too = 0; lamps_too < 2; lamps_too++) {
         struct picture_noise noise[2];
         for (int way = 0; way < 2; way++)
             noise[way] = picture_noise(scene, samples, (enum trace_drawing)way, lamps_too != 0);
-        for (int way = 0; way < 2; way++)
-            g_print(json ? "%s{\"lights_looked_for\": %s, \"directions\": \"%s\", \"mean\": %.5f, "
-                           "\"variance\": %.6g, \"cpu_s\": %.3f}"
-                         : "%ssphere in the studio, lights looked for: %s, directions by %s: mean "
-                           "%.4f, variance of a sample %.3g, %.2f s",
-                    json ? (way + lamps_too > 0 ? ", " : "") : (way + lamps_too > 0 ? "\n" : ""),
-                    json ? (lamps_too ? "true" : "false") : (lamps_too ? "yes" : "no"), ways[way],
-                    noise[way].mean, noise[way].variance, noise[way].seconds);
+        for (int way = 0; way < 2; way++) {
+            bench_begin(NULL);
+            bench_put_boolean("lights_looked_for", lamps_too != 0);
+            bench_put("%s{directions} %.5f{mean} %.6g{variance} %.3f{cpu_s}", ways[way],
+                      noise[way].mean, noise[way].variance, noise[way].seconds);
+            bench_end();
+        }
     }
-    g_print("%s\n", json ? "]}" : "");
+    bench_end();
+    bench_end();
     return variance[1] / variance[0] >= LIMIT ? 0 : 1;
 }

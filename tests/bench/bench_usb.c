@@ -283,40 +283,23 @@ static struct eight measure_eight(Clock *clock, double frame_rate, double second
     return eight;
 }
 
-static void print_latency(const char *name, const struct latency *l, gboolean json,
-                          gboolean first) {
-    if (json)
-        printf("%s\"%s\":{\"raw_us\":%.0f,\"raw_p99_us\":%.0f,\"driver_us\":%.0f,"
-               "\"driver_p99_us\":%.0f,\"ratio\":%.3f}",
-               first ? "{" : ",", name, l->raw.median, l->raw.p99, l->driver.median, l->driver.p99,
-               l->driver.median / l->raw.median);
-    else
-        printf("%-22s bare %8.0f µs (p99 %8.0f), driver %8.0f µs (p99 %8.0f), %.2f times\n", name,
-               l->raw.median, l->raw.p99, l->driver.median, l->driver.p99,
-               l->driver.median / l->raw.median);
+static void print_latency(const char *name, const struct latency *l) {
+    bench_row(name, "%.0f{raw_us} %.0f{raw_p99_us} %.0f{driver_us} %.0f{driver_p99_us} %.3f{ratio}",
+              l->raw.median, l->raw.p99, l->driver.median, l->driver.p99,
+              l->driver.median / l->raw.median);
 }
 
-static void print_eight(const char *name, const struct eight *e, gboolean json) {
-    double each = e->n_frames / e->seconds / N_CAMERAS;
-    if (json)
-        printf(",\"%s\":{\"seconds\":%.1f,\"frames\":%d,\"lost\":%d,\"frames_s_camera\":%.2f,"
-               "\"cpu\":%.3f}",
-               name, e->seconds, e->n_frames, e->n_lost, each, e->cpu_s / e->seconds);
-    else
-        printf("%-22s %d frames in %.1f s (%.2f a second and camera), %d lost; %.0f %% of a core, "
-               "devices included\n",
-               name, e->n_frames, e->seconds, each, e->n_lost, 100 * e->cpu_s / e->seconds);
+static void print_eight(const char *name, const struct eight *e) {
+    bench_row(name, "%.1f{seconds} %d{frames} %d{lost} %.2f{frames_s_camera} %.3f{cpu}", e->seconds,
+              e->n_frames, e->n_lost, e->n_frames / e->seconds / N_CAMERAS, e->cpu_s / e->seconds);
 }
 
 int main(int argc, char **argv) {
     testbed_enter(argv);
-    static gboolean json;
     static double seconds = 5;
-    static const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
-        {"seconds", 0, 0, G_OPTION_ARG_DOUBLE, &seconds, "How long eight cameras run at each rate",
-         "S"},
-        {NULL}};
+    static const GOptionEntry entries[] = {{"seconds", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
+                                            "How long eight cameras run at each rate", "S"},
+                                           {NULL}};
     bench_parse(&argc, &argv, entries, "- latencies of USB, V4L2 and USB3 Vision drivers");
     testbed_ref(); /* one for all: Aravis looks at the same USB as long as the process lives */
     g_autoptr(Clock) clock = clock_new_real();
@@ -326,14 +309,14 @@ int main(int argc, char **argv) {
     u3v_measure(clock, N_PICTURES, raw, driver);
     struct latency u3v = {bench_times(raw, N_PICTURES), bench_times(driver, N_PICTURES)};
     struct eight slow = measure_eight(clock, 15, seconds), fast = measure_eight(clock, 30, seconds);
-    print_latency("tic_move", &tic, json, TRUE);
-    print_latency("relay_switch", &relay, json, FALSE);
-    print_latency("v4l2_trigger_to_frame", &camera, json, FALSE);
-    print_latency("u3v_trigger_to_frame", &u3v, json, FALSE);
-    print_eight("v4l2_eight_15_hz", &slow, json);
-    print_eight("v4l2_eight_30_hz", &fast, json);
-    if (json)
-        printf("}\n");
+    bench_begin(NULL);
+    print_latency("tic_move", &tic);
+    print_latency("relay_switch", &relay);
+    print_latency("v4l2_trigger_to_frame", &camera);
+    print_latency("u3v_trigger_to_frame", &u3v);
+    print_eight("v4l2_eight_15_hz", &slow);
+    print_eight("v4l2_eight_30_hz", &fast);
+    bench_end();
     testbed_unref();
     return slow.n_lost || fast.n_lost;
 }

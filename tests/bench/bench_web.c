@@ -83,8 +83,7 @@ static double shape_difference(const char *folder, const char *page, const guint
     return found.delta_e * WIDTH * HEIGHT / n;
 }
 
-static double bench_web_material(const char *folder, const char *material, gboolean json,
-                                 gboolean first) {
+static double bench_web_material(const char *folder, const char *material) {
     g_autoptr(GError) error = NULL;
     g_autofree char *page = g_build_filename(folder, "page.html", NULL);
     g_autofree char *png = g_build_filename(folder, "page.png", NULL);
@@ -105,28 +104,26 @@ static double bench_web_material(const char *folder, const char *material, gbool
     browser_open(browser, address);
     browser_wait(browser, "window.mesorig !== undefined");
     double sum = 0, worst = 0;
-    g_print(json ? "%s{\"material\": \"%s\", \"views\": [" : "%s%s:", first || !json ? "" : ", ",
-            material);
+    bench_begin(NULL);
+    bench_put("%s{material}", material);
+    bench_begin_list("views");
     for (gsize k = 0; k < G_N_ELEMENTS(views); k++) {
         page_picture(browser, &views[k], png);
         g_autofree guint8 *is = viewer_picture(viewer, &views[k]);
         const double delta_e = shape_difference(folder, png, is);
-        g_print(json ? "%s{\"shape\": \"%s\", \"delta_e\": %.4f}" : "%s %s %.3f", k > 0 ? "," : "",
-                views[k].shape, delta_e);
+        bench_row(NULL, "%s{shape} %.4f{delta_e}", views[k].shape, delta_e);
         sum += delta_e;
         worst = MAX(worst, delta_e);
     }
-    g_print(json ? "], \"mean\": %.4f, \"worst\": %.4f}" : "; mean %.3f, at most %.3f\n",
-            sum / G_N_ELEMENTS(views), worst);
+    bench_end();
+    bench_put("%.4f{mean} %.4f{worst}", sum / G_N_ELEMENTS(views), worst);
+    bench_end();
     browser_free(browser);
     return worst;
 }
 
 int main(int argc, char **argv) {
-    gboolean json = FALSE;
-    const GOptionEntry entries[] = {
-        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL}, {NULL}};
-    bench_parse(&argc, &argv, entries, "LPCA.exr…");
+    bench_parse(&argc, &argv, NULL, "LPCA.exr…");
     if (argc < 2)
         bench_fail(2, "name files of local PCA that have an mdf.exr beside them");
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -134,11 +131,13 @@ int main(int argc, char **argv) {
     g_autoptr(Gpu) gpu = gpu_new_headless(&error);
     bench_check(error);
     double worst = 0;
-    g_print("%s", json ? "{\"materials\": [" : "");
+    bench_begin(NULL);
+    bench_begin_list("materials");
     for (int k = 1; k < argc; k++)
-        worst = MAX(worst, bench_web_material(folder, argv[k], json, k == 1));
-    if (json)
-        g_print("], \"worst\": %.4f, \"limit\": %.1f}\n", worst, LIMIT);
+        worst = MAX(worst, bench_web_material(folder, argv[k]));
+    bench_end();
+    bench_put("%.4f{worst} %.1f{limit}", worst, LIMIT);
+    bench_end();
     remove_tree(folder);
     return worst > LIMIT;
 }

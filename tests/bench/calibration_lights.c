@@ -65,29 +65,23 @@ static gboolean run_laser(int seed, struct figures *ret) {
     return ok;
 }
 
-static char *figures_text(int kind, const struct figures *f, gboolean json) {
-    const char *lamps = json ? "\"direction_deg\":%.4f,\"distance_pct\":%.3f,\"zero_deg\":%.4f,"
-                               "\"axis_deg\":%.4f,\"chi2\":%.2f,\"sights\":%d,\"cpu_s\":%.1f"
-                             : "direction %.4f°, distance %.3f %%, zero %.4f°, axis %.4f°, χ² "
-                               "%.2f, %d sights, %.1f s";
-    const char *laser =
-        json ? "\"sheet_deg\":%.4f,\"sheet_mm\":%.4f,\"source_mm\":%.3f,\"points\":%d,"
-               "\"cpu_s\":%.1f"
-             : "any step's sheet %.4f°, %.4f mm, source %.3f mm, %d points, %.1f s";
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wformat-nonliteral"
-    return kind == LASER
-               ? g_strdup_printf(laser, f->sheet_deg, f->sheet_mm, f->source_mm, f->n, f->cpu_s)
-               : g_strdup_printf(lamps, f->direction_deg, f->distance_pct, f->zero_deg, f->axis_deg,
-                                 f->chi2, f->n, f->cpu_s);
-#pragma GCC diagnostic pop
+static void put_figures(int kind, const struct figures *f) {
+    if (kind == LASER)
+        bench_put("%.4f{sheet_deg} %.4f{sheet_mm} %.3f{source_mm} %d{points} %.1f{cpu_s}",
+                  f->sheet_deg, f->sheet_mm, f->source_mm, f->n, f->cpu_s);
+    else
+        bench_put("%.4f{direction_deg} %.3f{distance_pct} %.4f{zero_deg} %.4f{axis_deg} %.2f{chi2} "
+                  "%d{sights} %.1f{cpu_s}",
+                  f->direction_deg, f->distance_pct, f->zero_deg, f->axis_deg, f->chi2, f->n,
+                  f->cpu_s);
 }
 
-char *bench_lights(int n_seeds, gboolean tell) {
-    GString *json = g_string_new("{");
+void bench_lights(int n_seeds) {
     for (int kind = 0; kind < KINDS; kind++) {
         struct figures all = {0};
         int refused = 0;
+        bench_begin(names[kind]);
+        bench_begin_list("each");
         for (int seed = 1; seed <= n_seeds; seed++) {
             struct figures one = {0};
             const double start = bench_cpu_s();
@@ -96,9 +90,10 @@ char *bench_lights(int n_seeds, gboolean tell) {
                 continue;
             }
             one.cpu_s = bench_cpu_s() - start;
-            g_autofree char *text = figures_text(kind, &one, FALSE);
-            if (tell)
-                printf("%s, seed %d: %s\n", names[kind], seed, text);
+            bench_begin(NULL);
+            bench_put("%d{seed}", seed);
+            put_figures(kind, &one);
+            bench_end();
             all.direction_deg = MAX(all.direction_deg, one.direction_deg);
             all.distance_pct = MAX(all.distance_pct, one.distance_pct);
             all.zero_deg = MAX(all.zero_deg, one.zero_deg);
@@ -111,11 +106,10 @@ char *bench_lights(int n_seeds, gboolean tell) {
             all.n += one.n;
         }
         all.chi2 /= MAX(n_seeds - refused, 1);
-        g_autofree char *text = figures_text(kind, &all, TRUE);
-        g_string_append_printf(json, "%s\"%s\":{\"seeds\":%d,\"refused\":%d,%s}",
-                               json->len > 1 ? "," : "", names[kind], n_seeds, refused, text);
+        bench_end();
+        bench_put("%d{seeds} %d{refused}", n_seeds, refused);
+        put_figures(kind, &all);
+        bench_end();
     }
-    g_string_append_c(json, '}');
     world_fixture_clean();
-    return g_string_free(json, FALSE);
 }

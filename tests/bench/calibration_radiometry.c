@@ -3,8 +3,6 @@
 #include "bench.h"
 #include "lib/grey_fixture.h"
 
-#include <stdio.h>
-
 struct figures {
     double worst_pct, worst_uncorrected_pct; /* of the grey scale */
     struct grey_chi2 chi2;
@@ -42,9 +40,10 @@ static void measure_check(int seed, struct figures *to) {
     to->alarms += notices(seed, NULL, "", "moved");
 }
 
-char *bench_radiometry(int n_seeds, gboolean tell) {
+void bench_radiometry(int n_seeds) {
     struct figures f = {0};
     double start = bench_cpu_s();
+    bench_begin_list("each");
     for (int seed = 1; seed <= n_seeds; seed++) {
         double corrected = 100 * grey_error(seed, TRUE);
         double uncorrected = 100 * grey_error(seed, FALSE);
@@ -60,19 +59,19 @@ char *bench_radiometry(int n_seeds, gboolean tell) {
         f.calibrate_s += calibrate_seconds(folder);
         radiometry_rig_remove(folder);
         measure_check(seed, &f);
-        if (tell)
-            printf("radiometry, seed %d: grey scale within %.3f %% (uncorrected %.1f %%), "
-                   "chi-square %.2f of %d so far, nudges %d/%d, slips %d/%d, false alarms %d\n",
-                   seed, corrected, uncorrected, f.chi2.sum / f.chi2.n, f.chi2.n, f.nudges_noticed,
-                   f.nudges, f.slips_noticed, f.slips, f.alarms);
+        bench_row(NULL,
+                  "%d{seed} %.3f{grey_pct} %.1f{grey_uncorrected_pct} %.2f{chi_square} "
+                  "%d{chi_square_of} %d{nudges_noticed} %d{nudges} %d{slips_noticed} %d{slips} "
+                  "%d{false_alarms}",
+                  seed, corrected, uncorrected, f.chi2.sum / f.chi2.n, f.chi2.n, f.nudges_noticed,
+                  f.nudges, f.slips_noticed, f.slips, f.alarms);
     }
+    bench_end();
     f.cpu_s = bench_cpu_s() - start;
-    return g_strdup_printf(
-        "{\"seeds\":%d,\"grey_worst_pct\":%.4f,\"grey_worst_uncorrected_pct\":%.3f,"
-        "\"chi_square\":%.3f,\"chi_square_of\":%d,\"tile_quality_worst\":%.3f,"
-        "\"nudges_noticed\":%d,\"nudges\":%d,\"slips_noticed\":%d,\"slips\":%d,"
-        "\"false_alarms\":%d,\"calibrate_s\":%.3f,\"cpu_s\":%.1f}",
-        n_seeds, f.worst_pct, f.worst_uncorrected_pct, f.chi2.sum / f.chi2.n, f.chi2.n, f.quality,
-        f.nudges_noticed, f.nudges, f.slips_noticed, f.slips, f.alarms, f.calibrate_s / n_seeds,
-        f.cpu_s);
+    bench_put("%d{seeds} %.4f{grey_worst_pct} %.3f{grey_worst_uncorrected_pct} %.3f{chi_square} "
+              "%d{chi_square_of} %.3f{tile_quality_worst} %d{nudges_noticed} %d{nudges} "
+              "%d{slips_noticed} %d{slips} %d{false_alarms} %.3f{calibrate_s} %.1f{cpu_s}",
+              n_seeds, f.worst_pct, f.worst_uncorrected_pct, f.chi2.sum / f.chi2.n, f.chi2.n,
+              f.quality, f.nudges_noticed, f.nudges, f.slips_noticed, f.slips, f.alarms,
+              f.calibrate_s / n_seeds, f.cpu_s);
 }

@@ -6,8 +6,6 @@
 #define SCENE_LASERS  2
 #include "lib/lasers_scene.h"
 
-#include <stdio.h>
-
 #define ARCS   13 /* with two lasers: 26 positions */
 #define PIXELS 256
 
@@ -133,19 +131,13 @@ static double time_laser(int *ret_sweeps) {
     return watch.cpu_s;
 }
 
-char *bench_whole(double cameras_s, int cameras_pictures, gboolean tell) {
+void bench_whole(double cameras_s, int cameras_pictures) {
     int pictures, sweeps;
     const double lamps_s = time_lamps(&pictures), laser_s = time_laser(&sweeps);
-    const double all_s = cameras_s + lamps_s + laser_s;
     world_fixture_clean();
-    if (tell)
-        printf("whole: %.1f s of processor: cameras %.1f s (%d pictures), lamps %.1f s (%d "
-               "pictures), laser %.1f s (%d sweeps)\n",
-               all_s, cameras_s, cameras_pictures, lamps_s, pictures, laser_s, sweeps);
-    return g_strdup_printf("{\"cameras\":%d,\"lamps\":%d,\"laser_positions\":%d,"
-                           "\"processor_s\":%.2f,\"cameras_s\":%.2f,\"cameras_pictures\":%d,"
-                           "\"lamps_s\":%.2f,\"lamps_pictures\":%d,\"laser_s\":%.2f,"
-                           "\"laser_sweeps\":%d}",
-                           SCENE_CAMERAS, SCENE_LAMPS, SCENE_LASERS * ARCS, all_s, cameras_s,
-                           cameras_pictures, lamps_s, pictures, laser_s, sweeps);
+    bench_put(
+        "%d{cameras} %d{lamps} %d{laser_positions} %.2f{processor_s} %.2f{cameras_s} "
+        "%d{cameras_pictures} %.2f{lamps_s} %d{lamps_pictures} %.2f{laser_s} %d{laser_sweeps}",
+        SCENE_CAMERAS, SCENE_LAMPS, SCENE_LASERS * ARCS, cameras_s + lamps_s + laser_s, cameras_s,
+        cameras_pictures, lamps_s, pictures, laser_s, sweeps);
 }

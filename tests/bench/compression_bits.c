@@ -4,7 +4,6 @@
 #include "codecs/lpca/lpca_private.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 /* Bits of a code of fixed length for steps of −most … most. */
@@ -99,40 +98,22 @@ static gboolean bits_add(GArray *points, const struct btf_matrix *noisy,
     return exact != NULL;
 }
 
-int bench_bits(char *const *sessions, int every, gboolean json) {
-    static const int clusters[] = {1, 4};
-    g_autoptr(GError) error = NULL;
-    const guint n = g_strv_length((char **)sessions);
-    if (n == 0 || n % 2) {
-        fprintf(stderr, "--bits takes a session and the same without noise, pair by pair\n");
-        return 2;
+static void bits_measure(const struct btf_matrix *noisy, const struct btf_matrix *quiet,
+                         GError **error) {
+    GArray *points = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
+    if (!bits_add(points, noisy, quiet, 1, error) || !bits_add(points, noisy, quiet, 4, error))
+        return;
+    bench_keep_best(points);
+    for (guint k = 0; k < points->len; k++) {
+        const struct bench_point *point = &g_array_index(points, struct bench_point, k);
+        bench_row(NULL, "%-12s{material} %-24s{label} %.1f{ratio} %.5f{error}", noisy->name,
+                  point->label, (double)btf_matrix_bytes(&noisy->layout) / 2 / point->bytes,
+                  point->error);
+        g_free(point->label);
     }
-    printf(json ? "{\"points\": [" : "");
-    for (guint i = 0; !error && i < n; i += 2) {
-        struct btf_matrix *noisy = btf_matrix_read(sessions[i], NULL, &error);
-        struct btf_matrix *quiet = noisy ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
-        if (quiet != NULL) {
-            bench_thin_views(noisy, every);
-            bench_thin_views(quiet, every);
-        }
-        GArray *points = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
-        for (guint k = 0; quiet && !error && k < G_N_ELEMENTS(clusters); k++)
-            bits_add(points, noisy, quiet, clusters[k], &error);
-        bench_keep_best(points);
-        for (guint k = 0; quiet && k < points->len; k++) {
-            const struct bench_point *point = &g_array_index(points, struct bench_point, k);
-            printf(json ? "%s{\"material\": \"%s\", \"label\": \"%s\", \"ratio\": %.1f, \"error\": "
-                          "%.5f}"
-                        : "%s%s, %s: 1:%.1f, %.5f\n",
-                   json && i + k > 0 ? ", " : "", noisy->name, point->label,
-                   (double)btf_matrix_bytes(&noisy->layout) / 2 / point->bytes, point->error);
-            g_free(point->label);
-        }
-        g_array_unref(points);
-        btf_matrix_free(noisy);
-        btf_matrix_free(quiet);
-    }
-    printf(json ? "]}\n" : "");
-    bench_check(error);
-    return 0;
+    g_array_unref(points);
+}
+
+int bench_bits(char *const *sessions, int every) {
+    return bench_pairs(sessions, every, "--bits", "points", bits_measure);
 }

@@ -4,7 +4,6 @@
 #include "codecs/lpca/lpca_private.h"
 
 #include <cblas.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -50,14 +49,6 @@ static void note(const struct work_progress *progress, gpointer data) {
         return;
     stages->starts[stages->n] = now();
     stages->names[stages->n++] = name;
-}
-
-static void print_stages(const struct stages *stages, double needed_s, gboolean json) {
-    for (int i = 0; i < stages->n; i++) {
-        const double cpu_s = stages->starts[i + 1].cpu_s - stages->starts[i].cpu_s;
-        printf(json ? ", \"%s_cpu_s\": %.3f" : "%s %.2f s (%.2f), ", stages->names[i], cpu_s,
-               cpu_s / needed_s);
-    }
 }
 
 gboolean bench_fill(struct btf_matrix *btf, BenchValue value, GError **error) {
@@ -121,27 +112,24 @@ static struct spent needed_time(const struct btf_matrix *btf, int components) {
 }
 
 static void report(const struct btf_matrix *btf, const struct lpca *lpca,
-                   const struct stages *stages, struct spent needed, double peak, gboolean json) {
+                   const struct stages *stages, struct spent needed, double peak) {
     const struct spent end = stages->starts[stages->n];
     const struct spent spent = {end.real_s - stages->starts[0].real_s,
                                 end.cpu_s - stages->starts[0].cpu_s};
-    printf(json ? "{\"rows\": %zu, \"columns\": %zu, \"file_gb\": %.2f, \"seconds\": %.2f, "
-                  "\"needed_seconds\": %.2f, \"ratio\": %.2f, \"cpu_seconds\": %.2f, "
-                  "\"cpu_ratio\": %.2f, \"peak_mib\": %.0f, "
-                  "\"error\": %.5f"
-                : "%zu × %zu, %.2f GB in a file: %.2f s; reading it and two products %.2f s: %.2f "
-                  "times that (%.2f s and %.2f times of processors); %.0f MiB resident at most; "
-                  "error %.5f; of processors ",
-           btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout),
-           (double)btf_matrix_bytes(&btf->layout) / 2e9, spent.real_s, needed.real_s,
-           spent.real_s / needed.real_s, spent.cpu_s, spent.cpu_s / needed.cpu_s, peak,
-           lpca->error);
-    print_stages(stages, needed.cpu_s, json);
-    puts(json ? "}" : "and what it is of that in brackets");
+    bench_begin(NULL);
+    bench_put("%zu{rows} %zu{columns} %.2f{file_gb} %.2f{seconds} %.2f{needed_seconds} %.2f{ratio} "
+              "%.2f{cpu_seconds} %.2f{cpu_ratio} %.0f{peak_mib} %.5f{error}",
+              btf_layout_texels(&btf->layout), btf_layout_values(&btf->layout),
+              (double)btf_matrix_bytes(&btf->layout) / 2e9, spent.real_s, needed.real_s,
+              spent.real_s / needed.real_s, spent.cpu_s, spent.cpu_s / needed.cpu_s, peak,
+              lpca->error);
+    for (int i = 0; i < stages->n; i++)
+        bench_put_double(stages->names[i], "_cpu_s", "%.3f",
+                         stages->starts[i + 1].cpu_s - stages->starts[i].cpu_s);
+    bench_end();
 }
 
-int bench_disk(struct btf_matrix *like, BenchValue value, int clusters, int components,
-               gboolean json) {
+int bench_disk(struct btf_matrix *like, BenchValue value, int clusters, int components) {
     g_autoptr(GError) error = NULL;
     struct stages stages = {.n = 1, .names = {"sample"}};
     const struct lpca_options options = {.n_clusters = clusters,
@@ -160,7 +148,7 @@ int bench_disk(struct btf_matrix *like, BenchValue value, int clusters, int comp
             const struct spent after = needed_time(like, components);
             const struct spent needed = {(before.real_s + after.real_s) / 2,
                                          (before.cpu_s + after.cpu_s) / 2};
-            report(like, lpca, &stages, needed, peak, json);
+            report(like, lpca, &stages, needed, peak);
         }
     }
     lpca_free(lpca);

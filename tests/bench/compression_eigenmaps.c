@@ -3,7 +3,6 @@
 #include "bench.h"
 #include "codecs/eigenmaps/eigenmaps_codec.h"
 
-#include <stdio.h>
 #include <time.h>
 
 #define TERMS 4
@@ -20,25 +19,23 @@ static gboolean measure(const struct btf_matrix *btf, enum eigenmaps_method meth
     return ok;
 }
 
-int bench_eigenmaps(struct btf_matrix *like, BenchValue value, int columns, gboolean json) {
+int bench_eigenmaps(struct btf_matrix *like, BenchValue value, int columns) {
     g_autoptr(GError) error = NULL;
     double exact_s, randomised_s, exact, randomised;
     /* The sparing one first: memory only ever grows. */
     if (bench_fill(like, value, &error) &&
         measure(like, EIGENMAPS_RANDOMISED, columns, &randomised_s, &randomised, &error)) {
         const double peak = bench_peak_mib();
-        if (measure(like, EIGENMAPS_EXACT, columns, &exact_s, &exact, &error))
-            printf(
-                json ? "{\"rows\": %zu, \"views\": %zu, \"columns_in_memory\": %d, \"terms\": %d, "
-                       "\"exact_cpu_s\": %.2f, \"exact_error\": %.7f, \"randomised_cpu_s\": "
-                       "%.2f, \"randomised_error\": %.7f, \"faster\": %.2f, \"peak_mib\": "
-                       "%.0f}\n"
-                     : "%zu × %zu, of which %d columns in memory, to %d terms: exact %.2f s of "
-                       "processors, error %.7f; randomised %.2f s, error %.7f: %.2f times as "
-                       "fast; %.0f MiB resident at most\n",
-                btf_layout_texels(&like->layout) * like->layout.lights.n * 3, like->layout.views.n,
-                columns, TERMS, exact_s, exact, randomised_s, randomised, exact_s / randomised_s,
-                peak);
+        if (measure(like, EIGENMAPS_EXACT, columns, &exact_s, &exact, &error)) {
+            bench_begin(NULL);
+            bench_put("%zu{rows} %zu{views} %d{columns_in_memory} %d{terms} %.2f{exact_cpu_s} "
+                      "%.7f{exact_error} %.2f{randomised_cpu_s} %.7f{randomised_error} "
+                      "%.2f{faster} %.0f{peak_mib}",
+                      btf_layout_texels(&like->layout) * like->layout.lights.n * 3,
+                      like->layout.views.n, columns, TERMS, exact_s, exact, randomised_s,
+                      randomised, exact_s / randomised_s, peak);
+            bench_end();
+        }
     }
     bench_check(error);
     return 0;

@@ -186,7 +186,7 @@ static struct lobes *fit_model(const struct btf_matrix *btf, enum lobes_model mo
     return lobes;
 }
 
-static void print_models(const struct btf_matrix *btf, gboolean json) {
+static void print_models(const struct btf_matrix *btf) {
     const enum lobes_model models[] = {LOBES_FIELDS, LOBES_PTM, LOBES_LAFORTUNE, LOBES_WARD,
                                        LOBES_ASHIKHMIN};
     double errors[5], seconds;
@@ -195,61 +195,50 @@ static void print_models(const struct btf_matrix *btf, gboolean json) {
         struct lobes *lobes = fit_model(btf, models[i], &seconds);
         errors[i] = lobes->luminance_error;
         overflows += lobes->model == LOBES_FIELDS ? count_overflows(lobes) : 0;
-        printf(json ? "\"%s\": {\"luminance_error\": %.5f, \"error\": %.5f, \"bytes\": "
-                      "%" G_GINT64_FORMAT ", \"seconds\": %.2f}, "
-                    : "  %-10s luminance error %.5f, relative error %.4f, %" G_GINT64_FORMAT
-                      " bytes, %.2f s\n",
-               lobes_model_name(models[i]), lobes->luminance_error, lobes->error,
-               lobes_bytes(lobes), seconds);
+        bench_row(lobes_model_name(models[i]),
+                  "%.5f{luminance_error} %.5f{error} %" G_GINT64_FORMAT "{bytes} %.2f{seconds}",
+                  lobes->luminance_error, lobes->error, lobes_bytes(lobes), seconds);
         lobes_free(lobes);
     }
-    printf(
-        json ? "\"ratio_fields\": %.3f, \"ratio_ptm\": %.3f, \"half_overflows\": %" G_GINT64_FORMAT
-             : "  fields : ptm : lafortune = %.2f : %.2f : 1; %" G_GINT64_FORMAT
-               " lobes overflow in halves\n",
-        errors[0] / errors[2], errors[1] / errors[2], overflows);
+    bench_put("%.3f{ratio_fields} %.3f{ratio_ptm} %" G_GINT64_FORMAT "{half_overflows}",
+              errors[0] / errors[2], errors[1] / errors[2], overflows);
 }
 
-static void print_solvers(const struct problems *p, gboolean json) {
+static void print_solvers(const struct problems *p) {
     struct problems few = *p;
     few.n = MIN(p->n, 400);
     const struct solver batch = solve_batch(p), minpack = solve_minpack(p);
     const struct solver batch_few = solve_batch(&few), scipy = solve_scipy(&few);
-    printf(json ? "\"fits\": %d, \"batch_us\": %.2f, \"batch_cost\": %.6g, \"cminpack_us\": %.2f, "
-                  "\"cminpack_cost\": %.6g, \"faster_than_cminpack\": %.1f, "
-                : "  %d fits on one core: %.2f µs each (cost %.6g), cminpack %.2f µs (cost %.6g): "
-                  "%.1f×\n",
-           p->n, 1e6 * batch.seconds / p->n, batch.cost, 1e6 * minpack.seconds / p->n, minpack.cost,
-           minpack.seconds / batch.seconds);
-    printf(json ? "\"few_fits\": %d, \"few_cost\": %.6g, \"scipy_us\": %.2f, \"scipy_cost\": %.6g, "
-                  "\"faster_than_scipy\": %.0f, "
-                : "  %d of them (cost %.6g): scipy %.0f µs (cost %.6g): %.0f×\n",
-           few.n, batch_few.cost, 1e6 * scipy.seconds / few.n, scipy.cost,
-           scipy.seconds / batch_few.seconds);
+    bench_put("%d{fits} %.2f{batch_us} %.6g{batch_cost} %.2f{cminpack_us} %.6g{cminpack_cost} "
+              "%.1f{faster_than_cminpack}",
+              p->n, 1e6 * batch.seconds / p->n, batch.cost, 1e6 * minpack.seconds / p->n,
+              minpack.cost, minpack.seconds / batch.seconds);
+    bench_put("%d{few_fits} %.6g{few_cost} %.2f{scipy_us} %.6g{scipy_cost} %.0f{faster_than_scipy}",
+              few.n, batch_few.cost, 1e6 * scipy.seconds / few.n, scipy.cost,
+              scipy.seconds / batch_few.seconds);
 }
 
-int bench_fields(char *const *sessions, int fits, gboolean json) {
-    if (json)
-        printf("{\"materials\": [");
+int bench_fields(char *const *sessions, int fits) {
+    bench_begin(NULL);
+    bench_begin_list("materials");
     for (int i = 0; sessions[i]; i++) {
         g_autoptr(GError) error = NULL;
         struct problems problems = {0};
         struct btf_matrix *btf = btf_matrix_read(sessions[i], NULL, &error);
         bench_check(error);
         take_problems(&problems, btf, fits);
-        printf(json ? "%s{\"name\": \"%s\", \"texels\": %zu, \"views\": %zu, \"lights\": %zu, "
-                    : "%s%s: %zu texels, %zu views, %zu lights\n",
-               json && i ? ", " : "", btf->name, btf_layout_texels(&btf->layout),
-               btf->layout.views.n, btf->layout.lights.n);
-        print_solvers(&problems, json);
-        print_models(btf, json);
-        printf(json ? "}" : "");
+        bench_begin(NULL);
+        bench_put("%s{name} %zu{texels} %zu{views} %zu{lights}", btf->name,
+                  btf_layout_texels(&btf->layout), btf->layout.views.n, btf->layout.lights.n);
+        print_solvers(&problems);
+        print_models(btf);
+        bench_end();
         btf_matrix_free(problems.btf);
         g_free(problems.lights);
         g_free(problems.rows);
         g_free(problems.starts);
     }
-    if (json)
-        printf("]}\n");
+    bench_end();
+    bench_end();
     return 0;
 }

@@ -2,6 +2,7 @@
  * how far outlines are that the viewer draws with them. */
 #include "compression_parts.h"
 
+#include "bench.h"
 #include "codecs/mdf_codecs/mdf_blocks.h"
 #include "codecs/mdf_codecs/mdf_factors.h"
 #include "drawing/gl/gpu.h"
@@ -82,8 +83,7 @@ struct way {
 
 /* takes table: measured views and maybe others; without those, they are traced. */
 static gboolean report(const struct subject *s, const struct way *way, struct mdf_table *table,
-                       gboolean json, GError **error) {
-    static gboolean more;
+                       GError **error) {
     const int n = s->table->n_views;
     const gint64 published = (gint64)s->table->width * s->table->height * n;
     double most;
@@ -97,18 +97,14 @@ static gboolean report(const struct subject *s, const struct way *way, struct md
     gint64 both, either, plain_both, plain_either;
     count(outline, s->outline, &both, &either);
     count(s->smooth, s->outline, &plain_both, &plain_either);
-    printf(
-        json
-            ? "%s{\"material\": \"%s\", \"way\": \"%s\", \"maps\": %d, \"bytes\": %" G_GINT64_FORMAT
-              ", \"ratio\": %.2f, \"fetches\": %d, \"rms_texels\": %.4f, "
-              "\"p99_texels\": %.4f, \"outline_iou\": %.5f, \"displaced\": %.4f}"
-            : "%s%-8s %-26s %3d %8" G_GINT64_FORMAT " 1:%-6.2f %2d  %.4f %.4f  %.5f %.4f\n",
-        json && more ? ",\n " : "", s->name, way->name, way->number, way->bytes,
-        (double)published / (double)way->bytes, way->fetches, rms / s->table->texel_mm,
-        most / s->table->texel_mm, (double)both / (double)either,
-        (double)(either - both) / (double)MAX(1, plain_either - plain_both));
-    fflush(stdout);
-    more = TRUE;
+    bench_row(NULL,
+              "%-10s{material} %-22s{way} %d{maps} %" G_GINT64_FORMAT
+              "{bytes} %.2f{ratio} %d{fetches} %.4f{rms_texels} %.4f{p99_texels} "
+              "%.5f{outline_iou} %.4f{displaced}",
+              s->name, way->name, way->number, way->bytes, (double)published / (double)way->bytes,
+              way->fetches, rms / s->table->texel_mm, most / s->table->texel_mm,
+              (double)both / (double)either,
+              (double)(either - both) / (double)MAX(1, plain_either - plain_both));
     return TRUE;
 }
 
@@ -116,13 +112,13 @@ static gsize texels(const struct mdf_table *t) {
     return (gsize)t->width * (gsize)t->height;
 }
 
-static gboolean half_views(const struct subject *s, gboolean json, GError **error) {
+static gboolean half_views(const struct subject *s, GError **error) {
     const struct way way = {"views, half", 0, 2 * (gint64)texels(s->table) * s->table->n_views,
                             VIEW_FETCH};
-    return report(s, &way, mdf_copy(s->table), json, error);
+    return report(s, &way, mdf_copy(s->table), error);
 }
 
-static gboolean byte_views(const struct subject *s, gboolean json, GError **error) {
+static gboolean byte_views(const struct subject *s, GError **error) {
     struct mdf_table *t = mdf_copy(s->table);
     const gsize n = texels(t);
     const struct way way = {"views, 8 bit", 0, (gint64)(n + 4) * t->n_views, VIEW_FETCH};
@@ -133,7 +129,7 @@ static gboolean byte_views(const struct subject *s, gboolean json, GError **erro
         for (gsize i = 0; i < n; i++)
             depth[i] = roundf(depth[i] / most * MOST) * most / MOST;
     }
-    return report(s, &way, t, json, error);
+    return report(s, &way, t, error);
 }
 
 /* From least to least + range in blocks and back. */
@@ -149,17 +145,17 @@ static void through_blocks(float *values, int width, int height) {
     mdf_blocks_decode(blocks, width, height, least, most, values);
 }
 
-static gboolean block_views(const struct subject *s, gboolean json, GError **error) {
+static gboolean block_views(const struct subject *s, GError **error) {
     struct mdf_blocks *blocks = mdf_blocks_new(s->table);
     const struct way way = {
         "views, 4 bit (blocks)", 0,
         (gint64)mdf_blocks_bytes(blocks->width, blocks->height) * blocks->n_views, VIEW_FETCH};
     struct mdf_table *is = mdf_blocks_table(blocks);
     mdf_blocks_free(blocks);
-    return report(s, &way, is, json, error);
+    return report(s, &way, is, error);
 }
 
-static gboolean relief(const struct subject *s, gboolean residual, gboolean json, GError **error) {
+static gboolean relief(const struct subject *s, gboolean residual, GError **error) {
     struct mdf_table *t = mdf_copy(s->table);
     const gsize n = texels(t);
     const gint64 blocks = (gint64)(mdf_blocks_bytes(t->width, t->height) + 8) * t->n_views;
@@ -176,11 +172,10 @@ static gboolean relief(const struct subject *s, gboolean residual, gboolean json
         for (gsize i = 0; i < n; i++)
             is[i] += rest[i];
     }
-    return report(s, &way, t, json, error);
+    return report(s, &way, t, error);
 }
 
-static gboolean maps(const struct subject *s, int terms, gboolean blocks, gboolean json,
-                     GError **error) {
+static gboolean maps(const struct subject *s, int terms, gboolean blocks, GError **error) {
     struct mdf_factors *f = mdf_factors_compute(s->all, s->table->n_views, terms, 0, NULL, error);
     if (!f)
         return FALSE;
@@ -201,22 +196,21 @@ static gboolean maps(const struct subject *s, int terms, gboolean blocks, gboole
     }
     struct mdf_table *is = mdf_factors_table(f);
     mdf_factors_free(f);
-    return report(s, &way, is, json, error);
+    return report(s, &way, is, error);
 }
 
-static gboolean all_ways(const struct subject *s, gboolean json, GError **error) {
+static gboolean all_ways(const struct subject *s, GError **error) {
     static const int terms[] = {2, 4, 8, 12, 16, 24, 32}, in_blocks[] = {8, 16, 32};
-    gboolean ok = half_views(s, json, error) && byte_views(s, json, error) &&
-                  block_views(s, json, error) && relief(s, FALSE, json, error) &&
-                  relief(s, TRUE, json, error);
+    gboolean ok = half_views(s, error) && byte_views(s, error) && block_views(s, error) &&
+                  relief(s, FALSE, error) && relief(s, TRUE, error);
     for (gsize i = 0; ok && i < G_N_ELEMENTS(terms); i++)
-        ok = maps(s, terms[i], FALSE, json, error);
+        ok = maps(s, terms[i], FALSE, error);
     for (gsize i = 0; ok && i < G_N_ELEMENTS(in_blocks); i++)
-        ok = maps(s, in_blocks[i], TRUE, json, error);
+        ok = maps(s, in_blocks[i], TRUE, error);
     return ok;
 }
 
-static gboolean measure(struct subject *s, const char *session, gboolean json, GError **error) {
+static gboolean measure(struct subject *s, const char *session, GError **error) {
     g_autofree char *path = g_build_filename(session, "products", "mdf.exr", NULL);
     g_autofree char *name = g_path_get_basename(session);
     *strchrnul(name, '.') = '\0';
@@ -232,7 +226,7 @@ static gboolean measure(struct subject *s, const char *session, gboolean json, G
     mdf_table_add_grazing(s->all);
     s->outline = draw(s, s->all, error);
     s->smooth = s->outline ? draw(s, NULL, error) : NULL;
-    const gboolean ok = s->smooth && all_ways(s, json, error);
+    const gboolean ok = s->smooth && all_ways(s, error);
     g_free(s->outline);
     g_free(s->smooth);
     mdf_table_free(s->table);
@@ -240,23 +234,20 @@ static gboolean measure(struct subject *s, const char *session, gboolean json, G
     return ok;
 }
 
-int bench_mdf_compression(char **sessions, gboolean json) {
+int bench_mdf_compression(char **sessions) {
     g_autoptr(GError) error = NULL;
     struct subject s = {.name = NULL};
     g_autoptr(Gpu) gpu = gpu_new_headless(&error);
     gboolean ok = gpu != NULL;
     for (int scene = 0; ok && scene < N_SCENES; scene++)
         ok = (s.viewers[scene] = open_scene(scene, &error)) != NULL;
-    printf(json ? "["
-                : "         way                       maps    bytes ratio  fetches RMS 99 %% "
-                  "(texels)  outlines shared, displaced\n");
+    bench_begin_list(NULL);
     for (int i = 0; ok && sessions[i]; i++) {
         s.table = s.all = NULL;
         s.outline = s.smooth = NULL;
-        ok = measure(&s, sessions[i], json, &error);
+        ok = measure(&s, sessions[i], &error);
     }
-    if (ok)
-        printf(json ? "]\n" : "");
+    bench_end();
     for (int scene = 0; scene < N_SCENES; scene++)
         viewer_free(s.viewers[scene]);
     if (error)

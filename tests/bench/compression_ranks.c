@@ -1,5 +1,7 @@
 #include "compression_parts.h"
 
+#include "bench.h"
+
 #include <glib/gstdio.h>
 #include <math.h>
 #include <stdio.h>
@@ -50,25 +52,21 @@ static gboolean measure(int ranks, const char *session, int clusters, int compon
 }
 
 /* Speed and work against one process. */
-static void print_runs(const struct run *runs, gboolean json) {
+static void print_runs(const struct run *runs) {
+    bench_begin(NULL);
+    bench_begin_list("runs");
     for (int i = 0; i < RUNS; i++) {
         const struct run *run = &runs[i];
-        const double speed_up = runs[0].real_s / run->real_s;
-        const double work = run->processor_s / runs[0].processor_s;
-        printf(json ? "%s{\"ranks\": %d, \"real_s\": %.3f, \"speed_up\": %.3f, "
-                      "\"processor_s\": %.3f, \"work\": %.3f, \"error\": %.6f}"
-                    : "%s%d of one thread: %.2f s (%.2f times as fast), processors %.2f s (%.2f "
-                      "times, waiting included), error %.6f\n",
-               !json   ? ""
-               : i > 0 ? ", "
-                       : "{\"runs\": [",
-               ranks_of[i], run->real_s, speed_up, run->processor_s, work, run->error);
+        bench_row(NULL,
+                  "%d{ranks} %.3f{real_s} %.3f{speed_up} %.3f{processor_s} %.3f{work} %.6f{error}",
+                  ranks_of[i], run->real_s, runs[0].real_s / run->real_s, run->processor_s,
+                  run->processor_s / runs[0].processor_s, run->error);
     }
-    if (json)
-        puts("]}");
+    bench_end();
+    bench_end();
 }
 
-int bench_ranks(const char *session, int clusters, int components, gboolean json) {
+int bench_ranks(const char *session, int clusters, int components) {
     g_autoptr(GError) error = NULL;
     g_autofree char *output =
         g_strdup_printf("%s/bench_ranks_%d.exr", g_get_tmp_dir(), (int)getpid());
@@ -79,6 +77,6 @@ int bench_ranks(const char *session, int clusters, int components, gboolean json
     if (error)
         fprintf(stderr, "%s\n", error->message);
     else
-        print_runs(runs, json);
+        print_runs(runs);
     return error != NULL;
 }

@@ -7,7 +7,6 @@
 #include <cblas.h>
 #include <glib/gstdio.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #define ITERATIONS  10
@@ -253,7 +252,8 @@ static double bytes_at(const GArray *points, double error) {
     return INFINITY;
 }
 
-void bench_thin_views(struct btf_matrix *btf, int n) {
+/* Keeps every n-th view only, which takes that many times less time. */
+static void thin_views(struct btf_matrix *btf, int n) {
     const int kept = (btf->layout.views.n + n - 1) / n;
     const gsize columns = btf->layout.lights.n * 3, texels = btf_layout_texels(&btf->layout);
     for (gsize x = 0; x < texels; x++)
@@ -282,24 +282,18 @@ static double noise(const struct btf_matrix *noisy, const struct btf_matrix *qui
     return sqrt(rest / all);
 }
 
-static void print_curve(const char *name, const GArray *points, double raw, gboolean json) {
-    printf(json ? "\"%s\": [" : "  %s\n", name);
+static void print_curve(const char *name, const GArray *points, double raw) {
+    bench_begin_list(name);
     for (guint i = 0; i < points->len; i++) {
         const struct bench_point *point = &g_array_index(points, struct bench_point, i);
-        if (json)
-            printf("%s{\"label\": \"%s\", \"ratio\": %.1f, \"error\": %.5f}", i ? ", " : "",
-                   point->label, raw / point->bytes, point->error);
-        else
-            printf("    1:%-7.1f %7.3f %%  %s\n", raw / point->bytes, 100 * point->error,
-                   point->label);
+        bench_row(NULL, "%-22s{label} %.1f{ratio} %.5f{error}", point->label, raw / point->bytes,
+                  point->error);
     }
-    if (json)
-        printf("], ");
+    bench_end();
 }
 
 /* How many times smaller ours is at the error of each published point; and about 1:100. */
-static void print_gain(const char *name, const GArray *published, const GArray *ours, double raw,
-                       gboolean json) {
+static void print_gain(const char *name, const GArray *published, const GArray *ours, double raw) {
     double least = INFINITY, at_100 = NAN, nearest = INFINITY;
     for (guint i = 0; i < published->len; i++) {
         const struct bench_point *p = &g_array_index(published, struct bench_point, i);
@@ -312,19 +306,14 @@ static void print_gain(const char *name, const GArray *published, const GArray *
         }
     }
     const double two = raw / bytes_at(ours, 0.02), theirs = raw / bytes_at(published, 0.02);
-    if (json)
-        printf("\"%s_gain\": {\"least\": %.3f, \"at_100\": %.3f, \"ratio_at_2_percent\": %.1f, "
-               "\"published_ratio_at_2_percent\": %.1f}",
-               name, least, at_100, two, theirs);
-    else
-        printf(
-            "  %s: %.2f times smaller at equal error everywhere at least, %.2f about 1:100; 2 %% "
-            "at 1:%.0f, as published at 1:%.0f\n",
-            name, least, at_100, two, theirs);
+    g_autofree char *key = g_strconcat(name, "_gain", NULL);
+    bench_row(
+        key, "%.3f{least} %.3f{at_100} %.1f{ratio_at_2_percent} %.1f{published_ratio_at_2_percent}",
+        least, at_100, two, theirs);
 }
 
-static gboolean measure(const char *name, const struct btf_matrix *noisy,
-                        const struct btf_matrix *quiet, gboolean json, GError **error) {
+static void measure(const struct btf_matrix *noisy, const struct btf_matrix *quiet,
+                    GError **error) {
     static const int clusters[] = {1, 2, 4, 16};
     GArray *published = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
     GArray *ours = g_array_new(FALSE, FALSE, sizeof(struct bench_point));
@@ -342,44 +331,43 @@ static gboolean measure(const char *name, const struct btf_matrix *noisy,
     bench_keep_best(published);
     bench_keep_best(ours);
     bench_keep_best(packed);
-    printf(json ? "{\"material\": \"%s\", \"noise\": %.5f, " : "%s: noise of %.3g\n", name, grain);
-    print_curve("published", published, raw, json);
-    print_curve("drawn", ours, raw, json);
-    print_curve("packed", packed, raw, json);
-    print_gain("drawn", published, ours, raw, json);
-    printf(json ? ", " : "");
-    print_gain("packed", published, packed, raw, json);
-    printf(json ? "}" : "");
+    bench_begin(NULL);
+    bench_put("%s{material} %.5f{noise}", noisy->name, grain);
+    print_curve("published", published, raw);
+    print_curve("drawn", ours, raw);
+    print_curve("packed", packed, raw);
+    print_gain("drawn", published, ours, raw);
+    print_gain("packed", published, packed, raw);
+    bench_end();
     clear(published);
     clear(ours);
     clear(packed);
-    return ok;
 }
 
-int bench_rate(char *const *sessions, int every, gboolean json) {
+int bench_pairs(char *const *sessions, int every, const char *option, const char *list,
+                BenchPair measure_pair) {
     g_autoptr(GError) error = NULL;
     const guint n = g_strv_length((char **)sessions);
-    if (n == 0 || n % 2) {
-        fprintf(stderr, "--rate takes a session and the same without noise, pair by pair\n");
-        return 2;
-    }
-    if (json)
-        printf("{\"materials\": [");
-    for (guint i = 0; !error && i < n; i += 2) {
+    if (n == 0 || n % 2)
+        bench_fail(2, "%s takes a session and the same without noise, pair by pair", option);
+    bench_begin(NULL);
+    bench_begin_list(list);
+    for (guint i = 0; i < n; i += 2) {
         struct btf_matrix *noisy = btf_matrix_read(sessions[i], NULL, &error);
         struct btf_matrix *quiet = noisy ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
-        if (json && i > 0)
-            printf(", ");
-        if (quiet) {
-            bench_thin_views(noisy, every);
-            bench_thin_views(quiet, every);
-            measure(noisy->name, noisy, quiet, json, &error);
-        }
+        bench_check(error);
+        thin_views(noisy, every);
+        thin_views(quiet, every);
+        measure_pair(noisy, quiet, &error);
+        bench_check(error);
         btf_matrix_free(noisy);
         btf_matrix_free(quiet);
     }
-    if (json)
-        printf("]}\n");
-    bench_check(error);
+    bench_end();
+    bench_end();
     return 0;
+}
+
+int bench_rate(char *const *sessions, int every) {
+    return bench_pairs(sessions, every, "--rate", "materials", measure);
 }

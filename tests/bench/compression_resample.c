@@ -5,7 +5,6 @@
 #include "directions/triangulation.h"
 
 #include <math.h>
-#include <stdio.h>
 
 /* The three measured directions around each of others: barycentric in the stereographic plane. */
 struct triples {
@@ -78,49 +77,47 @@ static double nine_pairs(const struct lpca *lpca, const struct btf_matrix *truth
 }
 
 static void print_grid(const struct lpca *lpca, int n_grid, const struct btf_matrix *at,
-                       const struct btf_matrix *between, double nine, gboolean json) {
+                       const struct btf_matrix *between, double nine) {
     const double start = bench_now_s();
     struct lpca *grid = lpca_resample(lpca, n_grid, NULL);
     const double seconds = bench_now_s() - start;
     const double here = lpca_resample_error(grid, at, 0),
                  there = lpca_resample_error(grid, between, 0);
-    printf(json ? "%s{\"grid\": %d, \"seconds\": %.2f, \"error\": %.5f, \"between\": %.5f, "
-                  "\"ratio\": %.3f}"
-                : "%s  grid of %2d (%.2f s): %.4f at, %.4f between, %.2f of nine pairs\n",
-           json && n_grid > 8 ? ", " : "", n_grid, seconds, here, there, there / nine);
+    bench_row(NULL, "%d{grid} %.2f{seconds} %.5f{error} %.5f{between} %.3f{ratio}", n_grid, seconds,
+              here, there, there / nine);
     lpca_free(grid);
 }
 
 static void measure(struct btf_matrix *at, struct btf_matrix *between, int clusters, int components,
-                    gboolean json, GError **error) {
+                    GError **error) {
     const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
     struct lpca *lpca = at && between ? lpca_compute(at, &options, error) : NULL;
     if (!lpca)
         return;
     const double nine = nine_pairs(lpca, between);
-    printf(json ? "{\"name\": \"%s\", \"error\": %.5f, \"nine_pairs_between\": %.5f, \"grids\": ["
-                : "%s: local PCA %.4f at the measured directions, %.4f between by nine pairs\n",
-           at->name, lpca->error, nine);
+    bench_begin(NULL);
+    bench_put("%s{name} %.5f{error} %.5f{nine_pairs_between}", at->name, lpca->error, nine);
+    bench_begin_list("grids");
     for (int n_grid = 8; n_grid <= 16; n_grid += 2)
-        print_grid(lpca, n_grid, at, between, nine, json);
-    printf(json ? "]}" : "");
+        print_grid(lpca, n_grid, at, between, nine);
+    bench_end();
+    bench_end();
     lpca_free(lpca);
 }
 
-int bench_resample(char *const *sessions, int clusters, int components, gboolean json) {
+int bench_resample(char *const *sessions, int clusters, int components) {
     g_autoptr(GError) error = NULL;
-    if (json)
-        printf("{\"materials\": [");
+    bench_begin(NULL);
+    bench_begin_list("materials");
     for (int i = 0; sessions[i] && sessions[i + 1]; i += 2) {
         struct btf_matrix *at = btf_matrix_read(sessions[i], NULL, &error);
         struct btf_matrix *between = at ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
-        printf(json && i ? ", " : "");
-        measure(at, between, clusters, components, json, &error);
+        measure(at, between, clusters, components, &error);
         btf_matrix_free(at);
         btf_matrix_free(between);
         bench_check(error);
     }
-    if (json)
-        printf("]}\n");
+    bench_end();
+    bench_end();
     return 0;
 }

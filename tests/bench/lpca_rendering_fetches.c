@@ -146,33 +146,24 @@ static gboolean fetches_count(Viewer *viewer, const struct viewer_settings *s, s
     return picture != NULL && gpu_check("the counted fetches", error);
 }
 
-static void fetches_print(int c, const struct fetches *counts, double ms[WAYS][KINDS],
-                          gboolean json) {
+static void fetches_print(int c, const struct fetches *counts, double ms[WAYS][KINDS]) {
     static const char *const keys[WAYS] = {"pairs", "revised", "grid"};
-    if (json)
-        g_print("{\"components\": %d", c);
-    else
-        g_print("c = %d\n", c);
-    for (int way = 0; way < WAYS; way++)
-        g_print(json
-                    ? ", \"%s\": {\"directions\": %.2f, \"plain\": %.2f, \"filtered\": %.2f, "
-                      "\"ms\": %.2f, \"ms_without_fetches\": %.2f}"
-                    : "  %s: fetches a pixel: directions %.2f, plain %.2f, filtered %.2f; %.1f ms, "
-                      "%.1f ms without fetches\n",
-                keys[way], counts[way].directions, counts[way].plain, counts[way].filtered,
-                ms[way][WHOLE], ms[way][BLANK]);
     const struct fetches *p = &counts[PAIRS], *r = &counts[REVISED];
-    g_print(json ? ", \"revised_unfiltered_ms\": %.2f, \"gain\": %.3f, \"gain_unfiltered\": %.3f, "
-                   "\"fetches_ratio\": %.3f}"
-                 : "  the 3D texture without its filter: %.1f ms\n"
-                   "  pairs over 3D texture: %.2f; without its filter %.2f; fetches %.2f\n",
-            ms[REVISED][UNFILTERED], ms[PAIRS][WHOLE] / ms[REVISED][WHOLE],
-            ms[PAIRS][WHOLE] / ms[REVISED][UNFILTERED],
-            (p->directions + p->plain) / (r->directions + r->plain + r->filtered));
+    bench_begin(NULL);
+    bench_put("%d{components}", c);
+    for (int way = 0; way < WAYS; way++)
+        bench_row(keys[way],
+                  "%.2f{directions} %.2f{plain} %.2f{filtered} %.2f{ms} %.2f{ms_without_fetches}",
+                  counts[way].directions, counts[way].plain, counts[way].filtered, ms[way][WHOLE],
+                  ms[way][BLANK]);
+    bench_put("%.2f{revised_unfiltered_ms} %.3f{gain} %.3f{gain_unfiltered} %.3f{fetches_ratio}",
+              ms[REVISED][UNFILTERED], ms[PAIRS][WHOLE] / ms[REVISED][WHOLE],
+              ms[PAIRS][WHOLE] / ms[REVISED][UNFILTERED],
+              (p->directions + p->plain) / (r->directions + r->plain + r->filtered));
+    bench_end();
 }
 
-gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, gboolean json,
-                                GError **error) {
+gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, GError **error) {
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
     struct lpca *grid = lpca_resample(lpca, n_grid, error);
     struct viewer_settings settings[WAYS * KINDS];
@@ -210,7 +201,7 @@ gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, gbool
         viewer_free(viewers[k]);
     }
     if (good)
-        fetches_print(lpca->n_components, counts, ms, json);
+        fetches_print(lpca->n_components, counts, ms);
     for (guint unit = 0; unit < METHOD_UNITS; unit++)
         glBindSampler(unit, 0);
     glDeleteSamplers(1, &unfiltered);

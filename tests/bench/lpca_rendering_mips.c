@@ -108,8 +108,7 @@ static gboolean mips_flicker(struct lpca *const *levels, int n, int way, int n_g
     return good;
 }
 
-gboolean lpca_rendering_mips(const char *path, int n_grid, int frames, gboolean json,
-                             GError **error) {
+gboolean lpca_rendering_mips(const char *path, int n_grid, int frames, GError **error) {
     static const char *const keys[WAYS] = {"pairs", "revised", "grid"};
     struct lpca *levels[LPCA_MAX_LEVELS];
     const int n = lpca_read_levels(path, levels, error);
@@ -133,14 +132,14 @@ gboolean lpca_rendering_mips(const char *path, int n_grid, int frames, gboolean 
     for (int way = 0; good && way < WAYS; way++) {
         struct mips_quality q[2];
         good = mips_flicker(levels, n, way, n_grid, q, error);
-        if (good)
-            g_print(json
-                        ? "%s{\"method\": \"%s\", \"levels\": %d, \"ms\": [%.2f, %.2f], "
-                          "\"error\": [%.4f, %.4f], \"flicker\": [%.4f, %.4f]}"
-                        : "%s%s: without and with %d levels %.1f and %.1f ms; error %.4f and %.4f, "
-                          "flicker %.4f and %.4f\n",
-                    json && way > 0 ? ", " : "", keys[way], n, ms[2 * way], ms[2 * way + 1],
-                    q[0].error, q[1].error, q[0].flicker, q[1].flicker);
+        if (!good)
+            break;
+        bench_begin(NULL);
+        bench_put("%s{method} %d{levels}", keys[way], n);
+        bench_put_doubles("ms", "%.2f", ms + (gsize)(2 * way), 2); /* without and with levels */
+        bench_put_doubles("error", "%.4f", (const double[]){q[0].error, q[1].error}, 2);
+        bench_put_doubles("flicker", "%.4f", (const double[]){q[0].flicker, q[1].flicker}, 2);
+        bench_end();
     }
     for (int k = 0; k < n; k++)
         lpca_free(levels[k]);

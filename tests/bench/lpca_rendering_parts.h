@@ -1,5 +1,5 @@
-/* The parts of bench_lpca_rendering, a file each. What they print is a part of one JSON object, or
- * lines. In a GL context. */
+/* The parts of bench_lpca_rendering, a file each. Each adds objects to the list that is open. They
+ * need a GL context. */
 #pragma once
 
 #include "codecs/lpca/lpca.h"
@@ -8,11 +8,9 @@
  * torus is drawn by pairs, from the 3D texture and from the grid; the time of each; the time of the
  * 3D texture if the card's filter read one sample instead of eight; and the time without the
  * fetches of eigen-BRDFs and weights, for which arithmetic of the same addresses stands in. */
-gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, gboolean json,
-                                GError **error);
+gboolean lpca_rendering_fetches(struct lpca *lpca, int n_grid, int frames, GError **error);
 
 /* What mip levels (Schneider 2004 §8) cost and gain, from a file of “mesorig compress --mips”: the
  * time of a torus with and without them, and a plane drawn with a sample a pixel while the camera
  * moves away, against the mean of 25 samples a pixel by the same method without levels. */
-gboolean lpca_rendering_mips(const char *path, int n_grid, int frames, gboolean json,
-                             GError **error);
+gboolean lpca_rendering_mips(const char *path, int n_grid, int frames, GError **error);

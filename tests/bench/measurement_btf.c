@@ -4,6 +4,7 @@
 #include "capture/intake/radiance.h"
 #include "exr/exr_half.h"
 #include "frames/rectify.h"
+#include "lib/floats.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -79,13 +80,8 @@ static float *take_mosaic(World *world, int camera, int lamp, double arc, const 
     return mosaic;
 }
 
-static int compare_floats(const void *a, const void *b) {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 double bench_quantile(GArray *values, double q) {
-    g_array_sort(values, compare_floats);
+    g_array_sort(values, floats_by_value);
     return values->len ? (double)g_array_index(values, float, (guint)(q * (values->len - 1))) : NAN;
 }
 

@@ -1,3 +1,4 @@
+#include "lib/deviate.h"
 #include "measurement_parts.h"
 
 #include "frames/sweep.h"
@@ -26,11 +27,6 @@ static double information(double amplitude, double sigma, double time) {
     return sum;
 }
 
-static double deviate(GRand *random) {
-    double u = 1 - g_rand_double(random), v = g_rand_double(random);
-    return sqrt(-2 * log(u)) * cos(2 * G_PI * v);
-}
-
 struct bench_peaks bench_peaks(double amplitude_dn, double sigma) {
     g_autoptr(Sweep) sweep = sweep_new(N_PIXELS, 1, N_FRAMES, SATURATED_DN);
     GRand *random = g_rand_new_with_seed(5);
@@ -47,7 +43,7 @@ struct bench_peaks bench_peaks(double amplitude_dn, double sigma) {
     for (int k = 0; k < N_FRAMES; k++) {
         for (int i = 0; i < N_PIXELS; i++) {
             double t = (k - time[i]) / sigma, value = amplitude_dn * exp(-t * t / 2);
-            double dn = BLACK_DN + value + sqrt(variance_dn(value)) * deviate(random);
+            double dn = BLACK_DN + value + sqrt(variance_dn(value)) * deviate_normal(random);
             frame[i] = (guint16)CLAMP(floor(dn + 0.5), 0, 4095);
         }
         sweep_add(sweep, frame);

@@ -8,7 +8,7 @@
  * normal map, with one (plain normal mapping), and with microfacets that turn with the normal by
  * the approximate rotation, by the exact one as microfacet.glsl has it, and by the exact one as a
  * matrix (eq. 4 … 6). Then what a rotation alone takes (fig. 7). In a GL context. */
-gboolean microfacet_times(int frames, gboolean json, GError **error);
+gboolean microfacet_times(int frames, GError **error);
 
 /* Distributions of microfacets over the half vector, seen from above, for normals that tilt towards
  * an azimuth of 50°, by each rotation and without (figs 2, 3, 5). The cross is the normal. Ends the

@@ -93,15 +93,15 @@ static const char alone_fragment[] =
 enum { GOURAUD, ANISOTROPIC, NAIVE, APPROXIMATE, EXACT, MATRIX, N_TIMED };
 
 static const struct {
-    const char *key, *name;
+    const char *key;
     int way;
 } timed[N_TIMED] = {
-    {"gouraud", "at the vertices", -1},
-    {"anisotropic", "anisotropic, no normal map", 4},
-    {"naive", "plain normal mapping", METHOD_ROTATION_NONE},
-    {"approximate", "approximate rotation", METHOD_ROTATION_APPROXIMATE},
-    {"exact", "exact rotation", METHOD_ROTATION_EXACT},
-    {"matrix", "exact rotation by a matrix", 3},
+    {"gouraud", -1},                 /* shading at the vertices */
+    {"anisotropic", 4},              /* without a normal map */
+    {"naive", METHOD_ROTATION_NONE}, /* plain normal mapping */
+    {"approximate", METHOD_ROTATION_APPROXIMATE},
+    {"exact", METHOD_ROTATION_EXACT},
+    {"matrix", 3}, /* the exact rotation by a matrix */
 };
 
 static GLuint microfacet_times_program(enum microfacet_model model, int way) {
@@ -253,8 +253,8 @@ static double microfacet_times_difference(const struct microfacet_times_set *set
     return worst / most;
 }
 
-static void microfacet_times_table(enum microfacet_model model, const struct mesh *mesh, int frames,
-                                   gboolean json) {
+static void microfacet_times_table(enum microfacet_model model, const struct mesh *mesh,
+                                   int frames) {
     const double none[2] = {0.5, 0.5};
     struct microfacet surface;
     struct vec3 n;
@@ -264,27 +264,23 @@ static void microfacet_times_table(enum microfacet_model model, const struct mes
     for (int k = 0; k < N_TIMED; k++)
         set.programs[k] = microfacet_times_program(model, timed[k].way);
     microfacet_times_set(&set, frames, ms, times);
-    g_print(json ? "%s{\"model\": \"%s\"" : "%s%s, times shading at the vertices:\n",
-            json && model != MICROFACET_WARD ? ", " : "",
-            model == MICROFACET_WARD ? "ward" : "ashikhmin");
+    bench_begin(NULL);
+    bench_put("%s{model}", model == MICROFACET_WARD ? "ward" : "ashikhmin");
     for (int k = 0; k < N_TIMED; k++) {
-        if (json)
-            g_print(", \"%s_ms\": %.3f, \"%s_cost\": %.4f", timed[k].key, ms[k], timed[k].key,
-                    times[k]);
-        else
-            g_print("  %s %.2f ms, %.3f\n", timed[k].name, ms[k], times[k]);
+        bench_put_double(timed[k].key, "_ms", "%.3f", ms[k]);
+        /* times that at the vertices (gouraud) */
+        bench_put_double(timed[k].key, "_cost", "%.4f", times[k]);
     }
-    g_print(
-        json ? ", \"matrix_difference\": %.6f, \"approximate_difference\": %.4f}"
-             : "  largest difference from the exact picture, relative to its brightest value: by a "
-               "matrix %.6f, approximate %.4f\n",
-        microfacet_times_difference(&set, EXACT, MATRIX),
-        microfacet_times_difference(&set, EXACT, APPROXIMATE));
+    /* Largest, of pictures, relative to the brightest value. */
+    bench_put("%.6f{matrix_difference} %.4f{approximate_difference}",
+              microfacet_times_difference(&set, EXACT, MATRIX),
+              microfacet_times_difference(&set, EXACT, APPROXIMATE));
+    bench_end();
     for (int k = 0; k < N_TIMED; k++)
         glDeleteProgram(set.programs[k]);
 }
 
-static void microfacet_times_rotations(int frames, gboolean json) {
+static void microfacet_times_rotations(int frames) {
     static const int ways[] = {METHOD_ROTATION_NONE, METHOD_ROTATION_APPROXIMATE,
                                METHOD_ROTATION_EXACT, 3};
     struct microfacet_times_set set = {NULL, NULL, {0}, G_N_ELEMENTS(ways)};
@@ -295,16 +291,15 @@ static void microfacet_times_rotations(int frames, gboolean json) {
     const double share = 1e6 / ((double)WIDTH * HEIGHT * REPEATS); /* ns of one */
     const double approximate = (ms[1] - ms[0]) * share, exact = (ms[2] - ms[0]) * share;
     const double matrix = (ms[3] - ms[0]) * share;
-    g_print(json ? "], \"rotation_ns\": {\"approximate\": %.4f, \"exact\": %.4f, \"matrix\": %.4f, "
-                   "\"matrix_over_approximate\": %.3f, \"matrix_over_exact\": %.3f}"
-                 : "a rotation alone, more than none: approximate %.3f ns, exact %.3f ns, by a "
-                   "matrix %.3f ns: %.2f and %.2f times as long\n",
-            approximate, exact, matrix, matrix / approximate, matrix / exact);
+    bench_row("rotation_ns",
+              "%.4f{approximate} %.4f{exact} %.4f{matrix} %.3f{matrix_over_approximate} "
+              "%.3f{matrix_over_exact}",
+              approximate, exact, matrix, matrix / approximate, matrix / exact);
     for (int k = 0; k < set.n; k++)
         glDeleteProgram(set.programs[k]);
 }
 
-gboolean microfacet_times(int frames, gboolean json, GError **error) {
+gboolean microfacet_times(int frames, GError **error) {
     struct gpu_target target = {0};
     if (!gpu_target_resize(&target, WIDTH, HEIGHT, GL_RGBA16F, TRUE, error))
         return FALSE;
@@ -317,12 +312,13 @@ gboolean microfacet_times(int frames, gboolean json, GError **error) {
     glDepthFunc(GL_LESS);
     glDepthMask(GL_TRUE);
     glEnable(GL_CULL_FACE); /* as the viewer shades front faces only */
-    g_print("%s", json ? "\"costs\": [" : "");
-    microfacet_times_table(MICROFACET_WARD, mesh, frames, json);
-    microfacet_times_table(MICROFACET_ASHIKHMIN, mesh, frames, json);
+    bench_begin_list("costs");
+    microfacet_times_table(MICROFACET_WARD, mesh, frames);
+    microfacet_times_table(MICROFACET_ASHIKHMIN, mesh, frames);
+    bench_end();
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_CULL_FACE);
-    microfacet_times_rotations(frames, json);
+    microfacet_times_rotations(frames);
     glDeleteVertexArrays(1, &array);
     glDeleteTextures(1, &normals);
     gpu_target_clear(&target);

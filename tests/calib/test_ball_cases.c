@@ -7,11 +7,11 @@
  * highlight, blur, noise, another tone curve, a wrong circle, another ball next to it.
  *
  * MESORIG_BALLS=N in the environment: N cases instead of CASES; --verbose shows each of them. */
+#include "lib/ball_scene.h"
+#include "lib/deviate.h"
 #include "lib/process.h"
 #include "lib/test.h"
-#include "lib/world_fixture.h"
 
-#include <png.h>
 #include <string.h>
 
 #define MESORIG  BUILD_DIR "/bin/mesorig"
@@ -19,8 +19,7 @@
 #define PHOTOS   3
 #define WIDE     320
 #define HIGH     300
-#define FINE     3 /* samples a pixel, each way */
-#define DEG      (180 / G_PI)
+#define FINE     3   /* samples a pixel, each way */
 #define MAX_OFF  0.5 /* degrees */
 #define MAX_BARS 2.0
 
@@ -44,10 +43,6 @@ static const char *const names[] = {
     "glossy", "blur",    "tone curve",  "noise",  "near lamp", "no outline"};
 #define TROUBLES (int)G_N_ELEMENTS(names)
 
-struct xyz {
-    double x, y, z;
-};
-
 /* In radii of the ball, x to the right, y up, z to the camera, which is at 0 looking along −z, or
  * infinitely far. */
 struct ball_case {
@@ -70,28 +65,6 @@ struct lamp {
     double radius_rad, gain; /* 1: just white */
     struct xyz sum;          /* of directions from which its light comes */
 };
-
-static struct xyz plus(struct xyz a, struct xyz b, double s) {
-    return (struct xyz){a.x + s * b.x, a.y + s * b.y, a.z + s * b.z};
-}
-
-static double dot(struct xyz a, struct xyz b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static struct xyz unit(struct xyz v) {
-    const double n = sqrt(dot(v, v));
-    return (struct xyz){v.x / n, v.y / n, v.z / n};
-}
-
-static double apart_rad(struct xyz a, struct xyz b) {
-    return acos(CLAMP(dot(unit(a), unit(b)), -1, 1));
-}
-
-static struct xyz polar(double theta_deg, double phi_deg) {
-    const double t = theta_deg / DEG, p = phi_deg / DEG;
-    return (struct xyz){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
-}
 
 static double between(GRand *rand, double from, double to) {
     return g_rand_double_range(rand, from, to);
@@ -212,21 +185,14 @@ static void add_dust(const struct ball_case *c, guint seed, double *light) {
 }
 
 static void save(const struct ball_case *c, const double *light, const char *name) {
-    g_autofree char *path = g_build_filename(world_fixture_folder(), "photos", name, NULL);
     g_autofree guint8 *pixels = g_new(guint8, WIDE * HIGH);
-    png_image image = {
-        .version = PNG_IMAGE_VERSION, .width = WIDE, .height = HIGH, .format = PNG_FORMAT_GRAY};
     for (int i = 0; i < WIDE * HIGH; i++) {
-        double normal = -6; /* nearly Gaussian */
-        for (int k = 0; k < 12; k++)
-            normal += g_rand_double(c->rand);
+        const double normal = deviate_sum(c->rand);
         const double v = fmax(light[i] + c->noise * normal, 0);
-        const double code = has(c, TONES)    ? pow(v, c->exponent)
-                            : v <= 0.0031308 ? 12.92 * v
-                                             : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        const double code = has(c, TONES) ? pow(v, c->exponent) : ball_scene_srgb(v);
         pixels[i] = (guint8)lround(255 * fmin(code, 1));
     }
-    g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+    ball_scene_write(name, pixels, WIDE, HIGH);
 }
 
 /* The circle around the ball's outline, as one reads it off a picture: of a perspective camera it
@@ -291,15 +257,6 @@ static struct ball_case *case_new(guint seed) {
     return c;
 }
 
-static void clean_folder(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-        g_unlink(file);
-    }
-}
-
 static int count_of[2 + TROUBLES], right_of[2 + TROUBLES];
 static double squares;
 static int n_directions, n_within[3]; /* one, two and three error bars */
@@ -310,11 +267,9 @@ static int check_case(guint seed) {
     struct lamp lamps[PHOTOS][2] = {0};
     double circle[3];
     int wrong = 0;
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     g_autofree char *out = NULL, *errors = NULL, *focal = NULL;
     g_autoptr(GString) told = g_string_new(NULL);
-    g_mkdir(photos, 0700);
-    clean_folder(photos);
+    ball_scene_clear();
     for (int i = 0; i < PHOTOS; i++) {
         const gboolean near = has(c, NEAR);
         struct xyz at = polar(between(c->rand, 5, 95), between(c->rand, 0, 360));
@@ -419,8 +374,5 @@ TEST(right_or_refused) {
 }
 
 AFTER_TESTS {
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
-    clean_folder(photos);
-    g_rmdir(photos);
     world_fixture_clean();
 }

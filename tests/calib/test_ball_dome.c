@@ -4,21 +4,16 @@
  * away and looks straight down. Each direction is right within its error bar, or refused.
  *
  * MESORIG_DOME=NAME in the environment: this case only, whose pictures are kept. */
+#include "lib/ball_scene.h"
+#include "lib/deviate.h"
 #include "lib/process.h"
-#include "lib/world_fixture.h"
 
-#include <png.h>
 #include <string.h>
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define LAMPS   40
-#define FINE    4 /* samples a pixel, each way, where the picture changes quickly */
-#define DEG     (180 / G_PI)
+#define FINE    4   /* samples a pixel, each way, where the picture changes quickly */
 #define BARS    3.0 /* error bars, RMS, within which a direction is right */
-
-struct xyz {
-    double x, y, z;
-};
 
 struct dome_case {
     const char *name;
@@ -34,24 +29,6 @@ struct dome_case {
     const char *within;  /* option, or NULL */
     int least;           /* directions that must be found */
 };
-
-static double dot(struct xyz a, struct xyz b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static struct xyz plus(struct xyz a, struct xyz b, double s) {
-    return (struct xyz){a.x + s * b.x, a.y + s * b.y, a.z + s * b.z};
-}
-
-static struct xyz unit(struct xyz v) {
-    const double n = sqrt(dot(v, v));
-    return (struct xyz){v.x / n, v.y / n, v.z / n};
-}
-
-static struct xyz polar(double theta_deg, double phi_deg) {
-    const double t = theta_deg / DEG, p = phi_deg / DEG;
-    return (struct xyz){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
-}
 
 /* Ten lamps on each of four rings; in radii of the ball, whose middle is the origin. */
 static struct xyz lamp_at(const struct dome_case *c, int i) {
@@ -163,48 +140,26 @@ static void blur(const struct scene *scene, double sigma_px, double *ret) {
 static void save(const struct dome_case *c, const struct scene *scene, GRand *rand,
                  const char *name) {
     const int pixels = scene->side * scene->side;
-    g_autofree char *path = g_build_filename(world_fixture_folder(), "photos", name, NULL);
     g_autofree guint8 *codes = g_new(guint8, pixels);
     g_autofree double *sharp = g_new(double, pixels), *haze = g_new(double, pixels);
-    png_image image = {.version = PNG_IMAGE_VERSION,
-                       .width = (guint32)scene->side,
-                       .height = (guint32)scene->side,
-                       .format = PNG_FORMAT_GRAY};
     blur(scene, 0.6, sharp);
     blur(scene, 4, haze);
     for (int p = 0; p < pixels; p++) {
-        double noise = -6;
-        for (int k = 0; k < 12; k++)
-            noise += g_rand_double(rand);
+        const double noise = deviate_sum(rand);
         const double light = fmax((1 - c->haze) * sharp[p] + c->haze * haze[p] + 0.002 * noise, 0);
-        const double code =
-            light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
-        codes[p] = (guint8)lround(255 * fmin(code, 1));
+        codes[p] = (guint8)lround(255 * fmin(ball_scene_srgb(light), 1));
     }
-    g_assert_true(png_image_write_to_file(&image, path, 0, codes, 0, NULL));
-}
-
-static void clean_folder(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-        g_unlink(file);
-    }
+    ball_scene_write(name, codes, scene->side, scene->side);
 }
 
 /* A picture of another size among them. */
 static void save_thumbnail(void) {
-    g_autofree char *path = g_build_filename(world_fixture_folder(), "photos", "thumb.png", NULL);
     static const guint8 grey[20 * 30];
-    png_image image = {
-        .version = PNG_IMAGE_VERSION, .width = 30, .height = 20, .format = PNG_FORMAT_GRAY};
-    g_assert_true(png_image_write_to_file(&image, path, 0, grey, 0, NULL));
+    ball_scene_write("thumb.png", grey, 30, 20);
 }
 
 static void test_case(gconstpointer data) {
     const struct dome_case *c = data;
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     g_autofree char *out = NULL, *errors = NULL;
     g_autoptr(GRand) rand = g_rand_new_with_seed(11);
     struct scene scene = {.side = (int)(2.7 * c->radius_px)};
@@ -213,8 +168,7 @@ static void test_case(gconstpointer data) {
     double worst = 0, squares = 0;
     scene.middle = 0.5 * scene.side + 0.3;
     scene.light = g_new0(double, scene.side *scene.side);
-    g_mkdir(photos, 0700);
-    clean_folder(photos);
+    ball_scene_clear();
     for (int i = 0; i < LAMPS; i++) {
         g_autofree char *name = g_strdup_printf("%02d.png", i);
         draw(c, lamp_at(c, i), &scene, &truth[i]);
@@ -279,11 +233,8 @@ int main(int argc, char **argv) {
             g_test_add_data_func(path, &cases[i], test_case);
     }
     int result = g_test_run();
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     if (only)
         return result;
-    clean_folder(photos);
-    g_rmdir(photos);
     world_fixture_clean();
     return result;
 }

@@ -4,6 +4,7 @@
  * for what they do not explain. Sights are computed with noise; the cameras and the arc are ideal.
  */
 #include "lamps/lamps.h"
+#include "lib/deviate.h"
 
 #include <math.h>
 #include <string.h>
@@ -50,13 +51,6 @@ static const struct lamp_target posts = {
     .n = 6,
     .tolerance_mm = 0.02};
 
-static double deviate(GRand *rand) {
-    double sum = -6;
-    for (int i = 0; i < 12; i++)
-        sum += g_rand_double(rand);
-    return sum;
-}
-
 /* What is seen of a target in a rig whose turntable wobbles as the rig says. */
 static GArray *see(const struct rig *rig, const struct lamp_target *target) {
     GArray *sights = g_array_new(FALSE, FALSE, sizeof(struct lamp_sight));
@@ -82,8 +76,8 @@ static GArray *see(const struct rig *rig, const struct lamp_target *target) {
                                             rig_turn(lamp, -s.turntable_rad), &end, NULL) ||
                             hypot(end.x, end.y) > 40)
                             continue;
-                        s.x = end.x + NOISE_MM * deviate(rand);
-                        s.y = end.y + NOISE_MM * deviate(rand);
+                        s.x = end.x + NOISE_MM * deviate_sum(rand);
+                        s.y = end.y + NOISE_MM * deviate_sum(rand);
                         g_array_append_val(sights, s);
                     }
     g_rand_free(rand);

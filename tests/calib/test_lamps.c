@@ -29,9 +29,7 @@ static Viewer *open_viewer(struct mesh *mesh) {
 }
 
 /* Light adds up. */
-static void test_sum(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(sum) {
     static const struct viewer_lamp lamps[2] = {{30, 10, {1, 0.5F, 0.2F}},
                                                 {60, 200, {0.1F, 0.4F, 2}}};
     g_autoptr(Viewer) viewer = open_viewer(scene_torus(1, 0.4, 64, 32));
@@ -250,9 +248,7 @@ static float *axes_sky(void) {
 }
 
 /* Looked at from all sides, straight up and down, it is seen where it is. */
-static void test_backdrop(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(backdrop) {
     static const double cameras[][2] = {{-90, 20},  {-20, -35}, {60, 5},  {180, 0},
                                         {135, -70}, {10, 90},   {10, -90}};
     g_autofree float *rgb = axes_sky();
@@ -281,9 +277,7 @@ static void test_backdrop(struct fixture *f, gconstpointer data) {
 
 /* Looking at the lamp that one bright pixel is, the middle of the picture is bright, and no other:
  * light comes from where its source is seen. */
-static void test_source(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(source) {
     g_autofree float *rgb = g_new0(float, 3 * SKY * SKY / 2);
     rgb[3 * (75 * SKY + 77)] = 1e30F; /* beyond what a half float holds */
     const struct environment sky = {SKY, SKY / 2, rgb};
@@ -307,9 +301,7 @@ static void test_source(struct fixture *f, gconstpointer data) {
     }
 }
 
-static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(refused) {
     g_autoptr(GError) none = NULL, large = NULL;
     g_autoptr(Viewer) viewer = open_viewer(scene_plane());
     struct viewer_settings s = viewer_settings_default;
@@ -320,15 +312,4 @@ static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
     g_assert_false(viewer_set_environment(viewer, &vast, &large));
     g_assert_error(large, GPU_ERROR, GPU_ERROR_TOO_LARGE);
     g_assert_nonnull(strstr(large->message, "make it smaller"));
-}
-
-BEFORE_TESTS {
-    g_test_add("/lamps/sum", struct fixture, NULL, gpu_fixture_set_up, test_sum,
-               gpu_fixture_tear_down);
-    g_test_add("/lamps/backdrop", struct fixture, NULL, gpu_fixture_set_up, test_backdrop,
-               gpu_fixture_tear_down);
-    g_test_add("/lamps/source", struct fixture, NULL, gpu_fixture_set_up, test_source,
-               gpu_fixture_tear_down);
-    g_test_add("/lamps/refused", struct fixture, NULL, gpu_fixture_set_up, test_backdrop_refused,
-               gpu_fixture_tear_down);
 }

@@ -8,6 +8,7 @@
 #include "cameras/bundle_private.h"
 #include "cameras/cameras_private.h"
 #include "geometry/rig.h"
+#include "lib/deviate.h"
 #include "lib/test.h"
 
 #include <math.h>
@@ -47,11 +48,6 @@ static void image(const struct lens *lens, const double v[3], double ret_px[2]) 
     ret_px[1] = lens->focal * w + 237;
 }
 
-static double normal(GRand *rand) {
-    const double u = 1 - g_rand_double(rand);
-    return sqrt(-2 * log(u)) * cos(2 * G_PI * g_rand_double(rand));
-}
-
 /* The corners of one board held before the lens: its middle towards a random point of the picture,
  * turned about two axes by up to 0.7. */
 struct sagittas {
@@ -68,8 +64,8 @@ static GArray *photograph(const struct lens *lens, const struct board *board, GR
     const double c = g_rand_double_range(rand, -0.5, 0.5);
     const double at[2] = {g_rand_double_range(rand, -0.6, 0.6) * half * range,
                           g_rand_double_range(rand, -0.4, 0.4) * half * range};
-    const double sag[2] = {bent->all_mm[0] + bent->each_mm * normal(rand),
-                           bent->all_mm[1] + bent->each_mm * normal(rand)};
+    const double sag[2] = {bent->all_mm[0] + bent->each_mm * deviate_normal(rand),
+                           bent->all_mm[1] + bent->each_mm * deviate_normal(rand)};
     for (int id = 0; id < board_n_corners(board); id++) {
         double mm[2], px[2];
         board_corner_mm(board, id, mm);
@@ -86,8 +82,8 @@ static GArray *photograph(const struct lens *lens, const struct board *board, GR
             continue;
         const struct corner corner = {
             .id = id,
-            .x_px = px[0] + SIGMA_PX * normal(rand),
-            .y_px = px[1] + SIGMA_PX * normal(rand),
+            .x_px = px[0] + SIGMA_PX * deviate_normal(rand),
+            .y_px = px[1] + SIGMA_PX * deviate_normal(rand),
             .covariance_px2 = {{SIGMA_PX * SIGMA_PX, 0}, {0, SIGMA_PX * SIGMA_PX}}};
         g_array_append_val(corners, corner);
     }

@@ -1,21 +1,15 @@
 /* mesorig calibrate lights --images on pictures of mirror balls as a camera far away gives them: by
  * formula, sRGB of 8 bits, clipped, with dust, second lamps and circles that somebody misread. */
+#include "lib/ball_scene.h"
 #include "lib/process.h"
 #include "lib/test.h"
-#include "lib/world_fixture.h"
 
-#include <png.h>
 #include <string.h>
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define SIZE    400
-#define FINE    4 /* samples a pixel, each way */
-#define DEG     (180 / G_PI)
+#define FINE    4   /* samples a pixel, each way */
 #define MAX_OFF 0.5 /* degrees */
-
-struct xyz {
-    double x, y, z;
-};
 
 struct ball {
     double x, y, r; /* px, y down */
@@ -30,21 +24,6 @@ struct lamp {
 
 static const struct ball one = {203.4, 188.7, 90.3};
 static const struct ball three[] = {{90.3, 95.6, 60.2}, {305.7, 110.2, 60.2}, {190.1, 310.4, 60.2}};
-
-static struct xyz unit(struct xyz v) {
-    const double n = sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
-    return (struct xyz){v.x / n, v.y / n, v.z / n};
-}
-
-static double apart_deg(struct xyz a, struct xyz b) {
-    const struct xyz p = unit(a), q = unit(b);
-    return acos(CLAMP(p.x * q.x + p.y * q.y + p.z * q.z, -1, 1)) * DEG;
-}
-
-static struct xyz polar(double theta_deg, double phi_deg) {
-    const double t = theta_deg / DEG, p = phi_deg / DEG;
-    return (struct xyz){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
-}
 
 struct scene {
     double light[SIZE * SIZE];
@@ -80,7 +59,7 @@ static void paint(struct scene *scene, const struct ball *ball, const struct lam
                 if (lamps[j].near)
                     to = (struct xyz){to.x - (ball->x + u * ball->r),
                                       to.y - (-ball->y + v * ball->r), to.z - w * ball->r};
-                const double off = apart_deg(mirrored, to) / lamps[j].radius_deg;
+                const double off = DEG * apart_rad(mirrored, to) / lamps[j].radius_deg;
                 sum += lamps[j].gain * (off < 1 ? 1 : 0.02 * exp(-off));
             }
         }
@@ -94,32 +73,18 @@ static void dust(struct scene *scene, int x, int y, int width, int height, doubl
             scene->light[j * SIZE + i] = light;
 }
 
-static void clean_folder(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-        g_unlink(file);
-    }
-}
-
 /* With some noise; the scene is freed. */
 static void save(struct scene *scene, const char *name) {
-    g_autofree char *path = g_build_filename(world_fixture_folder(), "photos", name, NULL);
     g_autofree guint8 *pixels = g_new(guint8, SIZE * SIZE);
     GRand *rand = g_rand_new_with_seed(7);
-    png_image image = {
-        .version = PNG_IMAGE_VERSION, .width = SIZE, .height = SIZE, .format = PNG_FORMAT_GRAY};
     for (int i = 0; i < SIZE * SIZE; i++) {
         const double noise = 0.002 * (g_rand_double(rand) - 0.5);
         const double light = MAX(scene->light[i] + noise, 0);
-        const double code =
-            light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
-        pixels[i] = (guint8)lround(255 * MIN(code, 1));
+        pixels[i] = (guint8)lround(255 * fmin(ball_scene_srgb(light), 1));
     }
     g_rand_free(rand);
     g_free(scene);
-    g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+    ball_scene_write(name, pixels, SIZE, SIZE);
 }
 
 /* Of one ball under some lamps. */
@@ -127,12 +92,6 @@ static void photograph(const char *name, const struct lamp *lamps, int n) {
     struct scene *scene = scene_new(0.05);
     paint(scene, &one, lamps, n, 0.01);
     save(scene, name);
-}
-
-static void begin(void) {
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
-    g_mkdir(photos, 0700);
-    clean_folder(photos);
 }
 
 /* Returns what was said; more: further options, up to NULL. */
@@ -176,7 +135,7 @@ static struct told told(const char *out, const char *name) {
 
 static void assert_right(const char *out, const char *name, struct xyz truth) {
     const struct told found = told(out, name);
-    const double off = apart_deg(found.direction, truth);
+    const double off = DEG * apart_rad(found.direction, truth);
     g_test_message("%s: %.3f° off, ± %.3f°", name, off, found.sigma_deg);
     g_assert_cmpfloat(off, <, MAX_OFF);
     g_assert_cmpfloat(off, <, 3 * found.sigma_deg);
@@ -193,7 +152,7 @@ static void assert_said(const char *out, const char *what) {
 static void clipped(void) {
     static const double gains[] = {0.8, 4, 30, 1000};
     struct xyz truth[12];
-    begin();
+    ball_scene_clear();
     for (int i = 0; i < 12; i++) {
         g_autofree char *name = g_strdup_printf("light-%02d.png", i);
         truth[i] = polar(10 + 9 * i, 77 * i);
@@ -214,7 +173,7 @@ static void dusty(void) {
     const struct xyz truth = polar(40, 30);
     for (int gain = 0; gain < 2; gain++) {
         struct scene *scene = scene_new(0.05);
-        begin();
+        ball_scene_clear();
         paint(scene, &one, &(struct lamp){truth, FALSE, 3, gain ? 20 : 0.4}, 1, 0.01);
         dust(scene, 180, 130, 1, 1, 2);
         dust(scene, 150, 200, 2, 1, 2);
@@ -226,7 +185,7 @@ static void dusty(void) {
         assert_right(out, "dusty.png", truth);
     }
     struct scene *scene = scene_new(0.05);
-    begin();
+    ball_scene_clear();
     paint(scene, &one, NULL, 0, 0.01);
     dust(scene, 180, 130, 1, 1, 2);
     dust(scene, 160, 150, 9, 1, 2);
@@ -238,7 +197,7 @@ static void dusty(void) {
 TEST(two_highlights) {
     const struct lamp lamps[] = {{polar(35, 20), FALSE, 3, 8}, {polar(50, 200), FALSE, 2.5, 8}};
     const struct lamp fainter[] = {lamps[0], {polar(50, 200), FALSE, 3, 0.1}};
-    begin();
+    ball_scene_clear();
     photograph("two.png", lamps, 2);
     g_autofree char *refused = calibrate(1, &one, 1, FALSE);
     assert_said(refused, "two.png: ball 1 shows two highlights, at ");
@@ -252,7 +211,7 @@ TEST(two_highlights) {
 TEST(wrong_circle) {
     const struct xyz truth = polar(50, 120);
     const struct lamp lamp = {truth, FALSE, 3, 20};
-    begin();
+    ball_scene_clear();
     photograph("circle.png", &lamp, 1);
     for (int i = 0; i < 4; i++) {
         const struct ball given = {one.x + (i & 1 ? 2.2 : -1.5), one.y + (i & 2 ? 1.5 : -2.2),
@@ -281,7 +240,7 @@ TEST(half_an_outline) {
     const struct xyz truth = polar(45, 300);
     const struct ball given = {one.x + 1.6, one.y - 2.3, one.r + 1.9};
     struct scene *scene = scene_new(0.01);
-    begin();
+    ball_scene_clear();
     for (int i = 0; i < SIZE * (int)one.y; i++)
         scene->light[i] = 0.05;
     paint(scene, &one, &(struct lamp){truth, FALSE, 3, 20}, 1, 0.01);
@@ -302,7 +261,7 @@ static void paint_three(const char *name, const struct lamp *others, const struc
 static void contradictions(void) {
     const struct xyz truth = polar(30, 70);
     const struct lamp lamp = {truth, FALSE, 4, 20}, other = {polar(50, 70), FALSE, 4, 20};
-    begin();
+    ball_scene_clear();
     paint_three("three.png", &lamp, &other);
     g_autofree char *outvoted = calibrate(0, three, 3, FALSE);
     assert_right(outvoted, "three.png", truth);
@@ -330,7 +289,7 @@ TEST(near_lamp) {
     const struct xyz place = {700, 500, 1850};
     const struct lamp lamp = {place, TRUE, 2, 10};
     double p[3], error[3];
-    begin();
+    ball_scene_clear();
     paint_three("near.png", &lamp, &lamp);
     g_autofree char *out = calibrate(0, three, 3, FALSE);
     const char *at = strstr(out, "   at ");
@@ -357,8 +316,5 @@ BEFORE_TESTS {
 }
 
 AFTER_TESTS {
-    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
-    clean_folder(photos);
-    g_rmdir(photos);
     world_fixture_clean();
 }

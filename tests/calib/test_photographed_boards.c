@@ -444,7 +444,7 @@ static void write_as(const char *folder, int i, const guint8 *grey, guint32 widt
 }
 
 TEST(formats) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-formats-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autofree char *corners = g_build_filename(folder, "corners.vnl", NULL);
     g_autofree char *text = NULL, *out = NULL, *err = NULL;
@@ -498,7 +498,6 @@ TEST(formats) {
         g_assert_cmpfloat(MIN(sum[0], sum[1]), <, 1.5);
     }
     g_assert_cmpint(used, ==, same->cameras[0].points);
-    remove_tree(folder);
 }
 
 BEFORE_TESTS {

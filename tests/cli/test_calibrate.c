@@ -1,7 +1,7 @@
 /* mesorig board and mesorig calibrate as a shell sees them, and captures that use a calibration. */
 #include "calibration/calibration.h"
+#include "lib/folder.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -12,12 +12,6 @@
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
 #define MESORIG BUILD_DIR "/bin/mesorig"
-
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* What was printed, on stdout or else stderr; g_free(). */
 #define RUN(code, ...) process_text(code, (const char *const[]){MESORIG, __VA_ARGS__, NULL})
@@ -178,10 +172,9 @@ TEST(board) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-calibrate-XXXXXX", NULL);
+    folder_make();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

@@ -202,7 +202,7 @@ TEST(info) {
         {1, "info broken.exr", "/broken.exr"},
     };
     static const char *const channels[] = {"B", "G", "R", NULL};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "two.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct output output = {0};
@@ -217,13 +217,12 @@ TEST(info) {
     exr_file_free(file);
     run_steps(folder, &output, steps, G_N_ELEMENTS(steps));
     clear(&output);
-    remove_tree(folder);
 }
 
 /* The history is a PNG of the size it should have, of a session that has one, and of nothing else.
  */
 TEST(history) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *png = g_build_filename(folder, "history.png", NULL);
     g_autofree char *nowhere = g_build_filename(folder, "no", "history.png", NULL);
@@ -239,7 +238,6 @@ TEST(history) {
     assert_has(output.err, nowhere);
     runs(2, &output, "info", "--history", png, png);
     clear(&output);
-    remove_tree(folder);
 }
 
 /* Nothing that a session or a file holds makes a terminal do anything. */
@@ -248,7 +246,7 @@ TEST(controls) {
                                   "d\xc2\x9b"
                                   "31me\u202ef";
     static const char *const channels[] = {"Y", NULL};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *exr = g_build_filename(folder, "a.exr", NULL);
     struct output output = {0};
@@ -271,7 +269,6 @@ TEST(controls) {
     runs(1, &output, "info", hostile);
     assert_has(output.err, "a\uFFFD[2Jb\uFFFDc");
     clear(&output);
-    remove_tree(folder);
 }
 
 static gboolean count_connection(GSocketService *service, GSocketConnection *connection,
@@ -298,7 +295,7 @@ static void ask_pause(const char *folder) {
 
 /* Somebody else's session leads neither to a host nor, by a link, to another file's address. */
 TEST(control) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *control = g_build_filename(folder, "control", NULL);
     g_autofree char *path = g_build_filename(folder, "bus", NULL);
     g_autofree char *address = g_strdup_printf("unix:path=%s\n", path);
@@ -331,7 +328,6 @@ TEST(control) {
     g_assert_true(g_file_set_contents(control, address, -1, NULL)); /* this one is followed */
     ask_pause(folder);
     g_assert_cmpint(count, >, 0);
-    remove_tree(folder);
 }
 
 /* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
@@ -374,7 +370,7 @@ static gboolean is_there(const char *session) {
 
 /* Ctrl-C when begun() says so: what it says is true. */
 static void interrupt(gboolean (*begun)(const char *session)) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *conf = long_session_write(folder, LONG_RINGS);
     g_autoptr(GError) error = NULL;
@@ -399,7 +395,6 @@ static void interrupt(gboolean (*begun)(const char *session)) {
     runs(0, &output, "info", session);
     assert_has(output.out, "state      done");
     clear(&output);
-    remove_tree(folder);
 }
 
 /* In the middle, and before the client has heard that its capture has begun. */

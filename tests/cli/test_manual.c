@@ -75,14 +75,13 @@ TEST(examples) {
     ok(session_conf_parse(&conf, session_conf, "session.conf(5)", ERR));
     g_assert_cmpint(conf.n_views, ==, 5);
 
-    g_autofree char *folder = g_dir_make_tmp("mesorig-manual-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "world.conf", NULL);
     g_autofree char *world_page = page_text("world.conf.5"), *world_conf = example_of(world_page);
     g_assert_true(g_file_set_contents(path, world_conf, -1, NULL));
     g_autoptr(World) world = world_get(path, &error);
     g_assert_no_error(error);
     g_assert_cmpint(world_find_lamp(world, "lamp30"), ==, 0);
-    remove_tree(folder);
 }
 
 static void assert_keys(const char *page, const struct option *options) {
@@ -132,7 +131,7 @@ TEST(session) {
                  {"^laser/[0-9]{6}_cam[0-9]+\\.exr$", "laser/SHOT_CAMERA.exr"},
                  {"^products/btf/view_[0-9]{4}\\.exr$", "products/btf/view_0000.exr"}};
     g_autofree char *page = page_text("session.5");
-    g_autofree char *folder = g_dir_make_tmp("mesorig-manual-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *path = g_build_filename(session, "session.db", NULL);
     g_free(process_mesorig(0,
@@ -178,5 +177,4 @@ TEST(session) {
     g_assert_cmpint(n, >, 40);
     sqlite3_finalize(values);
     sqlite3_close(db);
-    remove_tree(folder);
 }

@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
+#include "lib/text_file.h"
 #include "rig/devices.h"
 #include "session/made_with.h"
 
@@ -14,12 +15,6 @@
 static char *in_folder(const struct operation *run, const char *name) {
     g_autofree char *folder = g_path_get_dirname(run->session);
     return g_build_filename(folder, name, NULL);
-}
-
-static char *contents(const char *path) {
-    char *text = NULL;
-    ok(g_file_get_contents(path, &text, NULL, ERR));
-    return text;
 }
 
 /* The verdict of a check in what --json printed; said: what one of that name must say, or NULL. */
@@ -80,7 +75,7 @@ static void page(void) {
     struct operation *run = processed();
     g_autofree char *file = in_folder(run, "report.html");
     operator_does(run, 0, "report", run->session, "-o", file, NULL);
-    g_autofree char *text = contents(file);
+    g_autofree char *text = text_file_read(file);
     assert_has(text, "wool &lt;b&gt;&amp; silk&lt;/b&gt;");
     assert_has(text, "Ö. &quot;Perator&quot;");
     assert_has(text, "<svg");
@@ -164,7 +159,7 @@ static void verdicts(void) {
     g_assert_cmpstr(verdict_of(result, "calibration", "cameras"), ==, "warning");
     g_assert_cmpstr(json_object_get_string_member(result, "verdict"), ==, "warning");
 
-    g_autofree char *text = contents(eigenmaps);
+    g_autofree char *text = text_file_read(eigenmaps);
     g_assert_true(g_file_set_contents(eigenmaps, "another", -1, NULL));
     operator_does(run, 0, "report", run->session, "-o", file, "--json", NULL);
     g_autoptr(JsonParser) damaged = parse(run->out);
@@ -224,7 +219,7 @@ static void calibrated(struct operation *run, const char *info, const char *verd
     g_autoptr(JsonParser) report = parse(run->out);
     JsonObject *result = json_node_get_object(json_parser_get_root(report));
     g_assert_cmpstr(verdict_of(result, "calibration", "cameras"), ==, verdict);
-    g_autofree char *text = contents(file);
+    g_autofree char *text = text_file_read(file);
     assert_has(text, page_says);
     g_autoptr(Session) session = session_open(run->session, SESSION_READ, NULL);
     g_autofree char *is = session_value(session, "products_calibration");

@@ -3,6 +3,7 @@
 #include "drivers/device.h"
 #include "drivers/lock.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -118,7 +119,7 @@ TEST(long_keys) {
 
 /* A link is the device that it points to. */
 TEST(links) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-lock-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *file = g_build_filename(folder, "ttyUSB0", NULL);
     g_autofree char *other = g_build_filename(folder, "ttyUSB1", NULL);
     g_autofree char *link = g_build_filename(folder, "by-id", NULL);
@@ -132,9 +133,6 @@ TEST(links) {
     g_assert_cmpstr(of_file, !=, of_other);
     g_unlink(link);
     g_assert_null(lock_key_of_node("serial", link));
-    g_unlink(file);
-    g_unlink(other);
-    g_rmdir(folder);
 }
 
 /* What a program that makes a rig safe may open while a daemon has it. */

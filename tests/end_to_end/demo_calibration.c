@@ -1,4 +1,5 @@
 #include "demo_calibration.h"
+#include "base/robust.h"
 
 #include "lib/calibration_fixture.h"
 
@@ -83,11 +84,6 @@ static double shown(const struct comparing *c, int camera, int lamp, double arc_
            (of_lamp->known ? of_lamp->colour[colour] : 1);
 }
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static void compare_light(const struct comparing *c, struct demo_errors *ret) {
     const struct rig *rig = &c->found->rig;
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
@@ -103,7 +99,7 @@ static void compare_light(const struct comparing *c, struct demo_errors *ret) {
                 const double error = fabs(shown(c, camera, lamp, arc_deg, p, i / 36) / truth - 1);
                 g_array_append_val(errors, error);
             }
-    g_array_sort(errors, by_size);
+    g_array_sort(errors, robust_by_value);
     ret->light_median = g_array_index(errors, double, errors->len / 2);
     ret->light_worst = g_array_index(errors, double, errors->len - 1);
 }

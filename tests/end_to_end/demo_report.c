@@ -7,6 +7,7 @@
 #include "btf/btf_sigma.h"
 #include "demo_calibration.h"
 #include "demo_pictures.h"
+#include "lib/floats.h"
 #include "mdf/mdf_views.h"
 #include "rig/devices.h"
 
@@ -64,11 +65,6 @@ static const GOptionEntry entries[] = {
      "TEXT"},
     {NULL},
 };
-
-static int compare_floats(const void *a, const void *b) {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 static double quantile(GArray *sorted, double q) {
     return sorted->len == 0 ? NAN : g_array_index(sorted, float, (guint)(q * (sorted->len - 1)));
@@ -329,9 +325,9 @@ static void sum_up(const struct report *report, const struct products *products,
                    double ret[FIGURES]) {
     const double texel_mm = report->grid.width_mm / report->grid.width;
     const struct mdf_sums *sums = &products->sums;
-    g_array_sort(sums->errors, compare_floats);
-    g_array_sort(products->errors, compare_floats);
-    g_array_sort(products->steep, compare_floats);
+    g_array_sort(sums->errors, floats_by_value);
+    g_array_sort(products->errors, floats_by_value);
+    g_array_sort(products->steep, floats_by_value);
     ret[MDF_RMS_MM] = sqrt(sums->squares / (double)sums->n);
     ret[MDF_RMS] = ret[MDF_RMS_MM] / texel_mm;
     ret[MDF_MEDIAN] = quantile(sums->errors, 0.5) / texel_mm;

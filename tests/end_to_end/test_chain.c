@@ -3,9 +3,10 @@
  * processed with and without it; all of it compared with the simulated truth. */
 #include "demo_calibration.h"
 #include "exr/exr.h"
+#include "lib/floats.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -19,12 +20,6 @@
 #define TEXELS  16
 #define VIEWS   4
 #define LIGHTS  4
-
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* Devices at 30° and 60° are left. */
 static void write_part(const char *name) {
@@ -141,11 +136,6 @@ TEST(calibrate) {
     g_assert_cmpfloat(errors.light_worst, <, 0.03); /* lamps drift by 2 % up and down */
 }
 
-static int by_value(gconstpointer a, gconstpointer b) {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Of one view under one light, green. */
 static void compare_btf(Session *session, World *world, const char *path, GArray *errors) {
     g_autoptr(GError) error = NULL;
@@ -181,7 +171,7 @@ static float btf_error(const char *directory) {
     g_assert_no_error(error);
     compare_btf(session, world, path, errors);
     g_assert_cmpint(errors->len, ==, TEXELS * TEXELS);
-    g_array_sort(errors, by_value);
+    g_array_sort(errors, floats_by_value);
     return g_array_index(errors, float, errors->len / 2);
 }
 
@@ -222,11 +212,10 @@ TEST(process_refuses) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-chain-XXXXXX", NULL);
+    folder_make();
     write_files();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

@@ -7,10 +7,12 @@
 #include "calibration/calibration.h"
 #include "exr/exr.h"
 #include "geometry/swing.h"
+#include "lib/floats.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/text_file.h"
 #include "rig/devices.h"
 #include "session/session.h"
 #include "world/truth.h"
@@ -23,15 +25,6 @@
 #define SAMPLES 12 /* rays a texel of the truth, across and down */
 #define LEAST   0.02
 #define DEG     (180 / G_PI)
-
-static char *folder;
-
-static char *read_text(const char *path) {
-    char *text = NULL;
-
-    ok(g_file_get_contents(path, &text, NULL, ERR));
-    return text;
-}
 
 enum deviating {
     NOTHING,
@@ -53,8 +46,9 @@ static char *lay_down(const char *name, const char *shape, const char *sample,
     g_autofree char *from = g_build_filename(DEMO, shape, NULL);
     g_autofree char *rig_from = g_build_filename(from, "rig.conf", NULL);
     g_autofree char *world_from = g_build_filename(from, "world.conf", NULL);
-    g_autofree char *rig = read_text(rig_from), *world = read_text(world_from), *old = NULL;
-    char *to = g_build_filename(folder, name, NULL);
+    g_autofree char *rig = text_file_read(rig_from), *world = text_file_read(world_from),
+                    *old = NULL;
+    char *to = in_folder(name);
     g_autofree char *rig_to = g_build_filename(to, "rig.conf", NULL);
     g_autofree char *world_to = g_build_filename(to, "world.conf", NULL);
     g_autoptr(GKeyFile) file = g_key_file_new();
@@ -99,11 +93,6 @@ static char *capture(const char *name, const char *shape, const char *sample, en
     "[session]\nname=s\n[sample]\nwidth_mm=" size "\nheight_mm=" size "\ntexels=" texels           \
     "\nreference_mm=" height "\ndepth_mm=" height "\n[views]\n" views "\n[lights]\n" lights        \
     "\n[capture]\non_blocked=skip\n" capture "\n"
-
-static int compare_floats(gconstpointer a, gconstpointer b) {
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 struct errors {
     double median, p95;
@@ -166,7 +155,7 @@ static struct errors btf_errors(const char *session_path, const char *world_path
             exr_part_free(part);
         }
     g_assert_cmpint((int)errors->len, >=, 8 * texels * texels);
-    g_array_sort(errors, compare_floats);
+    g_array_sort(errors, floats_by_value);
     return (struct errors){100 * (double)g_array_index(errors, float, errors->len / 2),
                            100 * (double)g_array_index(errors, float, errors->len * 95 / 100)};
 }
@@ -183,7 +172,7 @@ static double error_of(const char *session, const char *method) {
 /* One view under 64 lights: planned as such, captured without an axis, fitted, drawn. */
 TEST(dome) {
     g_autofree char *conf = NULL, *session = NULL, *world = NULL, *plan = NULL, *height = NULL;
-    g_autofree char *picture = g_build_filename(folder, "dome.png", NULL);
+    g_autofree char *picture = in_folder("dome.png");
 
     plan = process_mesorig(0, "plan " DEMO "dome/rig.conf " DEMO "dome/session.conf");
     assert_has(plan, "1 view, 64 lights");
@@ -192,7 +181,7 @@ TEST(dome) {
         "dome", "dome", NULL, NOTHING,
         CONF("50", "2.2", "32", "devices=all", "devices=all", "exposures_us=4000;16000"), "");
     g_free(process_mesorig(0, "process %s", session));
-    world = g_build_filename(folder, "dome", "world.conf", NULL);
+    world = in_folder("dome/world.conf");
     const struct errors btf = btf_errors(session, world, 32, 4);
     const double ptm = error_of(session, "ptm"), hsh = error_of(session, "hsh");
     g_test_message("dome: BTF %.2f %% / %.1f %% (95th percentile) of the truth; PTM %.1f %%, HSH "
@@ -202,7 +191,7 @@ TEST(dome) {
     g_assert_cmpfloat(btf.p95, <, 8);
     g_assert_cmpfloat(hsh, <, ptm);
     g_assert_cmpfloat(ptm, <, 15);
-    height = g_build_filename(folder, "height.exr", NULL);
+    height = in_folder("height.exr");
     g_free(process_mesorig(0, "export normals %s -o %s", session, height));
     const char *const view[] = {BUILD_DIR "/bin/mesorig-view",
                                 session,
@@ -271,7 +260,7 @@ static double worst_lamp_deg(const struct rig *rig, World *world) {
 }
 
 TEST(fixed_lamps) {
-    g_autofree char *to = g_build_filename(folder, "rig.calibration", NULL);
+    g_autofree char *to = in_folder("rig.calibration");
     g_autoptr(GError) error = NULL;
 
     g_autofree char *told = calibrate("fixed_lamps", POSTS_CONF("rings=35:2;55:2", "devices=all"),
@@ -282,7 +271,7 @@ TEST(fixed_lamps) {
                                        CONF("50", "2.2", "16", "rings=15:2;35:2;55:2;75:2",
                                             "devices=all", "exposures_us=4000;16000"),
                                        more);
-    g_autofree char *world_path = g_build_filename(folder, "weave", "world.conf", NULL);
+    g_autofree char *world_path = in_folder("weave/world.conf");
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
     g_autoptr(Calibration) found = calibration_read(to, &error);
@@ -305,7 +294,7 @@ TEST(fixed_lamps) {
 
 /* Five stops of one lamp, each calibrated as a lamp; the arc turns all of them. */
 TEST(probe) {
-    g_autofree char *to = g_build_filename(folder, "probe.calibration", NULL);
+    g_autofree char *to = in_folder("probe.calibration");
     g_autoptr(GError) error = NULL;
 
     g_free(calibrate("probe", POSTS_CONF("rings=20:1;40:1;60:1", PROBE_LIGHTS("4")),
@@ -315,7 +304,7 @@ TEST(probe) {
                                        CONF("50", "2.2", "16", "rings=20:2;40:2;60:2",
                                             PROBE_LIGHTS("4"), "exposures_us=4000;16000"),
                                        more);
-    g_autofree char *world_path = g_build_filename(folder, "probe_weave", "world.conf", NULL);
+    g_autofree char *world_path = in_folder("probe_weave/world.conf");
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
     g_autoptr(Calibration) found = calibration_read(to, &error);
@@ -422,7 +411,7 @@ static struct camera_errors camera_errors(const struct rig *rig, World *world, g
 static char *calibrate_boards(const char *name, int code, const char *to) {
     g_autofree char *flat_name = g_strdup_printf("%s_flat", name);
     g_autofree char *leaning_name = g_strdup_printf("%s_leaning", name);
-    g_autofree char *board = g_build_filename(folder, "board.png", NULL);
+    g_autofree char *board = in_folder("board.png");
 
     g_free(process_mesorig(0, "board %s --board " BOARD " --pixels 0.8888888888888888", board));
     g_autofree char *flat = capture(flat_name, "arm", BOARD_PLATE "turn_deg=3\noffset_mm=1;-2\n",
@@ -437,7 +426,7 @@ static char *calibrate_boards(const char *name, int code, const char *to) {
 
 /* Nothing is written of an arm that says it moves, and does not. */
 TEST(stuck_arm) {
-    g_autofree char *to = g_build_filename(folder, "stuck.calibration", NULL);
+    g_autofree char *to = in_folder("stuck.calibration");
     g_autofree char *told = calibrate_boards("stuck", 1, to);
 
     g_test_message("%s", told);
@@ -447,7 +436,7 @@ TEST(stuck_arm) {
 
 /* Boards at the arm's stops: every stop's pose, the axis, and the stop that was left out. */
 TEST(arm) {
-    g_autofree char *to = g_build_filename(folder, "arm.calibration", NULL);
+    g_autofree char *to = in_folder("arm.calibration");
     g_autoptr(GError) error = NULL;
 
     g_autofree char *told = calibrate_boards("arm", 0, to);
@@ -460,7 +449,7 @@ TEST(arm) {
                                        CONF("50", "2.2", "16", "rings=15:2;25:2;55:2;75:2",
                                             "devices=all", "exposures_us=4000;16000"),
                                        more);
-    g_autofree char *world_path = g_build_filename(folder, "arm_weave", "world.conf", NULL);
+    g_autofree char *world_path = in_folder("arm_weave/world.conf");
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
     const struct rig *rig = &found->rig;
@@ -513,8 +502,8 @@ TEST(still) {
         "tilt_deg=20\ntilt_towards_deg=190\nturn_deg=40\noffset_mm=-1;1\n",
         "tilt_deg=25\ntilt_towards_deg=280\nturn_deg=75\noffset_mm=1;-1\n",
         "tilt_deg=15\ntilt_towards_deg=45\nturn_deg=10\noffset_mm=0;0\n"};
-    g_autofree char *to = g_build_filename(folder, "still.calibration", NULL);
-    g_autofree char *board = g_build_filename(folder, "board.png", NULL);
+    g_autofree char *to = in_folder("still.calibration");
+    g_autofree char *board = in_folder("board.png");
     g_autoptr(GString) sessions = g_string_new(NULL);
     g_autoptr(GError) error = NULL;
 
@@ -531,7 +520,7 @@ TEST(still) {
         process_mesorig(0, "calibrate cameras %s--board " BOARD " -o %s", sessions->str, to);
     g_autoptr(Calibration) found = calibration_read(to, &error);
     g_assert_no_error(error);
-    g_autofree char *world_path = g_build_filename(folder, "still_board0", "world.conf", NULL);
+    g_autofree char *world_path = in_folder("still_board0/world.conf");
     g_autoptr(World) world = world_get(world_path, &error);
     g_assert_no_error(error);
     struct rig nominal;
@@ -547,10 +536,10 @@ TEST(still) {
     g_assert_cmpfloat(errors.px, <, 0.1 * before.px);
     g_assert_cmpfloat(errors.deg, <, 0.2);
 
-    g_autofree char *lamps_to = g_build_filename(folder, "still_lamps.calibration", NULL);
+    g_autofree char *lamps_to = in_folder("still_lamps.calibration");
     g_free(calibrate_lights("still_posts", "fixed_lamps", POSTS_CONF("devices=all", "devices=all"),
                             lamps_to));
-    g_autofree char *lamps_world = g_build_filename(folder, "still_posts", "world.conf", NULL);
+    g_autofree char *lamps_world = in_folder("still_posts/world.conf");
     g_autoptr(World) posts = world_get(lamps_world, &error);
     g_assert_no_error(error);
     g_autoptr(Calibration) lamps = calibration_read(lamps_to, &error);
@@ -562,10 +551,9 @@ TEST(still) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-shapes-XXXXXX", NULL);
+    folder_make();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

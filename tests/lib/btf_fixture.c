@@ -42,3 +42,7 @@ struct direction_list btf_fixture_two_rings(float turn_deg) {
     }
     return list;
 }
+
+struct vec3 btf_fixture_direction(const struct direction_list *list, gsize k) {
+    return direction_of_deg((double)list->theta_deg[k], (double)list->phi_deg[k]);
+}

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "btf/btf_matrix.h"
+#include "direction.h"
 
 typedef struct btf_matrix BtfMatrix;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BtfMatrix, btf_matrix_free)
@@ -20,3 +21,5 @@ struct direction_list btf_fixture_rings(int rings, float most_deg, float turn_de
 /* Returns six directions at 25° from the normal, and six at 55°, whose azimuths are between those
  * of the first six. */
 struct direction_list btf_fixture_two_rings(float turn_deg);
+
+struct vec3 btf_fixture_direction(const struct direction_list *list, gsize k);

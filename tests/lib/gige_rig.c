@@ -1,6 +1,7 @@
 #include "gige_rig.h"
 #include "lib/camera_open.h"
 #include "lib/ok.h"
+#include "lib/painted.h"
 #include "lib/wait.h"
 
 VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
@@ -95,4 +96,42 @@ void eye_shoot_together(struct eye *eyes, int n, int shots) {
 void eye_recover(struct eye *eye, guint64 shot) {
     UNTIL (camera_arm(eye->camera, NULL) && eye_shoot(eye, shot) == CAMERA_FRAME)
         conformance_pass(eye->clock, 0.1);
+}
+
+void eye_check_formats(struct eye *eye, enum cfa cfa, const struct eye_depth *depths, int n,
+                       const char *more) {
+    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
+    for (int i = 0; i < n; i++) {
+        g_autofree char *key =
+            g_strdup_printf("pixel_format = %s%s\n%s", phases[cfa], depths[i].name, more);
+        eye_start(eye, key, 100);
+        g_assert_cmpint(eye->camera->format.cfa, ==, (int)cfa);
+        g_assert_cmpint(eye->camera->format.bits, ==, depths[i].bits);
+        g_assert_cmpint(eye_shoot(eye, (guint64)i), ==, CAMERA_FRAME);
+        painted_assert(eye->frame, 0, 0, 0);
+        eye_close(eye);
+    }
+}
+
+void eye_check_part(struct eye *eye) {
+    struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
+    g_autoptr(GError) error = NULL;
+    g_assert_cmpint(eye->camera->format.max_exposure_us, ==, 60000000);
+    g_assert_false(camera_configure(eye->camera, &more, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
+    g_assert_cmpstr(error->message, ==,
+                    "camera eye: cannot have a gain of 24.5 dB, only 0 to 24 dB");
+    g_assert_true(camera_configure(eye->camera, &wanted, NULL));
+    g_assert_true(camera_arm(eye->camera, NULL));
+    g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FRAME);
+    g_assert_cmpint(eye->frame->width, ==, 32);
+    g_assert_cmpint(eye->frame->height, ==, 16);
+    painted_assert(eye->frame, 4, 6, 8); /* black raised by 8 */
+}
+
+void eye_check_settings(const struct virtual_camera_state *state) {
+    g_assert_cmpint(state->exposure_us, ==, 1234);
+    g_assert_cmpfloat_with_epsilon(state->gain_db, 6.25, 0.01);
+    g_assert_cmpfloat_with_epsilon(state->black_level, 72, 0.1);
+    g_assert_false(state->automatic);
 }

@@ -44,6 +44,21 @@ void eye_shoot_together(struct eye *eyes, int n, int shots);
 /* Arms and triggers again until a picture arrives, as the sequencer does. Fails after WAIT_S. */
 void eye_recover(struct eye *eye, guint64 shot);
 
+/* Takes a picture of painted.h in each pixel format, which must show what was painted. more has
+ * further lines of the section. */
+struct eye_depth {
+    const char *name;
+    int bits;
+};
+void eye_check_formats(struct eye *eye, enum cfa cfa, const struct eye_depth *depths, int n,
+                       const char *more);
+
+/* Checks a part of the picture, the exposure, the gain and the black level of a camera of painted.h
+ * with 12 bits and a black level of 64 DN. It is open with EYE_PART. */
+#define EYE_PART "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
+void eye_check_part(struct eye *eye);
+void eye_check_settings(const struct virtual_camera_state *state);
+
 #define eye_assert_said(eye, what, text)                                                           \
     do {                                                                                           \
         g_assert_error((eye)->error, DEVICE_ERROR, (int)(what));                                   \

@@ -1,14 +1,18 @@
 #include "gpu_fixture.h"
 
-void gpu_fixture_set_up(struct fixture *f, gconstpointer data) {
+/* Returns NULL if the test is skipped. */
+static Gpu *gpu_fixture_new(void) {
     g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
+    Gpu *gpu = gpu_new_headless(&error);
+    if (gpu == NULL)
         test_skip_or_fail(error->message);
+    return gpu;
 }
 
-void gpu_fixture_tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
+void gpu_fixture_run(void (*run)(void)) {
+    g_autoptr(Gpu) gpu = gpu_fixture_new();
+    if (gpu != NULL)
+        run();
 }
 
 struct gpu_test {
@@ -16,16 +20,14 @@ struct gpu_test {
     gconstpointer data;
 };
 
-static void gpu_fixture_run(gconstpointer data) {
+static void gpu_fixture_run_data(gconstpointer data) {
     const struct gpu_test *test = data;
-    struct fixture f;
-    gpu_fixture_set_up(&f, NULL);
-    if (f.gpu != NULL)
+    g_autoptr(Gpu) gpu = gpu_fixture_new();
+    if (gpu != NULL)
         test->run(test->data);
-    gpu_fixture_tear_down(&f, NULL);
 }
 
 void gpu_fixture_add(const char *path, void (*run)(gconstpointer data), gconstpointer data) {
     const struct gpu_test test = {run, data};
-    g_test_add_data_func_full(path, g_memdup2(&test, sizeof test), gpu_fixture_run, g_free);
+    g_test_add_data_func_full(path, g_memdup2(&test, sizeof test), gpu_fixture_run_data, g_free);
 }

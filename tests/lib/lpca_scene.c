@@ -1,4 +1,7 @@
 #include "lpca_scene.h"
+#include "drawing/methods/lpca_grid.h"
+#include "drawing/methods/lpca_view.h"
+#include "ok.h"
 
 struct lpca *lpca_scene_level(int level, int n_clusters, int n_components) {
     const int w = MAX(1, W >> level), h = MAX(1, H >> level);
@@ -142,11 +145,6 @@ static double grid_value(const struct scene *s, int i, int j, struct vec3 v, str
     return sum;
 }
 
-struct vec3 lpca_scene_direction(const float *theta_deg, const float *phi_deg, int k) {
-    const double theta = theta_deg[k] * G_PI / 180, phi = phi_deg[k] * G_PI / 180;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
 static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
@@ -271,4 +269,32 @@ void lpca_scene_check_levels(Viewer *view, struct lpca *const *levels, double ti
     g_test_message("%g tiles: level %.3f", tiles, b.level);
     formula_compare(of_levels, &b, view, &settings);
     mesh_free(mesh);
+}
+
+void lpca_scene_compare(const struct scene *scene, const struct method *method, gpointer material) {
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(Viewer) view = ok(viewer_new(NULL, ERR));
+    struct viewer_settings settings;
+    formula_start_view(view, &settings, mesh);
+    g_assert_nonnull(material);
+    ok(viewer_set_method(view, method, material, ERR));
+    settings.style.nearest = scene->nearest;
+    settings.ambient = scene->ambient;
+    formula_compare(lpca_scene_pixel, scene, view, &settings);
+    mesh_free(mesh);
+}
+
+void lpca_scene_check(struct lpca *lpca, gboolean nearest, double ambient, int n_grid) {
+    const struct direction_list *v = &lpca->layout.views, *l = &lpca->layout.lights;
+    Directions *(*const new)(const float *, const float *, int, GError **) =
+        n_grid == 0 ? directions_new_triangulated : directions_new;
+    g_autoptr(Directions) views = ok(new (v->theta_deg, v->phi_deg, (int)v->n, ERR));
+    g_autoptr(Directions) lights = ok(new (l->theta_deg, l->phi_deg, (int)l->n, ERR));
+    g_autofree float *sky = g_new0(float, l->n);
+    directions_sky(lights, sky);
+    const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
+    if (n_grid == 0)
+        lpca_scene_compare(&scene, &method_lpca, ok(lpca_view_new(&lpca, 1, ERR)));
+    else
+        lpca_scene_compare(&scene, &method_lpca_grid, ok(lpca_grid_new(&lpca, 1, n_grid, ERR)));
 }

@@ -24,7 +24,13 @@ struct scene { /* one picture, and the data from which its expected values are c
     gboolean revised; /* lpca is on a grid (lpca_resample.h) */
 };
 
-struct vec3 lpca_scene_direction(const float *theta_deg, const float *phi_deg, int k);
+/* Compares a picture of a torus with its expected values. material is that of the method, and NULL
+ * fails. */
+void lpca_scene_compare(const struct scene *scene, const struct method *method, gpointer material);
+
+/* Does the same with the pairs of measured directions, or with a grid of directions if n_grid is
+ * not 0. */
+void lpca_scene_check(struct lpca *lpca, gboolean nearest, double ambient, int n_grid);
 
 /* Computes the expected value of a pixel from level 0. data is a struct scene. */
 gboolean lpca_scene_pixel(gconstpointer data, const float *at, const float *v, const float *l,

@@ -1,11 +1,14 @@
 /* Small materials: few texels, and directions on rings. */
 #pragma once
 
-#include <glib.h>
+#include "btf_fixture.h"
 
 #define W      7 /* texels */
 #define H      5
 #define RINGS  3
 #define A_RING 8
+
+/* A BTF on rings of views, and of lights in other azimuths. All values are 0. */
+struct btf_matrix *rings_btf(const char *name);
 
 void rings_fill(double offset_deg, float **ret_theta_deg, float **ret_phi_deg);

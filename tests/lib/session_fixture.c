@@ -9,6 +9,12 @@ char *session_fixture_path(const char *name) {
     return g_strdup_printf("%s/%s%d.session", session_fixture_folder, name, n++);
 }
 
+char *session_fixture_new_folder(void) {
+    char *path = g_build_filename(session_fixture_folder, "folder-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(path));
+    return path;
+}
+
 /* Returns a random finite double other than −0. All bit patterns have the same probability. */
 static double session_fixture_random_double(GRand *rand) {
     for (;;) {

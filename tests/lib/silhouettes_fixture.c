@@ -1,4 +1,5 @@
 #include "silhouettes_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 
 /* Returns a diffuser: one term, which is cos θ at three lights. */
@@ -45,21 +46,16 @@ int silhouettes_differ(const float *a, const float *b, int n, float tolerance) {
 
 char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid, int first_camera,
                                     const double *theta_deg, int n_theta, int n_phi) {
-    static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
     for (int k = 0; k < n_theta * n_phi; k++) {
-        g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
         const int ring = k / n_phi, camera = first_camera + ring;
         double phi = 360.0 / n_phi * (k % n_phi), centre[3];
+        struct exr_part *part = mdf_file_add_view(
+            file, k, grid->width, grid->height, theta_deg[ring], phi, grid->width_mm / grid->width);
         truth_mdf(world, camera, -phi, grid, part->planes[0], NULL);
         truth_view_centre_mm(world, camera, -phi, centre);
-        exr_set_double(part, "view.theta_deg", theta_deg[ring]);
-        exr_set_double(part, "view.phi_deg", phi);
         exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
         exr_set_double(part, "reference_mm", grid->reference_mm);
-        exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
-        exr_file_add(file, part);
     }
     char *path = g_build_filename(world_fixture_folder(), "mdf.exr", NULL);
     ok(exr_write(path, file, EXR_PIZ, FALSE, ERR));

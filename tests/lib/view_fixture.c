@@ -7,11 +7,6 @@ struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t) {
     return vec3(s * a.x + t * b.x, s * a.y + t * b.y, s * a.z + t * b.z);
 }
 
-struct vec3 view_fixture_unit(double theta_deg, double phi_deg) {
-    double theta = theta_deg * DEG, phi = phi_deg * DEG;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
 double texel_code(int i, int j) {
     return (1.0 + i + W * j) / (2.0 + W * H);
 }
@@ -55,7 +50,7 @@ struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) 
                             &m->layout.lights.phi_deg);
     m->weights = g_new0(float, m->n_terms * m->layout.views.n);
     for (gsize k = 0; k < m->layout.views.n; k++) {
-        struct vec3 v = view_fixture_unit(m->layout.views.theta_deg[k], m->layout.views.phi_deg[k]);
+        struct vec3 v = direction_of_deg(m->layout.views.theta_deg[k], m->layout.views.phi_deg[k]);
         m->weights[k] = 1.0;
         m->weights[m->layout.views.n + k] = v.x;
         m->weights[2 * m->layout.views.n + k] = v.y;
@@ -66,8 +61,8 @@ struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) 
         for (gsize light = 0; light < m->layout.lights.n; light++)
             for (int k = 0; k < W * H; k++, out += 3)
                 fill_texel(kind, term,
-                           view_fixture_unit(m->layout.lights.theta_deg[light],
-                                             m->layout.lights.phi_deg[light]),
+                           direction_of_deg(m->layout.lights.theta_deg[light],
+                                            m->layout.lights.phi_deg[light]),
                            k % W, k / W, out);
     return m;
 }
@@ -83,7 +78,7 @@ struct viewer_settings view_fixture_settings(void) {
 
 struct vec3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
                              int i, int j, struct vec3 *ret_eye) {
-    struct vec3 back = view_fixture_unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
+    struct vec3 back = direction_of_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
     struct vec3 right =
         vec3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
     struct vec3 up = vec3(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
@@ -116,7 +111,7 @@ struct hit view_fixture_hit_torus(struct vec3 eye, struct vec3 d) {
 
 /* Returns FALSE where a small error of the mesh would change the answer. */
 static gboolean view_fixture_expect(const struct check *c, const struct hit *hit, double ret[3]) {
-    struct vec3 l = view_fixture_unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
+    struct vec3 l = direction_of_deg(c->settings->light_theta_deg, c->settings->light_phi_deg);
     struct vec3 local_l = vec3(vec3_dot(l, hit->t), vec3_dot(l, hit->b), vec3_dot(l, hit->n));
     struct vec3 local_v = vec3(vec3_dot(hit->to_eye, hit->t), vec3_dot(hit->to_eye, hit->b), 0.0);
     double cosine = vec3_dot(hit->to_eye, hit->n);
@@ -213,9 +208,9 @@ void write_view(enum kind kind, const struct eigenmaps *m, int view, const char 
         exr_set_double(part, "light.theta_deg", m->layout.lights.theta_deg[light]);
         exr_set_double(part, "light.phi_deg", m->layout.lights.phi_deg[light]);
         struct vec3 l =
-            view_fixture_unit(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]);
+            direction_of_deg(m->layout.lights.theta_deg[light], m->layout.lights.phi_deg[light]);
         struct vec3 v =
-            view_fixture_unit(m->layout.views.theta_deg[view], m->layout.views.phi_deg[view]);
+            direction_of_deg(m->layout.views.theta_deg[view], m->layout.views.phi_deg[view]);
         for (int k = 0; k < W * H; k++) {
             float rgb[3];
             fill_texel(kind, 0, l, k % W, k / W, rgb);

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "base/vec.h"
+#include "direction.h"
 #include "exr/exr.h"
 #include "gpu_fixture.h"
 #include "scene/viewer.h"
@@ -21,7 +21,6 @@
 
 /* returns s a + t b */
 struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t);
-struct vec3 view_fixture_unit(double theta_deg, double phi_deg);
 
 /* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y and blue = the number of the texel. Terms
  * 1 and 2 add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 have the weight 0. */

@@ -22,3 +22,11 @@ static inline void wait_check(gint64 limit_us, const char *where, const char *co
     if (g_get_monotonic_time() > limit_us)
         g_error("%s: waited %d s for: %s", where, WAIT_S, condition);
 }
+
+/* Lets the default main loop run for a time. */
+static inline void wait_ms(int ms) {
+    for (int i = 0; i < ms; i += 5) {
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(5000);
+    }
+}

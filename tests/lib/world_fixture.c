@@ -1,5 +1,6 @@
 #include "world_fixture.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 
 char *world_fixture_folder(void) {
     static char *folder;
@@ -21,13 +22,7 @@ World *world_fixture_new(const char *text) {
 }
 
 void world_fixture_clean(void) {
-    g_autoptr(GDir) dir = g_dir_open(world_fixture_folder(), 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *path = g_build_filename(world_fixture_folder(), name, NULL);
-        g_unlink(path);
-    }
-    g_rmdir(world_fixture_folder());
+    remove_tree(world_fixture_folder());
     g_free(world_fixture_folder());
 }
 

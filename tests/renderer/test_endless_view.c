@@ -124,12 +124,10 @@ static struct eigenmaps *new_waves(void) {
 
 /* The card against the processor, filtered: within hexagons, along their edges, over the sample's
  * edges. */
-static void test_reference(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(reference) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     struct eigenmaps *maps = new_waves();
     g_assert_true(eigenmaps_write(path, maps, &error));
@@ -159,14 +157,11 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     g_assert_cmpfloat(relative, <, fmax(1.5 * repeated, 0.02));
     g_assert_cmpfloat(differ, >, 0.04 * all);
     eigenmaps_free(maps);
-    remove_tree(folder);
 }
 
 /* Every view has the same depths: the way of a ray tells that of the nearest hexagon, not of a
  * mixture. */
-static void test_depth(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(depth) {
     static const float theta_deg[4] = {0, 45, 45, 45}, phi_deg[4] = {0, 0, 120, 240};
     const int width = 160, height = 120;
     g_autoptr(GError) error = NULL;
@@ -215,11 +210,4 @@ static void test_depth(struct fixture *f, gconstpointer data) {
     g_test_message("%d of %d depths are others", wrong, n);
     g_assert_cmpint(n, >, width * height / 4);
     g_assert_cmpint(wrong, <, n / 50);
-}
-
-BEFORE_TESTS {
-    g_test_add("/endless-view/reference", struct fixture, NULL, gpu_fixture_set_up, test_reference,
-               gpu_fixture_tear_down);
-    g_test_add("/endless-view/depth", struct fixture, NULL, gpu_fixture_set_up, test_depth,
-               gpu_fixture_tear_down);
 }

@@ -219,7 +219,7 @@ TEST(files) {
     struct mesh *mesh = ok(read_bytes("A.GLB", file->data, file->len, SCENE_Z_UP, ERR));
     check_square(mesh, 4);
     mesh_free(mesh);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "a.gltf", NULL);
     g_autofree char *beside = g_build_filename(folder, "the bytes.bin", NULL);
     g_autofree char *json = json_of("the%20bytes.bin", MESH(ATTRIBUTES "}, \"indices\": 4"));
@@ -231,7 +231,6 @@ TEST(files) {
     mesh = ok(scene_shape(path, SCENE_Z_UP, ERR));
     check_square(mesh, 4);
     mesh_free(mesh);
-    remove_tree(folder);
 }
 
 /* Cut off anywhere, and with any byte changed: a sentence or a mesh, never a crash. */

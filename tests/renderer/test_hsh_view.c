@@ -79,9 +79,7 @@ static void check_terms(int n_terms, gboolean nearest, double ambient) {
     hsh_free(hsh);
 }
 
-static void test_formula(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(formula) {
     check_terms(4, FALSE, 0);
     check_terms(9, TRUE, 0);
     check_terms(9, FALSE, 0.3);
@@ -89,9 +87,7 @@ static void test_formula(struct fixture *f, gconstpointer data) {
     check_terms(16, TRUE, 0.2);
 }
 
-static void test_bad(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(bad) {
     g_autoptr(GError) error = NULL;
     struct hsh *hsh = make_hsh(9);
     hsh->values[19] = NAN;
@@ -109,13 +105,4 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_assert_null(hsh_view_new(hsh, &error));
     g_assert_nonnull(strstr(error->message, "more than"));
     hsh_free(hsh);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add("/hsh-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
-               gpu_fixture_tear_down);
-    g_test_add("/hsh-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
-               gpu_fixture_tear_down);
-    return g_test_run();
 }

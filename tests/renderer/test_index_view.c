@@ -2,6 +2,7 @@
  * full: the pictures must not differ. */
 #include "lib/lobes_scene.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
@@ -80,9 +81,7 @@ static int count_different(const float *a, const float *b, int pixels, float mos
 }
 
 /* Without filtering, each pixel has its texel's value, also where the map repeats on a torus. */
-static void test_texels(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(texels) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
     g_autoptr(IndexMap) map = new_map(W, H);
@@ -134,9 +133,7 @@ static Viewer *new_lobes_view(struct lobes *lobes, const struct mesh *mesh) {
 
 /* Filtered between texels, a model whose values cannot be filtered: within, along and across
  * seams the same as what is laid out in full. */
-static void test_filtered(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(filtered) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_plane();
     g_autoptr(IndexMap) map = new_map(W, H);
@@ -173,9 +170,7 @@ static struct mdf_table *new_relief(int width, int height) {
 }
 
 /* Silhouettes and shadows are those of the depths where the map puts them. */
-static void test_relief(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(relief) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(IndexMap) map = new_map(W, H);
@@ -207,9 +202,7 @@ static void test_relief(struct fixture *f, gconstpointer data) {
 }
 
 /* The reference on the CPU reads the same map. */
-static void test_reference(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(reference) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = view_fixture_write_btf(TEXEL, 8, 16);
     g_autoptr(Reference) reference = reference_open(dir, &error);
@@ -235,14 +228,12 @@ static void test_reference(struct fixture *f, gconstpointer data) {
 }
 
 /* A map's file of a sample of another size is refused with a sentence, and the one before stays. */
-static void test_other_sample(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(other_sample) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 16, 8);
     g_autoptr(Viewer) view = view_fixture_view(TEXEL, 8, 16, mesh);
     g_autoptr(IndexMap) map = new_map(W, H), other = new_map(W + 1, H);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-index-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "index.exr", NULL);
     g_assert_true(index_map_write(path, other, &error));
     g_assert_false(viewer_open_index(view, path, &error));
@@ -255,13 +246,10 @@ static void test_other_sample(struct fixture *f, gconstpointer data) {
     g_assert_true(index_map_write(path, map, &error));
     g_assert_true(ok(viewer_open_index(view, path, ERR)));
     g_assert_nonnull(viewer_index(view));
-    remove_folder(folder);
 }
 
 /* Tiles that the mesh has become those in which the map repeats. */
-static void test_tiles(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(tiles) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Viewer) view = view_fixture_plane(TEXEL, 3, 8);
     g_autoptr(IndexMap) map = index_map_new(512, 256, 64, 64, 1, "quilting");
@@ -277,21 +265,4 @@ static void test_tiles(struct fixture *f, gconstpointer data) {
     g_assert_cmpfloat(u, ==, 8);
     g_assert_cmpfloat(v, ==, 8);
     g_assert_cmpint(viewer_memory(view).index, ==, 4 * 512 * 256);
-}
-
-int main(int argc, char **argv) {
-    static const struct {
-        const char *name;
-        void (*run)(struct fixture *, gconstpointer);
-    } tests[] = {{"/index-view/texels", test_texels},
-                 {"/index-view/filtered", test_filtered},
-                 {"/index-view/relief", test_relief},
-                 {"/index-view/reference", test_reference},
-                 {"/index-view/other-sample", test_other_sample},
-                 {"/index-view/tiles", test_tiles}};
-    g_test_init(&argc, &argv, NULL);
-    for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
-                   gpu_fixture_tear_down);
-    return g_test_run();
 }

@@ -63,7 +63,7 @@ static Viewer *set_scene(int u, int v) {
     return view;
 }
 
-static void test_truth(gconstpointer data) {
+GPU_TEST(truth) {
     const int u = 3, v = 1;
     const double reference_mm = 1.75;
     g_autoptr(GError) error = NULL;
@@ -98,7 +98,7 @@ static void test_truth(gconstpointer data) {
 }
 
 /* A further lamp in the place of the first lights and shadows the same, to the step of a byte. */
-static void test_in_place(gconstpointer data) {
+GPU_TEST(in_place) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     for (int k = 0; k < 3; k++) {
@@ -120,7 +120,7 @@ static void test_in_place(gconstpointer data) {
 }
 
 /* As many as there can be, from one place, give what one gives; but for the size of their maps. */
-static void test_most(gconstpointer data) {
+GPU_TEST(most) {
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
     s.lamp = 0.0;
@@ -137,7 +137,7 @@ static void test_most(gconstpointer data) {
 }
 
 /* Maps are kept only as long as nothing changes that they depend on. */
-static void test_kept(gconstpointer data) {
+GPU_TEST(kept) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Viewer) view = set_scene(6, 2);
     struct viewer_settings s = settings();
@@ -163,13 +163,6 @@ static void test_kept(gconstpointer data) {
     g_assert_cmpint(N_DIFFERENT(other, fresh), ==, 0);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    gpu_fixture_add("/lamp-shadows/truth", test_truth, NULL);
-    gpu_fixture_add("/lamp-shadows/in-place", test_in_place, NULL);
-    gpu_fixture_add("/lamp-shadows/most", test_most, NULL);
-    gpu_fixture_add("/lamp-shadows/kept", test_kept, NULL);
-    const int status = g_test_run();
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -90,18 +90,14 @@ static void check_model(enum lobes_model model, int n_lobes, gboolean nearest, d
 }
 
 /* What was fitted, with the ways of Kang & Cho 2011 to turn it. */
-static void test_rotations(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(rotations) {
     check_rotated(LOBES_WARD, 0, FALSE, 0, METHOD_ROTATION_APPROXIMATE);
     check_rotated(LOBES_WARD, 0, TRUE, 0, METHOD_ROTATION_NONE);
     check_rotated(LOBES_ASHIKHMIN, 0, TRUE, 0, METHOD_ROTATION_APPROXIMATE);
     check_rotated(LOBES_ASHIKHMIN, 0, FALSE, 0, METHOD_ROTATION_NONE);
 }
 
-static void test_formula(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(formula) {
     check_model(LOBES_FIELDS, 2, FALSE, 0);
     check_model(LOBES_FIELDS, 3, TRUE, 0.3);
     check_model(LOBES_PTM, 0, FALSE, 0.1);
@@ -111,9 +107,7 @@ static void test_formula(struct fixture *f, gconstpointer data) {
     check_model(LOBES_ASHIKHMIN, 0, FALSE, 0.1);
 }
 
-static void test_bad(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(bad) {
     g_autoptr(GError) error = NULL;
     struct lobes *lobes = make_lobes(LOBES_FIELDS, 2);
     lobes->values[19] = NAN;
@@ -131,15 +125,4 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_nonnull(strstr(error->message, "more than"));
     lobes_free(lobes);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add("/lobes-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
-               gpu_fixture_tear_down);
-    g_test_add("/lobes-view/rotations", struct fixture, NULL, gpu_fixture_set_up, test_rotations,
-               gpu_fixture_tear_down);
-    g_test_add("/lobes-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
-               gpu_fixture_tear_down);
-    return g_test_run();
 }

@@ -8,37 +8,12 @@
 
 static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
                        int n_grid) {
-    g_autoptr(GError) error = NULL;
     struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(Viewer) view = viewer_new(NULL, &error);
-    g_assert_no_error(error);
-    struct viewer_settings settings;
-    formula_start_view(view, &settings, mesh);
-    if (n_grid == 0)
-        viewer_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
-    else
-        viewer_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
-    g_assert_no_error(error);
-    settings.style.nearest = nearest;
-    settings.ambient = ambient;
-    Directions *(*const new)(const float *, const float *, int, GError **) =
-        n_grid == 0 ? directions_new_triangulated : directions_new;
-    g_autoptr(Directions) views = new (lpca->layout.views.theta_deg, lpca->layout.views.phi_deg,
-                                       lpca->layout.views.n, &error);
-    g_autoptr(Directions) lights = new (lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg,
-                                        lpca->layout.lights.n, &error);
-    g_autofree float *sky = g_new0(float, lpca->layout.lights.n);
-    directions_sky(lights, sky);
-    const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
-    formula_compare(lpca_scene_pixel, &scene, view, &settings);
-    mesh_free(mesh);
+    lpca_scene_check(lpca, nearest, ambient, n_grid);
     lpca_free(lpca);
 }
 
-static void test_formula(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(formula) {
     check_case(5, 6, TRUE, 0, 0);
     check_case(5, 6, FALSE, 0, 0);
     check_case(5, 3, FALSE, 0.5, 0);
@@ -58,40 +33,25 @@ static float *sky_of_grid(int n) {
 
 static void check_revised(int n_clusters, int n_components, gboolean nearest, double ambient, int n,
                           gboolean from_grid) {
-    g_autoptr(GError) error = NULL;
     struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
-    struct lpca *grid = lpca_resample(lpca, n, &error);
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct viewer_settings settings;
-    g_autoptr(Viewer) view = viewer_new(NULL, &error);
-    g_assert_no_error(error);
-    formula_start_view(view, &settings, mesh);
+    struct lpca *grid = ok(lpca_resample(lpca, n, ERR));
     lpca_quantise(grid, LPCA_8BIT);
-    viewer_set_method(view, &method_lpca_revised,
-                      lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
-    g_assert_no_error(error);
-    settings.style.nearest = nearest;
-    settings.ambient = ambient;
     g_autofree float *sky = sky_of_grid(n);
     const struct scene scene = {
         .lpca = grid, .sky = sky, .ambient = ambient, .nearest = nearest, .revised = TRUE};
-    formula_compare(lpca_scene_pixel, &scene, view, &settings);
-    mesh_free(mesh);
+    lpca_scene_compare(&scene, &method_lpca_revised,
+                       ok(lpca_revised_new(from_grid ? &grid : &lpca, 1, n, ERR)));
     lpca_free(lpca);
     lpca_free(grid);
 }
 
-static void test_revised(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(revised) {
     check_revised(5, 6, TRUE, 0, 8, FALSE);
     check_revised(5, 6, FALSE, 0, 6, TRUE);
     check_revised(260, 2, FALSE, 0.5, 8, FALSE); /* more than fit side by side */
 }
 
-static void test_levels(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(levels) {
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
@@ -110,9 +70,7 @@ static void test_levels(struct fixture *f, gconstpointer data) {
         lpca_free(levels[k]);
 }
 
-static void test_grid(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(grid) {
     check_case(5, 2, TRUE, 0, 5);
     check_case(3, 5, TRUE, 0.5, 4);
     check_case(2, 1, FALSE, 0, 3);
@@ -121,22 +79,11 @@ static void test_grid(struct fixture *f, gconstpointer data) {
 
 /* Lambertian bumps with a soft gloss, a normal a texel. */
 static struct btf_matrix *make_btf(void) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    struct btf_matrix *btf = rings_btf("bumps");
     const int n = RINGS * A_RING;
-    *btf = (struct btf_matrix){.name = g_strdup("bumps"),
-                               .layout.width = W,
-                               .layout.height = H,
-                               .layout.texel_mm = 1,
-                               .layout.views.n = n};
-    btf->layout.lights.n = n;
-    rings_fill(0, &btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
-    rings_fill(5, &btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
-    btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int k = 0; k < W * H * n * n; k++) {
-        const struct vec3 v =
-            lpca_scene_direction(btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / n % n);
-        const struct vec3 l =
-            lpca_scene_direction(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % n);
+        const struct vec3 v = btf_fixture_direction(&btf->layout.views, k / n % n);
+        const struct vec3 l = btf_fixture_direction(&btf->layout.lights, k % n);
         const int texel = k / n / n;
         const struct vec3 normal = vec3_unit(vec3(0.4 * sin(texel), 0.4 * cos(2.0 * texel), 1));
         const double gloss = pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 8);
@@ -154,10 +101,8 @@ static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
     g_autoptr(GError) error = NULL;
     double off = 0, all = 0;
     for (gsize k = 0; k < btf->layout.views.n * btf->layout.lights.n; k++) {
-        const struct vec3 v = lpca_scene_direction(
-            btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / btf->layout.lights.n);
-        const struct vec3 l = lpca_scene_direction(
-            btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % btf->layout.lights.n);
+        const struct vec3 v = btf_fixture_direction(&btf->layout.views, k / btf->layout.lights.n);
+        const struct vec3 l = btf_fixture_direction(&btf->layout.lights, k % btf->layout.lights.n);
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
         g_autofree float *one = viewer_render_flat(a, &s, to_view, to_light, W, H, &error);
@@ -173,9 +118,7 @@ static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
 /* At measured directions lpca shows what was compressed: revised is as far from it as resampling
  * said, and a finer grid is nearer. What remains is that cube maps tell directions a third of a
  * degree apart. */
-static void test_agree(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(agree) {
     static const int grids[] = {5, 8, 12};
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = make_btf();
@@ -205,9 +148,7 @@ static void test_agree(struct fixture *f, gconstpointer data) {
 }
 
 /* Cube maps: six faces of 256² of 8 bytes; texels: clusters 8 bytes, weights 16 a page. */
-static void test_bytes(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(bytes) {
     g_autoptr(GError) error = NULL;
     struct lpca *levels[2] = {lpca_scene_level(0, 3, 5), lpca_scene_level(1, 2, 5)};
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
@@ -237,9 +178,7 @@ static void refuse_lpca(struct lpca *lpca, const char *said) {
     lpca_free(lpca);
 }
 
-static void test_bad(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(bad) {
     struct lpca *lpca = lpca_scene_lpca(3, 2);
     lpca->weights[11] = NAN;
     refuse_lpca(lpca, "weight number 11");
@@ -258,23 +197,4 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     lpca = lpca_scene_lpca(3, 2);
     lpca->layout.lights.n = 0;
     refuse_lpca(lpca, "no texels or directions");
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add("/lpca-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/revised", struct fixture, NULL, gpu_fixture_set_up, test_revised,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/levels", struct fixture, NULL, gpu_fixture_set_up, test_levels,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/grid", struct fixture, NULL, gpu_fixture_set_up, test_grid,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/agree", struct fixture, NULL, gpu_fixture_set_up, test_agree,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/bytes", struct fixture, NULL, gpu_fixture_set_up, test_bytes,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
-               gpu_fixture_tear_down);
-    return g_test_run();
 }

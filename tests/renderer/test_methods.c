@@ -146,7 +146,7 @@ static void compare_sky(const struct seen *seen, const char *path, Viewer *view,
 static void test_measured_directions(gconstpointer data) {
     const struct codec *codec = data;
     static const int pairs[][2] = {{0, 0}, {3, 5}, {10, 2}, {17, 12}};
-    g_autofree char *folder = g_dir_make_tmp("methods-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autoptr(Mesh) mesh = scene_plane();
@@ -179,7 +179,6 @@ static void test_measured_directions(gconstpointer data) {
     }
     g_free(seen.texel);
     codec->free(model);
-    remove_tree(folder);
 }
 
 BEFORE_TESTS {

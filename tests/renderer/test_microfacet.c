@@ -123,7 +123,7 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(gconstpointer data) {
+GPU_TEST(pictures) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
@@ -145,8 +145,4 @@ static void test_pictures(gconstpointer data) {
         g_test_message("%s, rotation %d", method->name, rotation);
         formula_compare(expected, &scene, view, &settings);
     }
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/microfacet/pictures", test_pictures, NULL);
 }

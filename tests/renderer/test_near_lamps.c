@@ -20,7 +20,7 @@ static struct vec3 on_plane(const struct viewer_settings *s, double radius, int 
 }
 
 static struct vec3 lamp_place(const struct viewer_lamp *l, double radius) {
-    return vec3_scale(view_fixture_unit(l->theta_deg, l->phi_deg), l->distance * radius);
+    return vec3_scale(direction_of_deg(l->theta_deg, l->phi_deg), l->distance * radius);
 }
 
 /* Irradiance at p on what faces the lamp, relative to that at the origin. */
@@ -78,7 +78,7 @@ static void check_plane(const struct viewer_settings *s, const struct viewer_lam
         for (int l = 0; l < n; l++) {
             const struct vec3 to = lamps[l].distance > 0.0
                                        ? vec3_unit(vec3_sub(lamp_place(&lamps[l], radius), p))
-                                       : view_fixture_unit(lamps[l].theta_deg, lamps[l].phi_deg);
+                                       : direction_of_deg(lamps[l].theta_deg, lamps[l].phi_deg);
             const double e = lamps[l].distance > 0.0 ? shines(&lamps[l], radius, p) : 1.0;
             grazing |= to.z < 0.1; /* beyond the lowest light it fades */
             for (int c = 0; c < 3; c++) {
@@ -113,7 +113,7 @@ static struct viewer_settings above(void) {
     return s;
 }
 
-static void test_square(gconstpointer data) {
+GPU_TEST(square) {
     struct viewer_settings s = above();
     for (int k = 0; k < 3; k++) {
         const struct viewer_lamp lamp = {.theta_deg = 20.0 * k,
@@ -129,7 +129,7 @@ static void test_square(gconstpointer data) {
 }
 
 /* Near ones, a spot and one far away together, of three colours. */
-static void test_several(gconstpointer data) {
+GPU_TEST(several) {
     struct viewer_settings s = above();
     const struct viewer_lamp lamps[] = {
         {.theta_deg = 35, .phi_deg = 10, .rgb = {1, 0, 0.5F}, .distance = 0.7},
@@ -148,7 +148,7 @@ static void test_several(gconstpointer data) {
     check_plane(&s, lamps, s.n_lamps);
 }
 
-static void test_spot(gconstpointer data) {
+GPU_TEST(spot) {
     struct viewer_settings s = above();
     const struct viewer_lamp lamp = {.theta_deg = 30,
                                      .phi_deg = 70,
@@ -165,7 +165,7 @@ static void test_spot(gconstpointer data) {
 }
 
 /* At a great distance a lamp is as one that is infinitely far away. */
-static void test_far(gconstpointer data) {
+GPU_TEST(far) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, TUBE, 96, 48);
     g_autoptr(Viewer) view = view_fixture_view(COSINE, 3, 8, mesh);
     struct viewer_settings s = view_fixture_settings();
@@ -199,7 +199,7 @@ static gboolean torus_hides(struct vec3 p, struct vec3 lamp) {
 }
 
 /* Shadows of the torus on the floor, of lamps that have one map, and of one amid it, with six. */
-static void test_shadows(gconstpointer data) {
+GPU_TEST(shadows) {
     static const struct viewer_lamp lamps[] = {
         {.theta_deg = 40, .phi_deg = 200, .rgb = {1, 1, 1}, .distance = 2.0},
         {.theta_deg = 50, .phi_deg = 60, .rgb = {1, 1, 1}, .distance = 1.05},
@@ -242,7 +242,7 @@ static void test_shadows(gconstpointer data) {
     }
 }
 
-static void test_reference(gconstpointer data) {
+GPU_TEST(reference) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
@@ -281,7 +281,7 @@ static void test_reference(gconstpointer data) {
 /* In shadow a floor shows ambient / π · ∫ T(v, l) dω_l (Wang et al. 2005 §4.2) and nothing else. Of
  * VIEW, T = 0.5 + 0.4 v_x for every l down to the lowest light at 85°, below which T falls with
  * cos θ to 0: the integral is 2π T (1 − cos 85° / 2). */
-static void test_ambient(gconstpointer data) {
+GPU_TEST(ambient) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
@@ -319,7 +319,7 @@ static void test_ambient(gconstpointer data) {
     g_assert_cmpfloat(worst, <, 0.01);
 }
 
-static void test_mistakes(gconstpointer data) {
+GPU_TEST(mistakes) {
     const struct {
         double distance, cone, inner;
     } wrong[] = {{-1, 0, 0}, {1001, 0, 0}, {1, 91, 0}, {1, 30, -1}, {NAN, 0, 0}};
@@ -345,17 +345,4 @@ static void test_mistakes(gconstpointer data) {
     g_assert_true(viewer_settings_check(&s, &many));
     s.light_distance = 1.0;
     g_assert_false(viewer_settings_check(&s, &many));
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    gpu_fixture_add("/near-lamps/square", test_square, NULL);
-    gpu_fixture_add("/near-lamps/several", test_several, NULL);
-    gpu_fixture_add("/near-lamps/spot", test_spot, NULL);
-    gpu_fixture_add("/near-lamps/far", test_far, NULL);
-    gpu_fixture_add("/near-lamps/shadows", test_shadows, NULL);
-    gpu_fixture_add("/near-lamps/reference", test_reference, NULL);
-    gpu_fixture_add("/near-lamps/ambient", test_ambient, NULL);
-    gpu_fixture_add("/near-lamps/mistakes", test_mistakes, NULL);
-    return g_test_run();
 }

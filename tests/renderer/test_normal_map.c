@@ -161,7 +161,7 @@ static gboolean expected(gconstpointer data, const float *at, const float *v, co
     return TRUE;
 }
 
-static void test_pictures(gconstpointer data) {
+GPU_TEST(pictures) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1, 0.4, 128, 64);
     struct viewer_settings settings;
@@ -195,7 +195,7 @@ static int run_viewer(const char *const *arguments, char **ret_said) {
     return process_run(argv, NULL, ret_said);
 }
 
-static void test_command(gconstpointer data) {
+GPU_TEST(command) {
     name_file("map.exr");
     g_autofree char *picture = g_build_filename(folder, "metal.png", NULL);
     const char *const good[] = {
@@ -218,8 +218,6 @@ static void test_command(gconstpointer data) {
 
 BEFORE_TESTS {
     folder = g_dir_make_tmp("normals-XXXXXX", NULL);
-    gpu_fixture_add("/normal-map/pictures", test_pictures, NULL);
-    gpu_fixture_add("/normal-map/command", test_command, NULL);
 }
 
 AFTER_TESTS {

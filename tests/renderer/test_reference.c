@@ -29,7 +29,7 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
     remove_folder(dir);
 }
 
-static void test_reference(gconstpointer data) {
+GPU_TEST(formula) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
@@ -40,7 +40,7 @@ static void test_reference(gconstpointer data) {
 }
 
 /* Filtered, seen from all around, and lit by the sky too: the two ways agree in every sample. */
-static void test_reference_agrees(gconstpointer data) {
+GPU_TEST(agrees) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_sphere();
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
@@ -58,7 +58,7 @@ static void test_reference_agrees(gconstpointer data) {
 }
 
 /* In a shadow both have what an even sky gives, and nothing else. */
-static void test_reference_shadows(gconstpointer data) {
+GPU_TEST(shadows) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
@@ -98,7 +98,7 @@ static char *make_session(const char *views) {
 }
 
 /* libmesorig-material gives each sample of the picture the value that the reference gives it. */
-static void test_reference_library(gconstpointer data) {
+GPU_TEST(library) {
     enum { WIDTH = 60, HEIGHT = 45 };
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 128, 64);
@@ -145,10 +145,10 @@ static void test_reference_library(gconstpointer data) {
 }
 
 /* A compressed file on the processor, lit by the sky too, against the graphics card. */
-static void test_reference_file(gconstpointer data) {
+GPU_TEST(file) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_sphere();
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autofree char *none = g_build_filename(folder, "none.exr", NULL);
     struct eigenmaps *maps = view_fixture_material(COSINE, 3, 8);
@@ -165,7 +165,6 @@ static void test_reference_file(gconstpointer data) {
     g_assert_cmpfloat(relative, <, 0.005);
     g_assert_null(reference_open_material(none, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
-    remove_tree(folder);
 }
 
 TEST(bad) {
@@ -193,7 +192,7 @@ TEST(bad) {
 }
 
 /* Of exact eigen-maps nothing differs; each panel is the right texel of the right frame. */
-static void test_measured(gconstpointer data) {
+GPU_TEST(measured) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_plane();
     g_autofree char *dir = view_fixture_write_btf(VIEW, 3, 8);
@@ -228,7 +227,7 @@ static void test_measured(gconstpointer data) {
     remove_folder(dir);
 }
 
-static void test_compose(gconstpointer data) {
+GPU_TEST(compose) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(Viewer) a = view_fixture_view(LIGHT, 3, 8, mesh),
@@ -316,7 +315,7 @@ static char *write_deep(void) {
     g_autoptr(ExrFile) mdf = exr_file_new();
     g_autoptr(GError) error = NULL;
     for (int view = 0; view < 3; view++) {
-        const struct vec3 centre = vec3_scale(view_fixture_unit(45, 120 * view), 600);
+        const struct vec3 centre = vec3_scale(direction_of_deg(45, 120 * view), 600);
         g_autofree char *name = g_strdup_printf("view_%04d", view);
         g_autofree char *path = g_strdup_printf("%s/%s.exr", folder, name);
         g_autoptr(ExrFile) file = exr_file_new();
@@ -378,7 +377,7 @@ static double deep_error(Reference *reference, Viewer *viewer, const struct view
     return sqrt(squares / n);
 }
 
-static void test_along_surface(gconstpointer data) {
+GPU_TEST(along_surface) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = write_deep();
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
@@ -399,15 +398,4 @@ static void test_along_surface(gconstpointer data) {
     g_assert_cmpfloat(along, <, 0.005);
     g_assert_cmpfloat(mixed, >, 10 * along);
     remove_folder(folder);
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/reference/formula", test_reference, NULL);
-    gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
-    gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
-    gpu_fixture_add("/reference/library", test_reference_library, NULL);
-    gpu_fixture_add("/reference/along_surface", test_along_surface, NULL);
-    gpu_fixture_add("/reference/file", test_reference_file, NULL);
-    gpu_fixture_add("/reference/measured", test_measured, NULL);
-    gpu_fixture_add("/reference/compose", test_compose, NULL);
 }

@@ -112,7 +112,7 @@ static gboolean sphere_meets(struct vec3 from, struct vec3 d, double x) {
 
 /* A far lamp from +x: the one sphere shadows the other, and both the floor. Which material and how
  * much light each pixel has follows from the spheres' formula; the reference agrees. */
-static void test_drawn(gconstpointer data) {
+GPU_TEST(drawn) {
     g_autofree char *path = write_scene(), *folder = g_path_get_dirname(path);
     g_autofree char *first = view_fixture_write_btf(COSINE, 3, 8);
     g_autofree char *second = view_fixture_write_btf(GREY, 3, 8);
@@ -142,7 +142,7 @@ static void test_drawn(gconstpointer data) {
     g_autofree float *texel =
         viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, WIDTH, HEIGHT, &error);
     g_autofree float *maps = view_fixture_linear(view, &s, WIDTH, HEIGHT);
-    const struct vec3 l = view_fixture_unit(s.light_theta_deg, s.light_phi_deg);
+    const struct vec3 l = direction_of_deg(s.light_theta_deg, s.light_phi_deg);
     int material = 0, floor = 0, dark = 0, wrong = 0;
     for (int k = 0; k < WIDTH * HEIGHT; k++) {
         struct vec3 eye, d = view_fixture_ray(&s, (double)mesh->radius, WIDTH, HEIGHT, k % WIDTH,
@@ -197,11 +197,11 @@ static void test_drawn(gconstpointer data) {
 /* A torus on a floor whose material is the torus's, once as one material and once as two that are
  * the same: the pictures are the same, however silhouettes are found. With another relief, or none,
  * of the floor the shadow that falls on it is another. */
-static void test_relief(gconstpointer data) {
+GPU_TEST(relief) {
     const struct scene_options scene = {3, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *file = g_build_filename(folder, "grey.exr", NULL);
     g_autoptr(MdfTable) weave = relief_scene_mdf(RELIEF_WEAVE);
     const gsize n_depths = (gsize)weave->n_views * weave->width * weave->height;
@@ -249,10 +249,4 @@ static void test_relief(gconstpointer data) {
         g_assert_cmpint(shallow, >, 50);
         g_assert_cmpint(flat, >, 50);
     }
-    remove_tree(folder);
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/scene-parts/drawn", test_drawn, NULL);
-    gpu_fixture_add("/scene-parts/relief", test_relief, NULL);
 }

@@ -34,7 +34,7 @@ static int pixels_that_differ(Viewer *view, const struct viewer_settings *s, con
 }
 
 /* A plane seen from far away is seen from one direction: all of it is striped, or nothing. */
-static void test_stripes(gconstpointer data) {
+GPU_TEST(stripes) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, N_RINGS, N_PHI);
     struct planned_view views[N];
     for (int k = 0; k < N; k++)
@@ -66,13 +66,13 @@ static void test_stripes(gconstpointer data) {
 }
 
 /* The program runs while views come, and each of its pictures has more of them. */
-static void test_series(gconstpointer data) {
+GPU_TEST(series) {
     if (!view_fixture_have_program())
         return;
     static const char *const names[] = {"p_025.png", "p_060.png", "p_100.png"};
     static const int there[] = {2, 5, 8};
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = g_build_filename(folder, "a.session", NULL);
     g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI), *out = NULL;
     g_autofree char *render = g_build_filename(folder, "p.png", NULL);
@@ -108,7 +108,6 @@ static void test_series(gconstpointer data) {
     }
     g_assert_cmpint(before, ==, 0);
     remove_tree(made);
-    remove_tree(folder);
 }
 
 static void refuse_to(const char *picture, const char *session, int code, const char *said,
@@ -131,11 +130,11 @@ static void refuse(const char *session, int code, const char *said, const char *
 }
 
 /* Nothing comes, nothing will come, or nobody captures here. */
-static void test_refused(gconstpointer data) {
+GPU_TEST(refused) {
     if (!view_fixture_have_program())
         return;
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
     g_autofree char *session = capturing_session_new(folder);
     refuse("/nowhere.session", 1, "/nowhere.session", "50");
@@ -151,11 +150,4 @@ static void test_refused(gconstpointer data) {
     ok(session_set_value(opened, "state", "aborted", ERR));
     refuse(session, 1, "its capture has ended with 1 of 8", "50");
     remove_tree(made);
-    remove_tree(folder);
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/series/stripes", test_stripes, NULL);
-    gpu_fixture_add("/series/series", test_series, NULL);
-    gpu_fixture_add("/series/refused", test_refused, NULL);
 }

@@ -1,6 +1,7 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
 #include "lib/mdf_copy.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/test.h"
@@ -89,7 +90,7 @@ static void check_sphere(double h_mm, enum visibility_way way) {
     mdf_table_free(mdf);
 }
 
-static void test_sphere(gconstpointer data) {
+GPU_TEST(sphere) {
     check_sphere(4.0, VISIBILITY_PEEL);
     check_sphere(8.0, VISIBILITY_AUTO);
 }
@@ -133,7 +134,7 @@ static struct mdf_table *bumpy_mdf(void) {
     return t;
 }
 
-static void test_ways_agree(gconstpointer data) {
+GPU_TEST(ways) {
     g_autoptr(Mesh) mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
@@ -158,7 +159,7 @@ static void test_ways_agree(gconstpointer data) {
 }
 
 /* More faces than there was room for at first, and another size of picture. */
-static void test_lists_grow(gconstpointer data) {
+GPU_TEST(lists) {
     if (!gpu_has_43())
         return;
     g_autoptr(Mesh) mesh = pile(8);
@@ -198,7 +199,7 @@ static int count_facing(Viewer *view, const struct viewer_settings *s, float lea
 /* A structure that is deep everywhere. The BTF has its own shadows, so the lamp reaches all of it
  * that faces the lamp. Where the lamp grazes a curved mesh, chords find the structure elsewhere
  * than along the viewing ray. */
-static void test_lit_structure(gconstpointer data) {
+GPU_TEST(lit_structure) {
     static const struct {
         const char *shape;
         float least;
@@ -262,7 +263,7 @@ static double ray_to_fin(double radius, double ground, double u, const float *v)
 }
 
 /* Deep below a cylinder, a step to the side turns further around its axis than on the mesh. */
-static void test_fins(gconstpointer data) {
+GPU_TEST(fins) {
     const double radius = 0.6;
     const struct scene_options scene = {FINS_TILES, 3, SCENE_Z_UP, FALSE};
     g_autoptr(Mesh) mesh = ok(scene_make("cylinder", &scene, ERR));
@@ -294,7 +295,7 @@ static void test_fins(gconstpointer data) {
 }
 
 /* Texels much smaller than pixels are averaged, along both axes of the texture. */
-static void test_level_of_detail(gconstpointer data) {
+GPU_TEST(level_of_detail) {
     const struct scene_options scene = {40, 40, SCENE_Z_UP, FALSE};
     g_autoptr(Mesh) mesh = ok(scene_make("plane", &scene, ERR));
     g_autoptr(MdfTable) mdf = flat_mdf(64, 6.0);
@@ -324,7 +325,7 @@ static void test_level_of_detail(gconstpointer data) {
 }
 
 /* Without structure, silhouettes change nothing. */
-static void test_smooth(gconstpointer data) {
+GPU_TEST(smooth) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
@@ -337,7 +338,7 @@ static void test_smooth(gconstpointer data) {
 }
 
 /* A torus above a floor, lit from straight above: its shadow is a ring. */
-static void test_shadow_ring(gconstpointer data) {
+GPU_TEST(shadow) {
     struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
@@ -368,7 +369,7 @@ static void test_shadow_ring(gconstpointer data) {
 }
 
 /* The shadow map is kept only as long as nothing changes that it depends on. */
-static void test_shadow_kept(gconstpointer data) {
+GPU_TEST(shadow_kept) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
@@ -401,7 +402,7 @@ static void test_shadow_kept(gconstpointer data) {
 
 /* Distances in a volume are the same but for 8 bits and mip levels; views that are not on rings are
  * refused. */
-static void test_volume(gconstpointer data) {
+GPU_TEST(volume) {
     g_autoptr(GError) error = NULL, unlike = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
     g_autoptr(MdfTable) mdf = bumpy_mdf();
@@ -561,15 +562,10 @@ TEST(table__bad) {
 /* What was not seen takes what is around it, across the tile's edges too. */
 TEST(table__holes) {
     g_autoptr(GError) error = NULL;
-    static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
-    struct exr_part *part = exr_part_new("view_0000", 5, 5, channels, EXR_FLOAT);
+    struct exr_part *part = mdf_file_add_view(file, 0, 5, 5, 60.0, 0.0, 1.0);
     for (int i = 0; i < 25; i++)
         part->planes[0][i] = i % 5 == 4 ? 2.0f : -1.0f;
-    exr_set_double(part, "view.theta_deg", 60.0);
-    exr_set_double(part, "view.phi_deg", 0.0);
-    exr_set_double(part, "texel_mm", 1.0);
-    exr_file_add(file, part);
     g_autofree char *path = g_build_filename(world_fixture_folder(), "holes.exr", NULL);
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
     exr_file_free(file);
@@ -617,7 +613,7 @@ TEST(table__raised) {
     g_assert_cmpfloat(higher, >, 0.05);
 }
 
-static void test_missing(gconstpointer data) {
+GPU_TEST(missing) {
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     g_autoptr(Mesh) mesh = scene_sphere();
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
@@ -633,17 +629,6 @@ static void test_missing(gconstpointer data) {
 
 BEFORE_TESTS {
     static const struct material weave = {"weave", 1.2, 1.75}, brick = {"brick", 1.8, 2.4};
-    gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
-    gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
-    gpu_fixture_add("/silhouettes/lit-structure", test_lit_structure, NULL);
-    gpu_fixture_add("/silhouettes/fins", test_fins, NULL);
-    gpu_fixture_add("/silhouettes/level-of-detail", test_level_of_detail, NULL);
-    gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
-    gpu_fixture_add("/silhouettes/ways", test_ways_agree, NULL);
-    gpu_fixture_add("/silhouettes/lists", test_lists_grow, NULL);
-    gpu_fixture_add("/silhouettes/shadow", test_shadow_ring, NULL);
-    gpu_fixture_add("/silhouettes/shadow-kept", test_shadow_kept, NULL);
-    gpu_fixture_add("/silhouettes/missing", test_missing, NULL);
     gpu_fixture_add("/silhouettes/truth/weave", test_truth, &weave);
     gpu_fixture_add("/silhouettes/truth/brick", test_truth, &brick);
 }

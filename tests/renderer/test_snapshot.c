@@ -39,7 +39,7 @@ TEST(comma) {
                                       .first = &method,
                                       .settings = &settings,
                                       .options = &options};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-snapshot-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
     const char *tiles = NULL;
     if (!use_comma(folder)) {
@@ -58,5 +58,4 @@ TEST(comma) {
     g_autofree char *own = g_strdup_printf("%.1f", 1.5);
     g_assert_cmpstr(own, ==, "1,5");
     setlocale(LC_NUMERIC, "C");
-    remove_tree(folder);
 }

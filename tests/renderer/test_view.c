@@ -38,7 +38,7 @@ static void check_mesh(struct mesh *mesh, struct viewer_settings s,
     mesh_free(mesh);
 }
 
-static void test_plane(gconstpointer data) {
+GPU_TEST(plane) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 1.6;
     s.camera_fov_deg = 60.0;
@@ -51,7 +51,7 @@ static void test_plane(gconstpointer data) {
     check_mesh(scene_plane(), s, hit_plane);
 }
 
-static void test_plane_from_above(gconstpointer data) {
+GPU_TEST(plane_from_above) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 3.0;
@@ -59,7 +59,7 @@ static void test_plane_from_above(gconstpointer data) {
     check_mesh(scene_plane(), s, hit_plane);
 }
 
-static void test_torus(gconstpointer data) {
+GPU_TEST(torus) {
     struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
@@ -84,7 +84,7 @@ static void mean_pixel(const float *pixels, int n, double ret[3]) {
 
 /* A white diffuser is BTF = n·l: it must follow the cosine all the way down, also below the lowest
  * measured light, be dark beyond, and reflect an even sky in full. */
-static void test_diffuser(gconstpointer data) {
+GPU_TEST(diffuser) {
     g_autoptr(Viewer) view = view_fixture_plane(COSINE, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
@@ -105,7 +105,7 @@ static void test_diffuser(gconstpointer data) {
 }
 
 /* Bytes: exposure, tone and transfer, without and with supersampling. */
-static void test_bytes(gconstpointer data) {
+GPU_TEST(bytes) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, 5, 12);
     const struct {
         double ev, linear;
@@ -131,7 +131,7 @@ static void test_bytes(gconstpointer data) {
 }
 
 /* Where texels are far smaller than pixels the picture is their mean and does not shimmer. */
-static void test_minified(gconstpointer data) {
+GPU_TEST(minified) {
     g_autoptr(Viewer) view = view_fixture_plane(TEXEL, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
@@ -147,7 +147,7 @@ static void test_minified(gconstpointer data) {
 
 /* Between texels a wave is nearer to its true course than straight lines could bring it: those miss
  * its crests by 0.4 (1 − cos(π/7)) = 0.040 and 0.4 (1 − cos(π/5)) = 0.076. */
-static void test_magnified(gconstpointer data) {
+GPU_TEST(magnified) {
     g_autoptr(Viewer) view = view_fixture_plane(WAVE, 5, 12);
     struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
@@ -204,7 +204,7 @@ static void check_fit(const char *shape, double azimuth_deg, double elevation_de
     g_assert_cmpint(filled, <=, 185);
 }
 
-static void test_fit(gconstpointer data) {
+GPU_TEST(fit) {
     check_fit("torus", -90.0, 40.0);
     check_fit("torus", 20.0, 5.0);
     check_fit("plane", -90.0, 25.0);
@@ -222,7 +222,7 @@ static void refuse(struct eigenmaps *material, const char *said) {
     eigenmaps_free(material);
 }
 
-static void test_bad_material(gconstpointer data) {
+GPU_TEST(bad_material) {
     struct eigenmaps *m = view_fixture_material(GREY, 3, 4);
     m->maps[(2 * 12 + 5) * W * H * 3 + 8 * 3] = NAN;
     refuse(m, "term 2, light 5, texel (1, 1)");
@@ -259,7 +259,7 @@ TEST(bad_settings) {
     g_assert_nonnull(strstr(nan->message, "exposure"));
 }
 
-static void test_too_large(gconstpointer data) {
+GPU_TEST(too_large) {
     g_autoptr(Viewer) view = view_fixture_plane(GREY, 3, 4);
     g_autoptr(GError) error = NULL;
     g_assert_null(view_picture(view, &viewer_settings_default, 1000000, 2, &error));
@@ -298,7 +298,7 @@ static void check_usage(int status, const char *const *arguments, const char *sa
     g_assert_nonnull(strstr(err, said));
 }
 
-static void test_program_usage(gconstpointer data) {
+GPU_TEST(program__usage) {
     if (!view_fixture_have_program())
         return;
     check_usage(2, (const char *[]){VIEWER, "a", "b", NULL}, "one MATERIAL");
@@ -328,7 +328,7 @@ static void test_program_usage(gconstpointer data) {
                 "there is no no.session; give the directory of a session");
 }
 
-static void test_program_renders(gconstpointer data) {
+GPU_TEST(program__renders) {
     if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
@@ -354,7 +354,7 @@ static void test_program_renders(gconstpointer data) {
 }
 
 /* A session without an MDF has shadows, but no silhouettes. */
-static void test_program_relief(gconstpointer data) {
+GPU_TEST(program__relief) {
     if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
@@ -368,7 +368,7 @@ static void test_program_relief(gconstpointer data) {
 }
 
 /* A sheet holds the frames that would be files of their own, row by row. */
-static void test_program_sheet(gconstpointer data) {
+GPU_TEST(program__sheet) {
     if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL, *out2 = NULL,
@@ -399,7 +399,7 @@ static void test_program_sheet(gconstpointer data) {
 }
 
 /* The program finds a session's BTF, and says how far the eigen-maps are from it. */
-static void test_program_reference(gconstpointer data) {
+GPU_TEST(program__reference) {
     if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
@@ -418,7 +418,7 @@ static void test_program_reference(gconstpointer data) {
     view_fixture_remove_session(dir, (const char *[]){"whole.png", NULL});
 }
 
-static void test_program_window(gconstpointer data) {
+GPU_TEST(program__window) {
     g_autofree char *xvfb = g_find_program_in_path("xvfb-run");
     if (!view_fixture_have_program())
         return;
@@ -442,7 +442,7 @@ static void test_program_window(gconstpointer data) {
     view_fixture_remove_session(dir, (const char *[]){"window.png", NULL});
 }
 
-static void test_program_no_display(gconstpointer data) {
+GPU_TEST(program__no_display) {
     if (!view_fixture_have_program())
         return;
     g_autofree char *dir = view_fixture_write_session();
@@ -450,24 +450,4 @@ static void test_program_no_display(gconstpointer data) {
         1, (const char *[]){"env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", VIEWER, dir, NULL},
         "--render");
     view_fixture_remove_session(dir, (const char *[]){NULL});
-}
-
-BEFORE_TESTS {
-    gpu_fixture_add("/view/plane", test_plane, NULL);
-    gpu_fixture_add("/view/plane-from-above", test_plane_from_above, NULL);
-    gpu_fixture_add("/view/torus", test_torus, NULL);
-    gpu_fixture_add("/view/diffuser", test_diffuser, NULL);
-    gpu_fixture_add("/view/bytes", test_bytes, NULL);
-    gpu_fixture_add("/view/minified", test_minified, NULL);
-    gpu_fixture_add("/view/magnified", test_magnified, NULL);
-    gpu_fixture_add("/view/fit", test_fit, NULL);
-    gpu_fixture_add("/view/bad-material", test_bad_material, NULL);
-    gpu_fixture_add("/view/too-large", test_too_large, NULL);
-    gpu_fixture_add("/view/program/usage", test_program_usage, NULL);
-    gpu_fixture_add("/view/program/renders", test_program_renders, NULL);
-    gpu_fixture_add("/view/program/relief", test_program_relief, NULL);
-    gpu_fixture_add("/view/program/sheet", test_program_sheet, NULL);
-    gpu_fixture_add("/view/program/reference", test_program_reference, NULL);
-    gpu_fixture_add("/view/program/window", test_program_window, NULL);
-    gpu_fixture_add("/view/program/no-display", test_program_no_display, NULL);
 }

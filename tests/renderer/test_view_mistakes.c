@@ -6,6 +6,7 @@
 #include "codecs/mdf_codecs/mdf_source.h"
 #include "drawing/methods/methods.h"
 #include "lib/fields_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -96,8 +97,8 @@ static struct btf_matrix *make_btf(void) {
     for (int texel = 0; texel < W * H; texel++)
         for (int k = 0; k < n * n; k++)
             fill_texel(LIGHT, 0,
-                       view_fixture_unit(btf->layout.lights.theta_deg[k % n],
-                                         btf->layout.lights.phi_deg[k % n]),
+                       direction_of_deg(btf->layout.lights.theta_deg[k % n],
+                                        btf->layout.lights.phi_deg[k % n]),
                        texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
     eigenmaps_free(m);
     return btf;
@@ -260,7 +261,7 @@ static void check_file(const struct method *method, const char *path, int option
 }
 
 /* Whatever else draws the same file reads it alike. */
-static void test_products(gconstpointer data) {
+GPU_TEST(products) {
     g_autofree char *session = write_products();
     const char *last = "";
     for (int k = 0; methods[k] != NULL; k++) {
@@ -276,7 +277,7 @@ static void test_products(gconstpointer data) {
 
 /* Without eigen-maps a session is drawn by another method that it has a file for, unless one is
  * named; without any file the default's is what lacks. */
-static void test_default_method(gconstpointer data) {
+GPU_TEST(default_method) {
     if (!have_programs())
         return;
     g_autofree char *session = write_products();
@@ -297,7 +298,7 @@ static void test_default_method(gconstpointer data) {
 }
 
 /* A file of a codec that has no drawing method, or that a newer version wrote. */
-static void test_no_method(gconstpointer data) {
+GPU_TEST(no_method) {
     if (!have_programs())
         return;
     static const char *const words[] = {"new.exr is of the kind “wavelets”",
@@ -320,18 +321,13 @@ static void test_no_method(gconstpointer data) {
 }
 
 static char *write_mdf(const char *session, int width, int height) {
-    static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
     for (int k = 0; k < 12; k++) {
-        g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, width, height, channels, EXR_FLOAT);
+        struct exr_part *part =
+            mdf_file_add_view(file, k, width, height, k < 6 ? 30.0 : 70.0, 60.0 * (k % 6), 0.5);
         for (int i = 0; i < width * height; i++)
             part->planes[0][i] = 1.0F + (float)((i + k) % 5) / 10.0F;
-        exr_set_double(part, "view.theta_deg", k < 6 ? 30.0 : 70.0);
-        exr_set_double(part, "view.phi_deg", 60.0 * (k % 6));
         exr_set_double(part, "reference_mm", 2.0);
-        exr_set_double(part, "texel_mm", 0.5);
-        exr_file_add(file, part);
     }
     char *path = g_build_filename(session, "products", "mdf.exr", NULL);
     write_all(path, file);
@@ -339,7 +335,7 @@ static char *write_mdf(const char *session, int width, int height) {
     return path;
 }
 
-static void test_distances(gconstpointer data) {
+GPU_TEST(distances) {
     if (!have_programs())
         return;
     g_autofree char *session = view_fixture_write_session();
@@ -389,7 +385,7 @@ static void is_too_wide(const char *path, const GError *error) {
 }
 
 /* More than the card takes. */
-static void test_too_wide(gconstpointer data) {
+GPU_TEST(too_wide) {
     static const char *const names[] = {"eigenmaps", "fields",       "lpca",
                                         "lpca-grid", "lpca-revised", NULL};
     g_autofree char *session = view_fixture_write_session(), *mdf = write_mdf(session, WIDE, 1);
@@ -418,7 +414,7 @@ static void test_too_wide(gconstpointer data) {
 }
 
 /* Where a driver has less than is needed, or there is none. */
-static void test_no_gl(gconstpointer data) {
+GPU_TEST(no_gl) {
     if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
@@ -473,7 +469,7 @@ static void check_missing(const struct missing *m, const char *const *environmen
 }
 
 /* Libraries that are not installed. */
-static void test_no_library(gconstpointer data) {
+GPU_TEST(no_library) {
     static const struct missing headless[] = {
         {{"libEGL.so.1"}, "install EGL and Mesa (libegl1"},
         {{"libOpenGL.so.0", "libGL.so.1"}, "install libgl1"},
@@ -552,7 +548,7 @@ TEST(no_sample) {
 }
 
 /* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */
-static void test_least_gl(gconstpointer data) {
+GPU_TEST(least_gl) {
     if (!have_programs())
         return;
     g_autofree char *dir = view_fixture_write_session();
@@ -581,13 +577,5 @@ static void test_least_gl(gconstpointer data) {
 }
 
 BEFORE_TESTS {
-    gpu_fixture_add("/view-mistakes/products", test_products, NULL);
-    gpu_fixture_add("/view-mistakes/default-method", test_default_method, NULL);
-    gpu_fixture_add("/view-mistakes/no-method", test_no_method, NULL);
-    gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
-    gpu_fixture_add("/view-mistakes/too-wide", test_too_wide, NULL);
-    gpu_fixture_add("/view-mistakes/no-gl", test_no_gl, NULL);
-    gpu_fixture_add("/view-mistakes/no-library", test_no_library, NULL);
     gpu_fixture_add("/view-mistakes/shapes", test_shapes, NULL);
-    gpu_fixture_add("/view-mistakes/least-gl", test_least_gl, NULL);
 }

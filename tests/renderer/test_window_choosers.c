@@ -355,7 +355,7 @@ TEST(split) {
 
 /* What is chosen while views come stays; eigen-maps of those that are there can be had back. */
 TEST(while_capturing) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *session = capturing_session_new(folder),
                     *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
     g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
@@ -379,5 +379,4 @@ TEST(while_capturing) {
         g_free(user_leave(&u));
     }
     remove_tree(made);
-    remove_tree(folder);
 }

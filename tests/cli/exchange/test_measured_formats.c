@@ -1,19 +1,13 @@
 /* The commands that import and export files of measured BRDFs and RTI: sessions that others go on
  * with, and sentences where something is wrong, with nothing left behind. */
 #include "formats/brdf/rgl.h"
+#include "lib/folder.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
-
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 static void satin(const float light[3], const float view[3], float ret[3],
                   gpointer data G_GNUC_UNUSED) {
@@ -148,12 +142,11 @@ TEST(commands) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-formats-XXXXXX", NULL);
+    folder_make();
     g_assert_cmpint(g_chdir(folder), ==, 0);
     make_files();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

@@ -9,6 +9,7 @@
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/text_file.h"
 #include "rig/devices.h"
 
 /* 24 views under 24 lights. */
@@ -98,13 +99,6 @@ TEST(yes) {
     operator_free(run);
 }
 
-static void append_to(const struct operation *run, const char *name, const char *what) {
-    g_autofree char *path = g_build_filename(run->directory, name, NULL), *text = NULL;
-    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
-    g_autofree char *both = g_strconcat(text, "\n", what, NULL);
-    g_assert_true(g_file_set_contents(path, both, -1, NULL));
-}
-
 /* A calibration that is done, and true, or one that lacks the laser: the file's path. */
 static char *calibrate(const struct operation *run, gboolean laser) {
     struct rig rig;
@@ -159,8 +153,8 @@ TEST(many_lamps) {
                 g_strdup_printf("[lamp lamp%s]\ntheta_deg = %s\ndistance_mm = 500\n"
                                 "intensity = 40\n",
                                 thetas[i], thetas[i]);
-            append_to(run, "rig.conf", in_rig);
-            append_to(run, "world.conf", in_world);
+            text_file_append(run->directory, "rig.conf", in_rig);
+            text_file_append(run->directory, "world.conf", in_world);
         }
         g_autofree char *text = NULL;
         g_file_get_contents(run->rig, &text, NULL, NULL);
@@ -211,8 +205,8 @@ TEST(fiducials) {
                                 (int)k, places_mm[k][0], places_mm[k][1]);
             g_autofree char *in_rig = g_strconcat(mark, "reflectance = 0.9\n", NULL);
             g_autofree char *in_world = g_strconcat(mark, "albedo = ", cases[i].albedo, "\n", NULL);
-            append_to(run, "rig.conf", in_rig);
-            append_to(run, "world.conf", in_world);
+            text_file_append(run->directory, "rig.conf", in_rig);
+            text_file_append(run->directory, "world.conf", in_world);
         }
         try_calibrated(run, TRUE);
         if (cases[i].told) {

@@ -4,6 +4,7 @@
 #include "bus/bus_authority.h"
 #include "bus/bus_caller.h"
 #include "bus/bus_errors.h"
+#include "lib/text_file.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -16,15 +17,9 @@
 #define INTERFACE SOURCE_DIR "/etc/org.mesorig.Rig1.xml"
 #define POLICY    SOURCE_DIR "/etc/polkit/org.mesorig.Rig1.policy"
 
-static char *read_all(const char *path) {
-    char *text = NULL;
-    ok(g_file_get_contents(path, &text, NULL, ERR));
-    return text;
-}
-
 static void test_table(void) {
     static const char *const free[] = {"SafeState", "Renew", NULL};
-    g_autofree char *xml = read_all(INTERFACE), *policy = read_all(POLICY);
+    g_autofree char *xml = text_file_read(INTERFACE), *policy = text_file_read(POLICY);
     g_autoptr(GError) error = NULL;
     GDBusNodeInfo *node = g_dbus_node_info_new_for_xml(xml, &error);
     gboolean known = TRUE;

@@ -544,7 +544,7 @@ static void test_late_client(struct fixture *fixture, gconstpointer data) {
 }
 
 static void test_addresses(void) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-bus-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *file = g_build_filename(folder, "file", NULL);
     g_autofree char *to_file = g_strconcat("unix:path=", file, NULL);
     const char *const bad[] = {"", "tcp:host=localhost", "unix:abstract=x", "unix:path=relative",
@@ -570,8 +570,6 @@ static void test_addresses(void) {
     g_assert_null(bus_serve(bus, to_file, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE);
     bus_unserve(bus, server);
-    g_unlink(file);
-    g_rmdir(folder);
 }
 
 int main(int argc, char **argv) {

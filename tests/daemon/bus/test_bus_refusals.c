@@ -17,6 +17,7 @@
 #include "lib/bus_peer.h"
 #include "lib/long_session.h"
 #include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 static GVariant *session(const struct bus_peer *peer, const char *directory, const char *options) {
@@ -205,7 +206,7 @@ TEST(folders) {
 /* Owners of folders that are not there, or are no folders. */
 TEST(caller) {
     static const struct bus_caller nobody = {.uid = 65534};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-caller-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *loop = g_build_filename(folder, "loop", NULL);
     g_autofree char *below = g_build_filename(loop, "deep", NULL);
     g_autofree char *file = g_build_filename(folder, "file", NULL);
@@ -222,14 +223,11 @@ TEST(caller) {
     g_autoptr(GError) error = NULL;
     g_assert_false(bus_caller_may_write(&nobody, "/no/such/folder/at/all", &error));
     assert_has(error->message, "you may not write in /");
-    g_unlink(loop);
-    g_unlink(file);
-    g_rmdir(folder);
 }
 
 /* A socket's path has 107 bytes at most. */
 TEST(long_address) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-long-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *name = g_strnfill(120, 'x');
     g_autofree char *path = g_build_filename(folder, name, NULL);
     g_autofree char *address = g_strconcat("unix:path=", path, NULL);
@@ -239,7 +237,6 @@ TEST(long_address) {
     assert_has(error->message, "a socket's path has at most 107");
     g_autoptr(GDir) left = g_dir_open(folder, 0, NULL);
     g_assert_null(g_dir_read_name(left));
-    g_rmdir(folder);
 }
 
 BEFORE_TESTS {

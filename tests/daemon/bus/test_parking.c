@@ -32,7 +32,7 @@ static void add_session(Bus *bus, const char *folder) {
 
 /* Runs one session in a rig with these changes, and fills where the axes stand. */
 static void run_one(const struct change *changes, double *ret_turntable_deg, double *ret_arc_deg) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-park-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *rig = g_build_filename(folder, "rig.conf", NULL);
     g_autofree char *queue = g_build_filename(folder, "queue", NULL);
     g_autofree char *address = g_strdup_printf("unix:path=%s/bus", folder);
@@ -64,7 +64,6 @@ static void run_one(const struct change *changes, double *ret_turntable_deg, dou
     bus_free(bus);
     while (g_main_context_iteration(NULL, FALSE))
         ;
-    remove_tree(folder);
 }
 
 TEST(park) {

@@ -2,6 +2,7 @@
  * answers, its faults and its silence mean. In its place are scripts. */
 #include "bus/bus_trial.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -35,13 +36,6 @@ static struct bus_trial *start(const char *address, const char *script, GError *
     return bus_trial_start(address, item, on_answer, NULL, error);
 }
 
-static void pass_time(int ms) {
-    for (int i = 0; i < ms; i += 5) {
-        g_main_context_iteration(NULL, FALSE);
-        g_usleep(5000);
-    }
-}
-
 static void expect(const char *address, const char *script, enum bus_trial_end end,
                    const char *chosen, const char *said) {
     const int before = answer.n;
@@ -52,7 +46,7 @@ static void expect(const char *address, const char *script, enum bus_trial_end e
         g_main_context_iteration(NULL, TRUE);
     }
     bus_trial_free(trial);
-    pass_time(20);
+    wait_ms(20);
     g_assert_cmpint(answer.n, ==, before + 1);
     g_test_message("%s: “%s”, “%s”", script, answer.chosen, answer.said);
     g_assert_cmpint(answer.end, ==, end);
@@ -116,7 +110,7 @@ static void test_free_inside(void) {
     struct bus_trial *trial = ok(start(ADDRESS, script, ERR));
     for (int i = 0; i < 4000 && (!text || !strchr(text, '\n')); i++) {
         g_clear_pointer(&text, g_free);
-        pass_time(5);
+        wait_ms(5);
         g_file_get_contents(note, &text, NULL, NULL);
     }
     g_assert_nonnull(text);
@@ -125,7 +119,7 @@ static void test_free_inside(void) {
     bus_trial_free(trial);
     bus_trial_free(NULL);
     for (int i = 0; i < 4000 && g_file_test(process, G_FILE_TEST_EXISTS); i++)
-        pass_time(5);
+        wait_ms(5);
     g_assert_false(g_file_test(process, G_FILE_TEST_EXISTS));
     g_assert_cmpint(answer.n, ==, before);
 }

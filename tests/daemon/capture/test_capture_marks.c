@@ -8,6 +8,7 @@
 #include "lib/capture_run.h"
 #include "lib/ok.h"
 #include "lib/test.h"
+#include "lib/text_file.h"
 #include "rig/devices.h"
 #include "session/outputs.h"
 
@@ -22,13 +23,6 @@ struct scene {
     gboolean placed, lit;    /* cameras are calibrated; so are responses and lamps */
 };
 
-static void append_to(const struct run *run, const char *name, const char *what) {
-    g_autofree char *path = g_build_filename(run->directory, name, NULL), *text = NULL;
-    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
-    g_autofree char *both = g_strconcat(text, "\n", what, NULL);
-    g_assert_true(g_file_set_contents(path, both, -1, NULL));
-}
-
 static void write_marks(const struct run *run, const struct scene *scene) {
     for (int i = 0; i < N_MARKS; i++) {
         const double nominal_rad = i * G_PI / 2;
@@ -40,8 +34,8 @@ static void write_marks(const struct run *run, const struct scene *scene) {
         g_autofree char *in_world = g_strdup_printf(
             "[mark m%d]\nx_mm = %.9f\ny_mm = %.9f\nz_mm = 1\nradius_mm = 3\nalbedo = %s\n", i,
             MARK_AT_MM * cos(rad), MARK_AT_MM * sin(rad), scene->albedo ? scene->albedo : "0.9");
-        append_to(run, "rig.conf", in_rig);
-        append_to(run, "world.conf", in_world);
+        text_file_append(run->directory, "rig.conf", in_rig);
+        text_file_append(run->directory, "world.conf", in_world);
     }
 }
 

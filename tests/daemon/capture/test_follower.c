@@ -32,13 +32,6 @@ static char *wait_for_note(const char *line) {
     return text;
 }
 
-static void pass_time(int ms) {
-    for (int i = 0; i < ms; i += 5) {
-        g_main_context_iteration(NULL, FALSE);
-        g_usleep(5000);
-    }
-}
-
 static Follower *start(const char *script) {
     g_autofree char *note = note_path();
     g_autofree char *text = g_strdup_printf("note='%s'\n%s", note, script);
@@ -78,8 +71,8 @@ TEST(find__subprocess) {
 /* Waits until the process has ended and the follower has heard of it. */
 static void wait_for_end(pid_t pid) {
     UNTIL (kill(pid, 0) != 0)
-        pass_time(5);
-    pass_time(200); /* the process is reaped before the main loop calls the follower */
+        wait_ms(5);
+    wait_ms(200); /* the process is reaped before the main loop calls the follower */
 }
 
 TEST(end__subprocess) {
@@ -110,7 +103,7 @@ static double free_running(const char *script) {
     follower_free(follower);
     const double ms = (double)(g_get_monotonic_time() - begun_us) * 1e-3;
     g_assert_cmpint(kill(pid, 0), !=, 0);
-    pass_time(20); /* its end is not told to anybody */
+    wait_ms(20); /* its end is not told to anybody */
     return ms;
 }
 

@@ -6,6 +6,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
+#include "lib/text_file.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>
@@ -16,12 +17,6 @@
 #define SMALL   SOURCE_DIR "/tests/small/"
 #define DEMO    SOURCE_DIR "/etc/demo/"
 #define MESORIG BUILD_DIR "/bin/mesorig"
-
-static char *read_text(const char *path) {
-    char *text = NULL;
-    ok(g_file_get_contents(path, &text, NULL, ERR));
-    return text;
-}
 
 static char *replaced(const char *text, const char *from, const char *to) {
     g_auto(GStrv) parts = g_strsplit(text, from, -1);
@@ -40,20 +35,15 @@ static char *with_mount(const char *text, int theta_deg, const char *unit) {
     return g_strdup_printf("%.*s%s", (int)(from - more), more, to + 1);
 }
 
-static void write_text(const char *directory, const char *name, const char *text) {
-    g_autofree char *path = g_build_filename(directory, name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
-
 /* The small rig with brighter lasers, which are one unit or not. */
 static struct run *mounts_new(gboolean one_unit) {
     struct run *run = run_new(NULL);
-    g_autofree char *two = read_text(SMALL "rig.conf");
+    g_autofree char *two = text_file_read(SMALL "rig.conf");
     g_autofree char *one = with_mount(two, 60, "laser30");
-    g_autofree char *dim = read_text(SMALL "world.conf");
+    g_autofree char *dim = text_file_read(SMALL "world.conf");
     g_autofree char *world = replaced(dim, "width_mm = 6", "width_mm = 6\npower_w = 0.1");
-    write_text(run->directory, "rig.conf", one_unit ? one : two);
-    write_text(run->directory, "world.conf", world);
+    text_file_write(run->directory, "rig.conf", one_unit ? one : two);
+    text_file_write(run->directory, "world.conf", world);
     devices_close(run->devices);
     run_open_devices(run);
     return run;
@@ -98,11 +88,11 @@ TEST(bad_rig_files) {
     };
     struct run *run = mounts_new(TRUE);
     g_autofree char *path = g_build_filename(run->directory, "rig.conf", NULL);
-    g_autofree char *good = read_text(path);
+    g_autofree char *good = text_file_read(path);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autofree char *bad = replaced(good, cases[i].from, cases[i].to);
         g_autoptr(GError) error = NULL;
-        write_text(run->directory, "rig.conf", bad);
+        text_file_write(run->directory, "rig.conf", bad);
         g_assert_null(devices_open(path, &error));
         g_assert_nonnull(error);
         g_test_message("%s", error->message);

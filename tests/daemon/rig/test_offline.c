@@ -1,6 +1,7 @@
 /* Timing from a rig file only: that of the opened devices where they can be opened, and what the
  * file says where nothing is there to open. */
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
@@ -77,7 +78,7 @@ static void append_file(GString *to, const char *name, const char *port) {
 /* Devices that are not there, as etc/devices has them; a camera that says nothing of its pictures a
  * second. */
 TEST(absent_devices) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
     g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
@@ -113,13 +114,11 @@ TEST(absent_devices) {
     g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
     g_assert_false(devices_read_timing(path, &rig, &timing, assumed, &error));
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING); /* its steps_per_deg */
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* Two drives on one line that are to be opened with different parities. */
 TEST(line_conflict) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
     g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
@@ -140,8 +139,6 @@ TEST(line_conflict) {
     g_assert_nonnull(strstr(error->message, "2 mistakes:"));
     g_assert_nonnull(strstr(error->message, "opens /dev/ttyUSB0 with other settings"));
     g_assert_nonnull(strstr(error->message, "pixel_format: \"RGB8\" cannot be used for measuring"));
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 #define RELAYS "driver=modbus-relays\n"
@@ -206,7 +203,7 @@ static const struct needs {
 
 /* The sections are not whole: of all their mistakes only this one matters. */
 TEST(needs) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autofree char *node = g_build_filename(folder, "ttyUSB0", NULL);
     g_autofree char *link = g_build_filename(folder, "by-id", NULL);
@@ -233,8 +230,4 @@ TEST(needs) {
             (needs[i].same != NULL))
             g_error("%s\n%s: %s", text->str, words->str, error->message);
     }
-    g_unlink(path);
-    g_unlink(link);
-    g_unlink(node);
-    g_rmdir(folder);
 }

@@ -2,6 +2,7 @@
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
 #include "lib/painted.h"
+#include "lib/remove_tree.h"
 #include "lib/wait.h"
 
 #include <glib-unix.h>
@@ -25,54 +26,23 @@ static VirtualGige *painter(enum cfa cfa) {
 /* Every format of every phase, against pixels packed by other code than unpacks them. */
 static void formats(gconstpointer data) {
     enum cfa cfa = (enum cfa)GPOINTER_TO_INT(data);
-    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
-    static const struct {
-        const char *name;
-        int bits;
-    } depths[] = {{"8", 8},   {"10", 10},  {"10p", 10},      {"10Packed", 10},
-                  {"12", 12}, {"12p", 12}, {"12Packed", 12}, {"16", 16}};
+    static const struct eye_depth depths[] = {{"8", 8},         {"10", 10}, {"10p", 10},
+                                              {"10Packed", 10}, {"12", 12}, {"12p", 12},
+                                              {"12Packed", 12}, {"16", 16}};
     struct eye eye = {.device = painter(cfa)};
-    for (gsize i = 0; i < G_N_ELEMENTS(depths); i++) {
-        g_autofree char *key =
-            g_strdup_printf("pixel_format = %s%s\npacket_size = 1500", phases[cfa], depths[i].name);
-        eye_start(&eye, key, 100);
-        g_assert_cmpint(eye.camera->format.cfa, ==, (int)cfa);
-        g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
-        g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
-        painted_assert(eye.frame, 0, 0, 0);
-        eye_close(&eye);
-    }
+    eye_check_formats(&eye, cfa, depths, G_N_ELEMENTS(depths), "packet_size = 1500");
     eye_end(&eye, NULL);
 }
 
 static void settings(void) {
     struct eye eye = {.device = painter(CFA_GRBG)};
     struct virtual_camera_state state;
-    struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
-    GError *error = NULL;
-    ok(eye_open(&eye,
-                "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
-                "black_level_dn = 70\nfeatures = GevSCPD=1000\n",
-                ERR));
+    ok(eye_open(&eye, EYE_PART "black_level_dn = 70\nfeatures = GevSCPD=1000\n", ERR));
     g_assert_cmpfloat(eye.camera->format.black_level, ==, 70);
     g_assert_cmpint(eye.camera->format.min_exposure_us, ==, 10);
-    g_assert_cmpint(eye.camera->format.max_exposure_us, ==, 60000000);
-    g_assert_false(camera_configure(eye.camera, &more, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
-    g_assert_cmpstr(error->message, ==,
-                    "camera eye: cannot have a gain of 24.5 dB, only 0 to 24 dB");
-    g_clear_error(&error);
-    g_assert_true(camera_configure(eye.camera, &wanted, NULL));
-    g_assert_true(camera_arm(eye.camera, NULL));
-    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
-    g_assert_cmpint(eye.frame->width, ==, 32);
-    g_assert_cmpint(eye.frame->height, ==, 16);
-    painted_assert(eye.frame, 4, 6, 8); /* black raised by 8 */
+    eye_check_part(&eye);
     virtual_gige_state(eye.device, &state);
-    g_assert_cmpint(state.exposure_us, ==, 1234);
-    g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);
-    g_assert_cmpfloat_with_epsilon(state.black_level, 72, 0.1);
-    g_assert_false(state.automatic);
+    eye_check_settings(&state);
     eye_end(&eye, NULL);
 }
 
@@ -179,7 +149,7 @@ static gboolean on_line(gint fd, GIOCondition condition, gpointer data) {
 static void hardware_trigger(void) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_MONO)};
     struct line line = {.device = eye.device};
-    g_autofree char *dir = g_dir_make_tmp("mesorig-line-XXXXXX", NULL);
+    TEMPORARY_FOLDER(dir);
     g_autofree char *path = g_build_filename(dir, "value", NULL);
     g_autofree char *keys = g_strdup_printf("trigger = Line0\npulse_path = %s", path);
     g_assert_cmpint(mkfifo(path, 0600), ==, 0);
@@ -195,7 +165,6 @@ static void hardware_trigger(void) {
     g_assert_cmpint(eye_shoot(&eye, 6), ==, CAMERA_FAULT);
     eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "cannot make a pulse with");
     eye_end(&eye, NULL);
-    g_rmdir(dir);
 }
 
 /* On plain sockets, all triggered at the same time, and nothing lost, not even of the first

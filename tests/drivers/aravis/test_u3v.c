@@ -29,25 +29,12 @@ static VirtualU3v *begin(struct eye *eye, const char *keys) {
 
 /* Every phase of every filter array, packed and plain. */
 static void formats(void) {
-    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
-    static const struct {
-        const char *name;
-        int bits;
-    } depths[] = {{"8", 8}, {"12p", 12}};
+    static const struct eye_depth depths[] = {{"8", 8}, {"12p", 12}};
     for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {
         g_autoptr(VirtualU3v) device =
             plug_in("PAINTER", 1, PAINTED_WIDTH, PAINTED_HEIGHT, (enum cfa)cfa);
-        for (gsize i = 0; i < G_N_ELEMENTS(depths); i++) {
-            struct eye eye = {.where = "PAINTER"};
-            g_autofree char *key =
-                g_strdup_printf("pixel_format = %s%s", phases[cfa], depths[i].name);
-            eye_start(&eye, key, 100);
-            g_assert_cmpint(eye.camera->format.cfa, ==, cfa);
-            g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
-            g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
-            painted_assert(eye.frame, 0, 0, 0);
-            eye_close(&eye);
-        }
+        struct eye eye = {.where = "PAINTER"};
+        eye_check_formats(&eye, (enum cfa)cfa, depths, G_N_ELEMENTS(depths), "");
     }
 }
 
@@ -55,25 +42,10 @@ static void settings(void) {
     g_autoptr(VirtualU3v) device = plug_in("PAINTER", 1, PAINTED_WIDTH, PAINTED_HEIGHT, CFA_GRBG);
     struct eye eye = {.where = "PAINTER"};
     struct virtual_camera_state state;
-    struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
-    GError *error = NULL;
-    ok(eye_open(&eye, "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n",
-                ERR));
-    g_assert_cmpint(eye.camera->format.max_exposure_us, ==, 60000000);
-    g_assert_false(camera_configure(eye.camera, &more, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
-    g_clear_error(&error);
-    g_assert_true(camera_configure(eye.camera, &wanted, NULL));
-    g_assert_true(camera_arm(eye.camera, NULL));
-    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
-    g_assert_cmpint(eye.frame->width, ==, 32);
-    g_assert_cmpint(eye.frame->height, ==, 16);
-    painted_assert(eye.frame, 4, 6, 8); /* black raised by 8 */
+    ok(eye_open(&eye, EYE_PART, ERR));
+    eye_check_part(&eye);
     virtual_u3v_state(device, &state);
-    g_assert_cmpint(state.exposure_us, ==, 1234);
-    g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);
-    g_assert_cmpfloat_with_epsilon(state.black_level, 72, 0.1);
-    g_assert_false(state.automatic);
+    eye_check_settings(&state);
     eye_close(&eye);
 }
 

@@ -2,6 +2,7 @@
 #include "btf/direction_grid.h"
 #include "codecs/lpca/lpca_resample.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include "codecs/lpca/lpca_choose.h"
@@ -168,7 +169,7 @@ static struct btf_matrix *new_btf(int size) {
 
 /* The error at the measured directions is known before and after, on disk and when rounded. */
 TEST(lpca) {
-    g_autofree char *folder = g_dir_make_tmp("resample-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(6);
@@ -193,8 +194,6 @@ TEST(lpca) {
     lpca_free(grid);
     lpca_free(lpca);
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* What is asked for is kept, and not beaten by any choice near it. */
@@ -242,7 +241,7 @@ TEST(choose) {
 
 /* Levels are means over areas, also of odd sizes, and come back from one file each as it was. */
 TEST(levels) {
-    g_autofree char *folder = g_dir_make_tmp("levels-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3], *found[LPCA_MAX_LEVELS];
@@ -286,6 +285,4 @@ TEST(levels) {
     btf_matrix_free(one);
     btf_matrix_free(half);
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }

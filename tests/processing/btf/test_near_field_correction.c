@@ -2,6 +2,7 @@
  * BTFs that were measured from near: read as nominal they are clearly wrong; resampled they must be
  * what the formula says of the nominal directions.
  */
+#include "lib/mdf_file.h"
 #include "lib/near_field_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
@@ -101,14 +102,13 @@ TEST(own) {
 
 /* A level face 2 mm below the reference plane, from views that the BTF has not. */
 static void write_mdf(const char *session) {
-    static const char *const channels[] = {"D", NULL};
     struct rings views = {0};
     struct exr_file *file = exr_file_new();
     g_autofree char *path = g_build_filename(session, "products/mdf.exr", NULL);
     near_field_add_ring(&views, 35, 3, 17);
     for (int view = 0; view < views.n; view++) {
-        g_autofree char *name = g_strdup_printf("view_%04d", view);
-        struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
+        struct exr_part *part = mdf_file_add_view(file, view, SIDE, SIDE, views.theta[view],
+                                                  views.phi[view], SIDE_MM / SIDE);
         double camera[3], at[3], v[3];
         near_field_camera_at(&views, view, camera);
         for (int texel = 0; texel < ALL; texel++) {
@@ -116,12 +116,8 @@ static void write_mdf(const char *session) {
             near_field_towards(camera, at, v);
             part->planes[0][texel] = (float)(2 / v[2]);
         }
-        exr_set_double(part, "view.theta_deg", (double)views.theta[view]);
-        exr_set_double(part, "view.phi_deg", (double)views.phi[view]);
         exr_set_v3d(part, "view.centre_mm", camera[0], camera[1], camera[2]);
         exr_set_double(part, "reference_mm", LEVEL_MM);
-        exr_set_double(part, "texel_mm", SIDE_MM / SIDE);
-        exr_file_add(file, part);
     }
     ok(exr_write(path, file, EXR_NONE, FALSE, ERR));
     exr_file_free(file);

@@ -95,7 +95,7 @@ static void assert_evaluates(const struct codec *codec, gconstpointer model) {
 
 static void test_round_trip(gconstpointer data) {
     const struct codec *codec = data;
-    g_autofree char *folder = g_dir_make_tmp("codecs-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, 0.002, FALSE);
@@ -122,7 +122,6 @@ static void test_round_trip(gconstpointer data) {
     exr_file_free(file);
     g_ptr_array_unref(result.levels);
     btf_matrix_free(btf);
-    remove_tree(folder);
 }
 
 /* Options as the command line writes them. */

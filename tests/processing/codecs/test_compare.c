@@ -6,6 +6,7 @@
 #include "codecs/lobes/lobes_levels.h"
 #include "formats/compare_pictures.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include "exr/exr.h"
@@ -124,7 +125,7 @@ static struct eigenmaps *exact_maps(const struct btf_matrix *btf) {
 }
 
 TEST(kinds) {
-    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(4, 3, 3, 4);
@@ -157,8 +158,6 @@ TEST(kinds) {
     g_assert_cmpfloat_with_epsilon(c->all.error, lobes_error, 1e-6);
     comparison_free(c);
     material_free(material);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 static void assert_refused(int width, int n_views, float turn_deg, const char *what) {
@@ -189,7 +188,7 @@ TEST(not_finite) {
 }
 
 TEST(refused) {
-    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
     assert_refused(5, 3, 0, "numbers of texels");
@@ -210,8 +209,6 @@ TEST(refused) {
         g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
         g_clear_error(&error);
     }
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* 4 × 2 pixels of sRGB; those of a column are grey. */
@@ -251,7 +248,7 @@ static void write_exr(const char *path, int width, const guint8 *columns) {
 
 TEST(light) {
     static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
-    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *a = g_build_filename(folder, "a.exr", NULL);
     g_autofree char *b = g_build_filename(folder, "b.exr", NULL);
     struct picture_comparison found;
@@ -268,14 +265,11 @@ TEST(light) {
     exr_part_free(part);
     g_assert_true(g_file_set_contents(b, "no EXR", -1, NULL));
     g_assert_false(compare_is_picture(b));
-    g_unlink(a);
-    g_unlink(b);
-    g_rmdir(folder);
 }
 
 TEST(pictures) {
     static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
-    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *a = g_build_filename(folder, "a.png", NULL);
     g_autofree char *b = g_build_filename(folder, "b.png", NULL);
     g_autoptr(GError) error = NULL;
@@ -296,7 +290,4 @@ TEST(pictures) {
     g_assert_true(g_file_set_contents(b, "\x89PNG", -1, NULL));
     g_assert_false(compare_pictures(a, b, &found, &error));
     g_assert_nonnull(strstr(error->message, "b.png"));
-    g_unlink(a);
-    g_unlink(b);
-    g_rmdir(folder);
 }

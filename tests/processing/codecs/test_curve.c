@@ -71,7 +71,7 @@ static gint64 size_of_file(const char *path) {
 static void assert_packed(const struct btf_matrix *btf, const GArray *points,
                           const struct plot_point *point) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", &error);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
     const struct lpca_target wanted = {.error = point->error * 1.0001};
     struct lpca *lpca = ok(lpca_pack(btf, &(struct lpca_options){0}, &wanted, ERR));
@@ -86,7 +86,6 @@ static void assert_packed(const struct btf_matrix *btf, const GArray *points,
         if (g_str_has_prefix(other->series, "local PCA") && !g_str_equal(other->series, PACKED))
             g_assert_true(other->bytes > point->bytes || other->error > point->error);
     }
-    remove_tree(folder);
 }
 
 static gboolean has_colour(cairo_surface_t *picture, int i) {
@@ -125,7 +124,7 @@ static void assert_drawn(const char *folder, const GArray *points) {
 }
 
 TEST(waves) {
-    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     struct btf_matrix *btf = waves(FALSE);
     GArray *points = measure(btf);
     int packed = 0;
@@ -137,12 +136,11 @@ TEST(waves) {
     assert_drawn(folder, points);
     curve_free(points);
     btf_matrix_free(btf);
-    remove_tree(folder);
 }
 
 /* All texels alike, and black. */
 TEST(constant) {
-    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     struct btf_matrix *btf = waves(TRUE);
     for (int black = 0; black < 2; black++) {
         GArray *points = measure(btf);
@@ -154,7 +152,6 @@ TEST(constant) {
         memset(btf->values, 0, sizeof(float) * WIDTH * HEIGHT * VIEWS * LIGHTS * 3);
     }
     btf_matrix_free(btf);
-    remove_tree(folder);
 }
 
 static void cancel_packed(const struct work_progress *progress, gpointer data) {

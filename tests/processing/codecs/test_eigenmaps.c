@@ -3,7 +3,9 @@
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
+#include "lib/damage.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
 
@@ -306,7 +308,7 @@ static struct eigenmaps *computed(void) {
 
 TEST(file) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     struct eigenmaps *maps = computed();
     ok(eigenmaps_write(path, maps, ERR));
@@ -328,25 +330,15 @@ TEST(file) {
     eigenmaps_free(back);
     eigenmaps_free(maps);
 
-    char *bytes;
-    gsize length;
-    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
-    for (gsize cut = 0; cut < length; cut += 211) {
-        g_assert_true(g_file_set_contents(path, bytes, (gssize)cut, NULL));
-        g_assert_null(eigenmaps_read(path, &error));
-        g_assert_nonnull(error);
-        g_clear_error(&error);
-    }
-    g_free(bytes);
+    assert_cut_refused(eigenmaps_read, path, 211);
     g_unlink(path);
     g_assert_null(eigenmaps_read(path, &error));
     g_assert_nonnull(strstr(error->message, "eigenmaps.exr"));
-    g_rmdir(folder);
 }
 
 /* Valid EXR files that are not valid eigen-maps. */
 TEST(hostile) {
-    g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     for (int fault = 0; fault < 6; fault++) {
         g_autoptr(GError) error = NULL;
@@ -366,11 +358,6 @@ TEST(hostile) {
             exr_part_plane(exr_file_part(file, "E001_light_0001"), "G")[7] = NAN;
         if (fault == 5)
             exr_part_plane(exr_file_part(file, "lights"), "phi_deg")[1] = INFINITY;
-        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-        exr_file_free(file);
-        g_assert_null(eigenmaps_read(path, &error));
-        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+        assert_file_refused(eigenmaps_read, path, file);
     }
-    g_unlink(path);
-    g_rmdir(folder);
 }

@@ -3,11 +3,13 @@
 #include "codecs/codecs.h"
 #include "codecs/hsh/hsh.h"
 #include "codecs/hsh/hsh_codec.h"
+#include "lib/damage.h"
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
 #include "lib/hsh_formula.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -373,40 +375,24 @@ static void spoil(struct exr_file *file, int fault) {
 }
 
 TEST(file) {
-    g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
-    g_autoptr(GError) error = NULL;
-    g_autofree char *bytes = NULL;
-    gsize length;
     for (gsize k = 0; k < G_N_ELEMENTS(all_terms); k++)
         write_small(path, all_terms[k]);
     for (int fault = 0; fault < 18; fault++) {
         write_small(path, 9);
         struct exr_file *file = ok(exr_read(path, ERR));
         spoil(file, fault);
-        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-        exr_file_free(file);
-        g_assert_null(hsh_read(path, &error));
-        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
-        g_assert_nonnull(strstr(error->message, path));
-        g_clear_error(&error);
+        assert_file_refused(hsh_read, path, file);
     }
     write_small(path, 4);
-    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
-    for (gsize cut = 0; cut < length; cut += 211) {
-        g_assert_true(g_file_set_contents(path, bytes, (gssize)cut, NULL));
-        g_assert_null(hsh_read(path, &error));
-        g_assert_nonnull(error);
-        g_clear_error(&error);
-    }
-    g_unlink(path);
-    g_rmdir(folder);
+    assert_cut_refused(hsh_read, path, 211);
 }
 
 /* By the table of codecs: encoded with the option as the command line reads it, written, opened as
  * a material, compared with the BTF. */
 TEST(codec) {
-    g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
     g_autoptr(GError) error = NULL;
     const struct codec *codec = codecs_find("hsh");
@@ -443,6 +429,4 @@ TEST(codec) {
     g_ptr_array_unref(result.levels);
     g_free(options);
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }

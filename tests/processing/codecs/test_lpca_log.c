@@ -21,44 +21,24 @@ static void make_log(struct lpca *lpca) {
 static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = lpca_scene_lpca(4, n_components);
-    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(Viewer) view = viewer_new(NULL, &error);
-    struct viewer_settings settings;
     make_log(lpca);
-    formula_start_view(view, &settings, mesh);
-    viewer_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
-    g_assert_no_error(error);
-    settings.style.nearest = nearest;
-    settings.ambient = ambient;
-    g_autoptr(Directions) views = directions_new_triangulated(
-        lpca->layout.views.theta_deg, lpca->layout.views.phi_deg, lpca->layout.views.n, &error);
-    g_autoptr(Directions) lights = directions_new_triangulated(
-        lpca->layout.lights.theta_deg, lpca->layout.lights.phi_deg, lpca->layout.lights.n, &error);
-    g_autofree float *sky = g_new0(float, lpca->layout.lights.n);
-    directions_sky(lights, sky);
-    const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
-    formula_compare(lpca_scene_pixel, &scene, view, &settings);
+    lpca_scene_check(lpca, nearest, ambient, 0);
     g_assert_null(lpca_grid_new(&lpca, 1, 4, &error));
     g_assert_nonnull(strstr(error->message, "--method lpca"));
     g_clear_error(&error);
     g_assert_null(lpca_revised_new(&lpca, 1, 4, &error));
     g_assert_nonnull(strstr(error->message, "--method lpca"));
-    mesh_free(mesh);
     lpca_free(lpca);
 }
 
-static void test_log(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(formula) {
     check_log(5, TRUE, 0);
     check_log(2, FALSE, 0);
     check_log(6, FALSE, 0.4);
     check_log(1, TRUE, 0.2);
 }
 
-static void test_levels(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(levels) {
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
@@ -75,13 +55,4 @@ static void test_levels(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(error->message, "mip level 1"));
     for (int k = 0; k < 3; k++)
         lpca_free(levels[k]);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add("/lpca-log/formula", struct fixture, NULL, gpu_fixture_set_up, test_log,
-               gpu_fixture_tear_down);
-    g_test_add("/lpca-log/levels", struct fixture, NULL, gpu_fixture_set_up, test_levels,
-               gpu_fixture_tear_down);
-    return g_test_run();
 }

@@ -129,7 +129,7 @@ TEST(steps) {
 /* What is wished is had, on disk, and read back. */
 TEST(wishes) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("pack-XXXXXX", &error);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
     g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     const struct lpca_options options = {0};
@@ -159,7 +159,6 @@ TEST(wishes) {
     g_assert_cmpint(file_size(path), <=, 9000);
     g_assert_cmpint(file_size(path), >, 8500);
     g_assert_cmpint(file_size(path), ==, lpca_packed_bytes(lpca, NULL));
-    remove_tree(folder);
 }
 
 TEST(refused) {

@@ -5,6 +5,7 @@
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -238,7 +239,7 @@ TEST(log) {
 /* Texels of one shape and colour but of many brightnesses are one component in logarithms: what a
  * factor is there is a sum. */
 TEST(log_compute) {
-    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(BtfMatrix) btf = bumps(16);
     const int d = VIEWS * LIGHTS * 3;
@@ -259,8 +260,6 @@ TEST(log_compute) {
     g_assert_no_error(error);
     g_assert_cmpint(back->colours, ==, LPCA_LOG);
     g_assert_cmpfloat_with_epsilon(residual(back, btf), lpca->error, 1e-6);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 TEST(holes) {

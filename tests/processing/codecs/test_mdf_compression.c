@@ -289,9 +289,7 @@ TEST(blocks__error) {
 }
 
 /* Any bytes are what the card says they are: both of the format's ways to number values. */
-static void test_blocks_card(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(blocks__card) {
     guint8 blocks[16 * MDF_BLOCK_BYTES];
     float ours[256], card[256];
     GLuint texture;
@@ -403,9 +401,7 @@ static int differ(const gboolean *a, const gboolean *b) {
 }
 
 /* What the card makes of compressed distances is what the processor does. */
-static void test_drawn(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(drawn) {
     g_autoptr(GError) error = NULL;
     const struct scene_options scene = {3, 1, SCENE_Z_UP, FALSE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
@@ -489,10 +485,6 @@ TEST(commands) {
 
 BEFORE_TESTS {
     g_setenv("LC_ALL", "C.UTF-8", TRUE); /* what commands say is compared */
-    g_test_add("/mdf-compression/blocks/card", struct fixture, NULL, gpu_fixture_set_up,
-               test_blocks_card, gpu_fixture_tear_down);
-    g_test_add("/mdf-compression/drawn", struct fixture, NULL, gpu_fixture_set_up, test_drawn,
-               gpu_fixture_tear_down);
 }
 
 AFTER_TESTS {

@@ -6,6 +6,7 @@
 #include "exr/exr.h"
 #include "lib/lobes_scene.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -15,35 +16,19 @@
 #define FINE   5 /* samples of the reference, each way of a pixel */
 #define SHIFTS 4 /* of a pixel */
 
-static struct vec3 direction(const float *theta_deg, const float *phi_deg, int k) {
-    const double theta = theta_deg[k] * G_PI / 180, phi = phi_deg[k] * G_PI / 180;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
 /* Rough and glossy texels of many colours, next to each other. */
 static struct btf_matrix *new_btf(void) {
     g_autoptr(GRand) random = g_rand_new_with_seed(4);
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    struct btf_matrix *btf = rings_btf("chips");
     const int n = RINGS * A_RING;
-    *btf = (struct btf_matrix){.name = g_strdup("chips"),
-                               .layout.width = W,
-                               .layout.height = H,
-                               .layout.texel_mm = 1,
-                               .layout.views.n = n};
-    btf->layout.lights.n = n;
-    rings_fill(0, &btf->layout.views.theta_deg, &btf->layout.views.phi_deg);
-    rings_fill(5, &btf->layout.lights.theta_deg, &btf->layout.lights.phi_deg);
-    btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int texel = 0; texel < W * H; texel++) {
         const double grey = texel % 2 ? 0.05 : g_rand_double_range(random, 0.3, 0.9);
         const double gloss = g_rand_double_range(random, 0, 0.6);
         const struct vec3 normal = vec3_unit(vec3(g_rand_double_range(random, -0.4, 0.4),
                                                   g_rand_double_range(random, -0.4, 0.4), 1));
         for (int k = 0; k < n * n; k++) {
-            const struct vec3 v =
-                direction(btf->layout.views.theta_deg, btf->layout.views.phi_deg, k / n);
-            const struct vec3 l =
-                direction(btf->layout.lights.theta_deg, btf->layout.lights.phi_deg, k % n);
+            const struct vec3 v = btf_fixture_direction(&btf->layout.views, k / n);
+            const struct vec3 l = btf_fixture_direction(&btf->layout.lights, k % n);
             const double nl = fmax(vec3_dot(normal, l), 0);
             const double shine =
                 gloss * nl * pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 12);
@@ -162,9 +147,7 @@ static void check_far(enum lobes_model model, double tiles, double most) {
         lobes_free(levels[k]);
 }
 
-static void test_far(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(far) {
     check_far(LOBES_FIELDS, 16, 0.5);
     check_far(LOBES_PTM, 16, 0.5);
     check_far(LOBES_LAFORTUNE, 16, 0.5);
@@ -174,7 +157,7 @@ static void test_far(struct fixture *f, gconstpointer data) {
 
 /* Each level is the model of the averaged BTF, and comes back from the file as it was. */
 TEST(file) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     static const int widths[] = {7, 3, 1}, heights[] = {5, 2, 1};
     g_autoptr(GError) error = NULL;
@@ -218,8 +201,6 @@ TEST(file) {
     g_assert_cmpint(lobes_read_levels(path, none, &error), ==, 0);
     g_assert_nonnull(strstr(error->message, "roughness"));
     btf_matrix_free(btf);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* The file without one part, or without all parts that begin so. */
@@ -237,7 +218,7 @@ static void write_without(const char *path, const char *from, const char *prefix
 
 /* A level that lacks the part by which levels are counted is not the end of them. */
 TEST(lacking) {
-    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *whole = g_build_filename(folder, "whole.exr", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     static const char *const lacking[] = {"mip1.views", "mip2.views", "mip1."};
@@ -264,15 +245,10 @@ TEST(lacking) {
     for (int k = 0; k < 2; k++)
         lobes_free(back[k]);
     btf_matrix_free(btf);
-    g_unlink(whole);
-    g_unlink(path);
-    g_rmdir(folder);
 }
 
 /* A level that is not half of the one before, or of another model, is refused with a sentence. */
-static void test_bad(struct fixture *f, gconstpointer data) {
-    if (f->gpu == NULL)
-        return;
+GPU_TEST(bad) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf();
     const struct lobes_options options = {.model = LOBES_PTM};
@@ -292,11 +268,4 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     for (int k = 0; k < 3; k++)
         lobes_free(levels[k]);
     btf_matrix_free(btf);
-}
-
-BEFORE_TESTS {
-    g_test_add("/mips/far", struct fixture, NULL, gpu_fixture_set_up, test_far,
-               gpu_fixture_tear_down);
-    g_test_add("/mips/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
-               gpu_fixture_tear_down);
 }

@@ -1,5 +1,6 @@
 #include "base/work.h"
 #include "directions/directions.h"
+#include "lib/direction.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 
@@ -21,11 +22,6 @@ static void add(struct set *set, double theta, double phi) {
 static void add_ring(struct set *set, double theta, int n, double offset) {
     for (int k = 0; k < n; k++)
         add(set, theta, offset + 360.0 * k / n);
-}
-
-static struct vec3 unit(double theta_deg, double phi_deg) {
-    double theta = theta_deg * DEG, phi = phi_deg * DEG;
-    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
 static Directions *make(const struct set *set) {
@@ -106,8 +102,8 @@ static void check_exact(const struct set *set, double tolerance) {
     random_values(random, values);
     for (int k = 0; k < set->n; k++)
         g_assert_cmpfloat_with_epsilon(
-            value_of(directions, set, values, unit(set->theta[k], set->phi[k])), values[k],
-            tolerance);
+            value_of(directions, set, values, direction_of_deg(set->theta[k], set->phi[k])),
+            values[k], tolerance);
 }
 
 /* Along great circles, a step of a thousandth of a radian must never change the value by more than
@@ -118,10 +114,10 @@ static void check_continuous(const struct set *set, double steepest) {
     double values[512];
     random_values(random, values);
     for (int circle = 0; circle < 40; circle++) {
-        struct vec3 a =
-            unit(g_rand_double_range(random, 0, 90), g_rand_double_range(random, 0, 360));
-        struct vec3 b =
-            unit(g_rand_double_range(random, 0, 90), g_rand_double_range(random, 0, 360));
+        struct vec3 a = direction_of_deg(g_rand_double_range(random, 0, 90),
+                                         g_rand_double_range(random, 0, 360));
+        struct vec3 b = direction_of_deg(g_rand_double_range(random, 0, 90),
+                                         g_rand_double_range(random, 0, 360));
         if (circle % 4 == 0) /* through the pole */
             a = vec3(0, 0, 1);
         struct vec3 side = vec3_unit(vec3_sub(b, vec3_scale(a, vec3_dot(a, b))));
@@ -169,7 +165,7 @@ static gboolean are_rings(const Directions *directions) {
     int most = 0;
     for (int k = 0; k < 100; k++) {
         int n = 0;
-        directions_weights(directions, unit(20 + 0.4 * k, 7.3 * k), &at);
+        directions_weights(directions, direction_of_deg(20 + 0.4 * k, 7.3 * k), &at);
         for (int i = 0; i < 4; i++)
             n += at.weight[i] > 0;
         most = MAX(most, n);
@@ -192,17 +188,19 @@ TEST(bilinear) {
     g_autoptr(Directions) directions = make(&set);
     double values[512] = {0.0};
     values[12 + 0] = 1.0; /* 30°, 15° */
-    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, unit(37.5, 25.0)),
+    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, direction_of_deg(37.5, 25.0)),
                                    0.5 * (1.0 - 10.0 / 30.0), 1e-6);
     values[12 + 0] = 0.0;
     values[24 + 1] = 1.0; /* 45°, 45° */
-    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, unit(37.5, 25.0)),
+    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, direction_of_deg(37.5, 25.0)),
                                    0.5 * 10.0 / 30.0, 1e-6);
     values[24 + 1] = 0.0;
     values[11] = 12.0; /* 15°, 345°: the pole is the mean of twelve */
     g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, vec3(0, 0, 1)), 1.0, 1e-6);
-    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, unit(7.5, 345.0)), 6.5, 1e-5);
-    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, unit(7.5, 0.0)), 3.5, 1e-5);
+    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, direction_of_deg(7.5, 345.0)),
+                                   6.5, 1e-5);
+    g_assert_cmpfloat_with_epsilon(value_of(directions, &set, values, direction_of_deg(7.5, 0.0)),
+                                   3.5, 1e-5);
 }
 
 /* cos θ is even in every azimuth: bilinear interpolation errs by at most h²/8 between rings. */
@@ -216,7 +214,7 @@ TEST(smooth_function) {
             values[k] = cos(sets[s].theta[k] * DEG);
         for (int k = 0; k < 1000; k++) {
             double theta = g_rand_double_range(random, 16.0, 68.0);
-            struct vec3 v = unit(theta, g_rand_double_range(random, 0, 360));
+            struct vec3 v = direction_of_deg(theta, g_rand_double_range(random, 0, 360));
             g_assert_cmpfloat_with_epsilon(value_of(directions, &sets[s], values, v),
                                            cos(theta * DEG), 0.025);
         }
@@ -226,15 +224,15 @@ TEST(smooth_function) {
 TEST(fade) {
     struct set set = rig_set();
     g_autoptr(Directions) directions = make(&set);
-    g_assert_cmpfloat(directions_fade(directions, unit(74.9, 10)), ==, 1.0);
-    g_assert_cmpfloat_with_epsilon(directions_fade(directions, unit(84.0, 10)),
+    g_assert_cmpfloat(directions_fade(directions, direction_of_deg(74.9, 10)), ==, 1.0);
+    g_assert_cmpfloat_with_epsilon(directions_fade(directions, direction_of_deg(84.0, 10)),
                                    cos(84.0 * DEG) / cos(75.0 * DEG), 1e-9);
-    g_assert_cmpfloat(directions_fade(directions, unit(90.0 + 1e-9, 10)), ==, 0.0);
-    g_assert_cmpfloat(directions_fade(directions, unit(170.0, 10)), ==, 0.0);
+    g_assert_cmpfloat(directions_fade(directions, direction_of_deg(90.0 + 1e-9, 10)), ==, 0.0);
+    g_assert_cmpfloat(directions_fade(directions, direction_of_deg(170.0, 10)), ==, 0.0);
     struct set spiral = spiral_set();
     g_autoptr(Directions) scattered = make(&spiral);
-    g_assert_cmpfloat(directions_fade(scattered, unit(60.0, 10)), ==, 1.0);
-    g_assert_cmpfloat(directions_fade(scattered, unit(89.0, 10)), <, 0.3);
+    g_assert_cmpfloat(directions_fade(scattered, direction_of_deg(60.0, 10)), ==, 1.0);
+    g_assert_cmpfloat(directions_fade(scattered, direction_of_deg(89.0, 10)), <, 0.3);
 }
 
 TEST(few) {
@@ -250,7 +248,8 @@ TEST(few) {
     double values[512] = {0.0};
     values[7] = values[81] = 1.0;
     g_assert_cmpfloat_with_epsilon(
-        value_of(directions, &twins, values, unit(twins.theta[7], twins.phi[7])), 1.0, 1e-4);
+        value_of(directions, &twins, values, direction_of_deg(twins.theta[7], twins.phi[7])), 1.0,
+        1e-4);
 }
 
 TEST(square) {
@@ -310,8 +309,8 @@ TEST(threads) {
         g_autoptr(GRand) random = g_rand_new_with_seed(4);
         asked->directions = directions;
         for (int k = 0; k < ASKED; k++)
-            asked->at[k] =
-                unit(g_rand_double_range(random, 0, 90), g_rand_double_range(random, 0, 360));
+            asked->at[k] = direction_of_deg(g_rand_double_range(random, 0, 90),
+                                            g_rand_double_range(random, 0, 360));
         memset(asked->found, 0xff, sizeof asked->found);
         work_for_each(ASKERS, ASKERS, ask_all, asked);
         for (int asker = 1; asker < ASKERS; asker++)

@@ -4,9 +4,9 @@
 #include "exr/exr.h"
 #include "exr/exr_half.h"
 #include "lib/assert_error.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/skip.h"
 #include "lib/test.h"
 
@@ -19,11 +19,6 @@
 
 static const char *const rgb[] = {"B", "G", "R", NULL};
 static const char *const one[] = {"Y", NULL};
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* The value of a half by its definition, in exact arithmetic. */
 static double half_value(guint16 half) {
@@ -641,10 +636,9 @@ TEST(promises) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
+    folder_make();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

@@ -1,16 +1,14 @@
 /* Bonn's .btf files, against a reader and writer in Python that share nothing with ours. */
 #include "formats/bonn/bonn.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-static char *folder;
 
 /* What bonn_peer.py writes of each. */
 #define WIDTH  5
@@ -28,10 +26,6 @@ static const char *const kinds[] = {
     "dfmf-9",        "dfmf-10",    "dfmf-11",        "dfmf-11-images",
     "dfmf-12",
 };
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 static void peer(const char *verb, const char *kind, const char *file, const char *values) {
     const char *argv[] = {"python3", SOURCE_DIR "/tests/bonn_peer.py", verb, kind, file, values,
@@ -358,7 +352,7 @@ TEST(no_room) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-bonn-XXXXXX", NULL);
+    folder_make();
     g_test_add_data_func("/bonn/write/full", GINT_TO_POINTER(FALSE), test_write_bdi);
     g_test_add_data_func("/bonn/write/sparse", GINT_TO_POINTER(TRUE), test_write_bdi);
     g_test_add_data_func("/bonn/write/fmf", GINT_TO_POINTER(BONN_FMF), test_write_factors);
@@ -366,6 +360,5 @@ BEFORE_TESTS {
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

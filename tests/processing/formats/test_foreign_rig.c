@@ -25,12 +25,6 @@ static const struct session_grid grid = {TEXELS, TEXELS, WIDTH_MM, WIDTH_MM, PLA
 static const struct pinhole camera = {96, 96, 30 * DEGREE, 650, 1100};
 static const struct arc_lamp lamp = {40 * DEGREE, 500, 400};
 
-static char *new_folder(void) {
-    char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(template));
-    return template;
-}
-
 static double vignetting;
 
 /* Lamps that stand around the turntable, not quite a quarter of a turn apart. */
@@ -159,7 +153,7 @@ static double edge_of_row(const float *values, int row, int c) {
 
 /* A sharp edge of two colours lies where it was printed, in each channel. A pixel is 0.6 mm. */
 TEST(edge) {
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree float *planes = render(edge_print, 1);
     static const char *const names[] = {"R", "G", "B"};
     double worst = 0, apart = 0;
@@ -182,7 +176,7 @@ TEST(edge) {
 /* A picture whose channels are equal gives what the grey picture gives, and a picture in colour
  * what its formula says. */
 TEST(grey) {
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree float *planes = render(smooth_print, 1);
     const gsize n = (gsize)camera.width * (gsize)camera.height;
     static const char *const names[] = {"R", "G", "B"};
@@ -215,7 +209,7 @@ TEST(grey) {
 /* A picture in which green is too bright left of the edge: there the BTF has lower bounds, grey or
  * in colour, and nowhere else. */
 TEST(saturated) {
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree float *planes = render(edge_print, 3);
     const int n = camera.width * camera.height;
     for (int i = 0; i < 3 * n; i++)
@@ -291,7 +285,7 @@ static void write_coded(const struct coding *coding, const char *dir, const char
 static void test_coding(gconstpointer data) {
     const struct coding *coding = data;
     static const char *const names[] = {"R", "G", "B"};
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree float *planes = render(smooth_print, 1);
     g_autofree char *rows =
         g_strdup_printf("file,camera,lamp%s\na.png,cam,lamp%s\n", coding->columns, coding->values);
@@ -344,7 +338,7 @@ static void assert_refused(const char *dir, const char *rows, const char *what) 
 
 TEST(coding__raw) {
     static const char *const names[] = {"R", "G", "B"};
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree float *planes = render(smooth_print, 1);
     const char *rows = "file,camera,lamp\na.dng,cam,lamp\n";
     write_raw(dir, "a.dng", planes);
@@ -372,7 +366,8 @@ TEST(coding__raw) {
 }
 
 TEST(coding__bad) {
-    g_autofree char *dir = new_folder(), *small = g_build_filename(dir, "small.png", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *small = g_build_filename(dir, "small.png", NULL);
     g_autofree float *planes = render(smooth_print, 1);
     const guint16 codes[3] = {1, 2, 3};
     write_exr(dir, "f.exr", planes, 3);
@@ -434,7 +429,7 @@ static double light_cosine(double azimuth, double x_mm, double y_mm) {
 TEST(turntable) {
     static const double turns_deg[] = {0, 90, 180};
     static const char *const names[] = {"R", "G", "B"};
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autoptr(GString) rows = g_string_new("file,camera,lamp,turntable_deg\n");
     const struct foreign_scene scene = {.plane_mm = PLANE_MM, .print = smooth_print};
     for (gsize t = 0; t < G_N_ELEMENTS(turns_deg); t++)
@@ -490,7 +485,7 @@ TEST(turntable) {
 /* Pictures of a target under one lamp at several angles of the turntable make a session without a
  * BTF, with a frame a picture. */
 TEST(target) {
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("target");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("target");
     g_autofree float *planes = render(smooth_print, 1);
     g_autoptr(GError) error = NULL;
     static const char *const rows = "file,camera,lamp,turntable_deg\n"
@@ -516,7 +511,8 @@ TEST(nominal) {
                                     "position_mm = 321.3938048432697; 0; 383.0222215594890\n"
                                     "[laser laser]\nposition_mm = 300; 0; 400\naxis = 0; 2; 0\n";
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "nominal.conf", NULL);
     const struct rig_camera wanted = pinhole_to_rig(&camera, "cam");
     const struct rig_lamp lit = arc_lamp_to_rig(&lamp, "lamp");
     const struct line_laser line = {atan2(300, 400), 500};
@@ -566,7 +562,8 @@ TEST(nominal__bad) {
         {"[laser l]\nposition_mm = 0; 0; 9\naxis = 0; 0; 1\n[camera c]\n",
          "nominal.conf:3: [laser l] axis: it is 0, or it points"},
     };
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "nominal.conf", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
         g_assert_true(g_file_set_contents(path, bad[i].text, -1, NULL));
@@ -587,7 +584,8 @@ TEST(nominal__downward) {
                    {"3; -4; 500", 0, {1, 0}},
                    {"0; -200; 500", 0, {1, 0}},
                    {"-200; 0; 500", 0, {0, -1}}};
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "nominal.conf", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(cameras); i++) {
         g_autoptr(GError) error = NULL;
         g_autofree char *text = g_strdup_printf("[camera c]\nwidth = 9\nheight = 9\nfocal_px = 90\n"
@@ -608,7 +606,8 @@ TEST(nominal__downward) {
 
 /* What the template leaves open is named; filled in, the pictures are imported with it. */
 TEST(nominal__template) {
-    g_autofree char *dir = new_folder(), *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *table = g_build_filename(dir, "poses.csv", NULL);
     g_autofree char *path = g_build_filename(dir, "to_fill.conf", NULL), *text = NULL;
     g_autofree char *path_out = session_fixture_path("filled");
     g_autofree float *planes = render(smooth_print, 1);
@@ -751,7 +750,7 @@ static double tutorial_error(const char *dir, const struct nominal *values) {
  * instead. */
 TEST(tutorial) {
     const char *kept = g_getenv("FOREIGN_RIG");
-    g_autofree char *dir = kept ? g_strdup(kept) : new_folder();
+    g_autofree char *dir = kept ? g_strdup(kept) : session_fixture_new_folder();
     g_mkdir_with_parents(dir, 0777);
     write_tutorial(dir);
     if (kept)

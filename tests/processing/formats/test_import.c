@@ -30,12 +30,6 @@ static char *in_folder(const char *name) {
     return g_build_filename(session_fixture_folder, name, NULL);
 }
 
-static char *new_folder(void) {
-    g_autofree char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(template));
-    return g_steal_pointer(&template);
-}
-
 /* What a picture holds; a half holds it too. */
 static float value(int view, int light, int texel, int colour) {
     return (float)((view * 37 + light * 11 + texel * 5 + colour * 3) % 97) / 64;
@@ -88,7 +82,7 @@ static void assert_set(const struct btf_matrix *btf) {
 }
 
 TEST(pictures) {
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("pictures");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("pictures");
     struct import_result result;
     const struct import_wish wish = {.texel_mm = 0.25};
     write_set(dir);
@@ -123,7 +117,7 @@ static void assert_folder_refused(const char *dir, const char *what) {
 }
 
 TEST(pictures__bad) {
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     g_autofree char *same = g_build_filename(dir, "again pl90 tl30 pv180 tv60.exr", NULL);
     g_autofree char *odd = g_build_filename(dir, "tv060_pv180_tl030.exr", NULL);
@@ -152,7 +146,7 @@ TEST(pictures__bad) {
 
 TEST(pictures__holes) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("holes");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("holes");
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     struct import_result result;
     write_set(dir);
@@ -185,7 +179,7 @@ static void write_list(const char *path, const char *text) {
 }
 
 TEST(rti) {
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("rti");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("rti");
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a one.png", NULL);
     g_autofree char *b = g_build_filename(dir, "b.png", NULL);
@@ -260,7 +254,7 @@ static void assert_raw(const char *path, const char *const *cfa, int lights) {
 
 TEST(pictures__raw) {
     static const char *const cfa[] = {"rggb", "grbg", "bggr"};
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("raw");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("raw");
     struct import_result result;
     write_cells(dir, "tv015_pv000_tl000_pl000.dng", cfa[0], 0);
     write_cells(dir, "tv015_pv000_tl030_pl090.DNG", cfa[1], 1);
@@ -273,7 +267,7 @@ TEST(pictures__raw) {
 TEST(rti__raw) {
     static const char *const cfa[] = {"gbrg", "gbrg"};
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("raw_rti");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("raw_rti");
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *bad = g_build_filename(dir, "b.dng", NULL);
     struct import_result result;
@@ -289,7 +283,7 @@ TEST(rti__raw) {
 }
 
 TEST(rti__bad) {
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a.png", NULL);
     write_png(a, 100);
@@ -367,7 +361,7 @@ TEST(rti__lists) {
         {"lights.csv", "image\tx\ty\tz\n9.png\t0\t0\t1\n10 b.png\t0\t-0.5\t0.866025\n"
                        "11.png\t0\t0.866025\t0.5\n"},
     };
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     for (int i = 0; i < 3; i++) {
         g_autofree char *path = g_build_filename(dir, names[i], NULL);
         guint8 rgb[TEXELS * 3];
@@ -426,7 +420,8 @@ static long peak_kib(const char *dir, int n, const char *region) {
 TEST(rti__memory) {
     enum { PICTURE_WIDTH = 1200, PICTURE_HEIGHT = 800 };
     const long picture_kib = PICTURE_WIDTH * PICTURE_HEIGHT * 3L * (long)sizeof(float) / 1024;
-    g_autofree char *dir = new_folder(), *noise = g_build_filename(dir, "noise.png", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *noise = g_build_filename(dir, "noise.png", NULL);
     g_autofree guint8 *rgb = g_new(guint8, PICTURE_WIDTH * PICTURE_HEIGHT * 3);
     GRand *rand = g_rand_new_with_seed(5);
     for (int i = 0; i < PICTURE_WIDTH * PICTURE_HEIGHT * 3; i++)
@@ -471,7 +466,8 @@ static void write_large_png(const char *path, int bits) {
 
 /* Of a PNG that is too large to be decoded as a whole, a region is. */
 TEST(rti__large) {
-    g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *png = g_build_filename(dir, "large.png", NULL);
     for (int bits = 8; bits <= 16; bits += 8) {
         g_autofree char *path = session_fixture_path("large");
@@ -517,7 +513,7 @@ TEST(rti__large) {
 /* Whatever bytes a list has, it is a list or an error. */
 TEST(rti__mutated) {
     static const char *const good = "2\na.png 0 0 1\na.png 0.5 0 0.866\n";
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a.png", NULL);
     GRand *rand = g_rand_new_with_seed(3);
@@ -582,7 +578,7 @@ TEST(bonn) {
 /* A session's BTF written and read again; and in factors, with all there are. */
 TEST(export_bonn) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("exported");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("exported");
     struct import_result result;
     struct export_bonn_result exported;
     const struct import_wish wish = {.texel_mm = 0.5};
@@ -613,7 +609,7 @@ TEST(export_bonn) {
 
 TEST(exists) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     struct import_result result;
     const struct import_wish outside = {.region = {3, 0, WIDTH, HEIGHT}};
     write_set(dir);
@@ -627,7 +623,7 @@ TEST(exists) {
 TEST(cancelled) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("cancelled");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("cancelled");
     struct import_result result;
     const struct work progress = {.cancellable = cancellable};
     write_set(dir);
@@ -645,7 +641,7 @@ static void keep_last(const struct work_progress *progress, gpointer data) {
 /* Each stage ends with all of it done. */
 TEST(progress) {
     g_autoptr(GHashTable) last = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("progress");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("progress");
     struct import_result result;
     const struct work work = {.progress = keep_last, .data = last};
     static const char *const stages[] = {"import", "eigenmaps"};

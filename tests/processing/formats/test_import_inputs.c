@@ -23,12 +23,6 @@
 static const struct work quietly = {0};
 static const struct told untold = {0};
 
-static char *new_folder(void) {
-    g_autofree char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(template));
-    return g_steal_pointer(&template);
-}
-
 static double encode(double v) {
     return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
 }
@@ -71,7 +65,8 @@ struct ball {
 
 /* Writes a set and imports it. notes: what the import said. */
 static struct btf_matrix *import_ball(const struct ball *ball, GPtrArray *notes, char **ret_path) {
-    g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "ball.lp", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *list = g_build_filename(dir, "ball.lp", NULL);
     g_autofree char *path = session_fixture_path("ball");
     g_autoptr(GString) text = g_string_new(NULL);
     g_autofree guint16 *codes = g_new(guint16, 4 * PIXELS);
@@ -271,7 +266,7 @@ TEST(tones) {
     for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {
         g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
         g_autoptr(GError) error = NULL;
-        g_autofree char *dir = new_folder();
+        g_autofree char *dir = session_fixture_new_folder();
         g_autofree char *file = g_strdup_printf("%s/one.%s", dir, files[k].kind);
         guint16 codes[64 * 3];
         guint8 bytes[64 * 3];
@@ -307,7 +302,7 @@ TEST(tones) {
 TEST(opacity) {
     for (int k = 0; k < 4; k++) {
         static const int bits[] = {8, 16, 8, 8}, channels[] = {4, 4, 2, 4};
-        g_autofree char *dir = new_folder();
+        g_autofree char *dir = session_fixture_new_folder();
         g_autofree char *file = g_build_filename(dir, k == 3 ? "one.tif" : "one.png", NULL);
         guint16 codes[64 * 4];
         guint8 bytes[64 * 4];
@@ -364,7 +359,8 @@ TEST(windows) {
     static const gint32 wide[4] = {-1, -2, 4, 3}, narrow[4] = {1, 1, 2, 5},
                         away[4] = {9, 9, 12, 12};
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "a.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "a.exr", NULL);
     write_window(path, wide, "", NULL);
     g_autoptr(ExrPart) part = exr_read_picture(path, &error);
     g_assert_no_error(error);
@@ -396,7 +392,7 @@ TEST(windows) {
 TEST(cropped) {
     static const gint32 one[4] = {0, 0, 3, 2}, other[4] = {1, 0, 4, 2}, full[4] = {-1, -1, 4, 3};
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("cropped");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("cropped");
     g_autofree char *a = g_build_filename(dir, "a.exr", NULL),
                     *b = g_build_filename(dir, "b.exr", NULL);
     g_autofree char *list = g_build_filename(dir, "two.lp", NULL);
@@ -419,7 +415,8 @@ TEST(cropped) {
 TEST(environment) {
     static const gint32 wide[4] = {-1, 0, 4, 2}, beyond[4] = {0, 0, 3, 1};
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "sky.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "sky.exr", NULL);
     write_window(path, wide, "", NULL);
     g_assert_null(environment_read(path, &error));
     assert_has(error->message, "it is cropped: its data window is smaller");
@@ -433,7 +430,8 @@ TEST(environment) {
 
 TEST(channels) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "a.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *path = g_build_filename(dir, "a.exr", NULL);
     write_window(path, NULL, "", "id");
     g_assert_cmpfloat(imported(path, PICTURE_TONES_UNSAID, NULL, NULL, &error), ==, 0.25);
     g_autoptr(ExrFile) file = exr_read(path, &error);
@@ -480,7 +478,7 @@ TEST(order) {
     static const char *const plain[4] = {"DSC_0997.png", "DSC_0998.png", "DSC_1001.png",
                                          "DSC_1002.png"};
     static const char lights[] = "theta,phi\n10,0\n20,0\n30,0\n40,0\n";
-    g_autofree char *dir = new_folder(), *other = new_folder();
+    g_autofree char *dir = session_fixture_new_folder(), *other = session_fixture_new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.csv", NULL);
     g_autofree char *beside = g_build_filename(other, "lights.csv", NULL);
     g_autofree char *named = g_build_filename(other, "filenames.txt", NULL);
@@ -527,7 +525,8 @@ TEST(lists) {
         "4\njpeg\\a.png 0.17365 0 0.98481\njpeg/b.png 0.34202 0 0.93969\n"
         "jpeg/c.png 0.5 0 0.86603\nelsewhere/d.png 0.64279 0 0.76604\n",
     };
-    g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "set.lp", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *list = g_build_filename(dir, "set.lp", NULL);
     g_autofree char *below = g_build_filename(dir, "jpeg", NULL);
     g_assert_cmpint(g_mkdir(below, 0700), ==, 0);
     write_series(dir, names, NULL);

@@ -24,12 +24,6 @@ static const struct work quietly = {0};
 static const struct session_grid grid = {8, 8, 50, 50, 5, 5};
 static char *calibration;
 
-static char *new_folder(void) {
-    char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
-    g_assert_nonnull(g_mkdtemp(template));
-    return template;
-}
-
 /* planes: Y, or R, G, B */
 static void write_picture(const char *path, const float *const *planes, int n, int width) {
     static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"B", "G", "R", NULL};
@@ -145,7 +139,8 @@ static void compare_mdf(const char *a_path, const char *b_path, const int *other
 }
 
 TEST(session) {
-    g_autofree char *path = captured(), *dir = new_folder(), *again = session_fixture_path("again");
+    g_autofree char *path = captured(), *dir = session_fixture_new_folder(),
+                    *again = session_fixture_path("again");
     g_autofree char *table = as_pictures(path, dir);
     const struct import_poses poses = {.table = table,
                                        .calibration = calibration,
@@ -208,7 +203,8 @@ static void assert_refused(const char *dir, const char *rows, const char *what) 
 }
 
 TEST(bad) {
-    g_autofree char *dir = new_folder(), *wide = g_build_filename(dir, "wide.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *wide = g_build_filename(dir, "wide.exr", NULL);
     float values[(SIDE + 1) * SIDE] = {0};
     const float *plane = values;
     write_grey(dir, "a.exr", values);
@@ -267,7 +263,7 @@ TEST(bad) {
  * that light, has all. What is missing is predicted. */
 TEST(missing) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = session_fixture_path("missing");
+    g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("missing");
     g_autofree char *less = session_fixture_path("less");
     g_autoptr(GString) table = g_string_new(HEAD);
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
@@ -333,7 +329,7 @@ static const struct noticed {
 static void test_noticed(gconstpointer data) {
     const struct noticed *noticed = data;
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree char *path = session_fixture_path(strrchr(noticed->path, '/') + 1);
     g_autoptr(GString) table = g_string_new(HEAD);
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
@@ -377,7 +373,8 @@ static void test_noticed(gconstpointer data) {
 /* Imports pictures that are evenly grey, as a table of poses has them, with this calibration.
  * Returns the calibration's file. */
 static char *import_grey(const char *path, const struct calibration *known, const char *table) {
-    g_autofree char *dir = new_folder(), *poses_csv = g_build_filename(dir, "poses.csv", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *poses_csv = g_build_filename(dir, "poses.csv", NULL);
     char *file = g_build_filename(dir, "known.calibration", NULL);
     struct import_poses_result result;
     float values[PIXELS];
@@ -497,7 +494,7 @@ static void test_sweep(gconstpointer data) {
     const enum import_edge edge = (enum import_edge)GPOINTER_TO_INT(data);
     for (int without = -1; without < 12; without += 12) {
         g_autoptr(GString) table = g_string_new(NULL);
-        g_autofree char *dir = new_folder(), *path = session_fixture_path("sweep");
+        g_autofree char *dir = session_fixture_new_folder(), *path = session_fixture_path("sweep");
         struct import_poses_result result;
         write_sweep(dir, edge, table, without);
         g_assert_true(ok(import_rows(dir, path, table->str, edge, &result, ERR)));
@@ -538,7 +535,8 @@ static double mean_of(const char *path, const char *channel) {
 /* A colour picture against the grey ones of its channels. */
 TEST(colour) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *colour = g_build_filename(dir, "rgb.exr", NULL);
     g_autofree char *path = session_fixture_path("colour");
     struct import_poses_result result;
     float planes[3][PIXELS];
@@ -572,7 +570,8 @@ TEST(colour) {
 TEST(colour_beside_grey) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GString) table = g_string_new(NULL);
-    g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *colour = g_build_filename(dir, "rgb.exr", NULL);
     g_autofree char *alone = session_fixture_path("alone"), *both = session_fixture_path("both");
     struct import_poses_result result;
     float planes[3][PIXELS];
@@ -601,7 +600,7 @@ TEST(colour_beside_grey) {
 TEST(mutated) {
     static const char *const good =
         HEAD "a.exr,cam30,lamp30,,0,45,\n\"a.exr\";cam30;lamp60;;0;-45.5;\n";
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     GRand *rand = g_rand_new_with_seed(9);
     float values[PIXELS] = {0};
     write_grey(dir, "a.exr", values);
@@ -630,7 +629,7 @@ static void write_calibration(void) {
 /* data: the table's path is given relative to the working directory. */
 static void test_command(gconstpointer data) {
     const gboolean relative = data != NULL;
-    g_autofree char *dir = new_folder();
+    g_autofree char *dir = session_fixture_new_folder();
     g_autofree char *path = session_fixture_path(relative ? "relative" : "command");
     g_autofree char *before = g_get_current_dir();
     g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);

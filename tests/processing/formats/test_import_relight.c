@@ -1,6 +1,7 @@
 /* Sets of Relight whose coefficients are known, against the formula of OpenLIME's shader. */
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "scene/picture.h"
@@ -20,8 +21,6 @@
 static const double lights[LIGHTS][3] = {
     {0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.64, 0.6}, {0, -0.995, 0.1}};
 
-static char *folder;
-
 static guint8 byte(int plane, int texel, int colour) {
     return (guint8)((plane * 71 + texel * 37 + colour * 23 + 40) % 256);
 }
@@ -30,10 +29,6 @@ static double scale(int k) {
 }
 static double bias(int k) {
     return k < 3 ? 0.01 * k : 0.15 + 0.005 * k;
-}
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
 }
 
 static void write_planes(int n) {
@@ -229,15 +224,9 @@ TEST(no_lights) {
 TESTS_RUN_BY(session_fixture_run);
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-relight-XXXXXX", NULL);
+    folder_make();
 }
 
 AFTER_TESTS {
-    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    for (const char *name; dir && (name = g_dir_read_name(dir));) {
-        g_autofree char *path = in_folder(name);
-        g_unlink(path);
-    }
-    g_rmdir(folder);
-    g_free(folder);
+    folder_remove();
 }

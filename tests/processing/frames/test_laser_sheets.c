@@ -1,4 +1,5 @@
 /* Laser sheets and sweeps from lines on planes of two heights, in simulated sweeps. */
+#include "lib/deviate.h"
 #include "lib/lasers_scene.h"
 #include "lib/ok.h"
 #include "lib/test.h"
@@ -99,14 +100,6 @@ static void exact(void) {
     laser_result_clear(&found);
 }
 
-/* Standard normal deviate. */
-static double deviate(GRand *rand) {
-    double sum = -6;
-    for (int i = 0; i < 12; i++)
-        sum += g_rand_double(rand);
-    return sum;
-}
-
 /* A bent sheet is found as bent as it is, whichever way it is bent, and a flat one is flat. Its
  * error is that of the sheet, although the position along the beam is hardly known. */
 static void bent(void) {
@@ -122,7 +115,7 @@ static void bent(void) {
             struct rig_laser truth = rig.lasers[0]; /* nearly, as far as the bend goes */
             truth.bend_rad = bends_rad[k];
             p->sweep_rad -= rig_laser_bent_rad(&true_arc, &truth, p->arc_rad, p->point_mm);
-            p->sweep_rad += 2e-5 * deviate(rand);
+            p->sweep_rad += 2e-5 * deviate_sum(rand);
             p->noise_mm = 0.0096f; /* 2e-5 of 480 mm */
         }
         ok(fit_points(&rig, points, &found, ERR));
@@ -155,14 +148,14 @@ static void prior(void) {
     g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
     g_autoptr(GRand) rand = g_rand_new_with_seed(4);
     for (guint i = 0; i < points->len; i++)
-        g_array_index(points, struct laser_point, i).sweep_rad += 2e-5 * deviate(rand);
+        g_array_index(points, struct laser_point, i).sweep_rad += 2e-5 * deviate_sum(rand);
     ok(fit_points(&rig, points, &all, ERR));
     for (guint i = 0; i < points->len; i++) {
         struct laser_point *p = &g_array_index(points, struct laser_point, i);
         p->arc_rad = SCENE_RAD(60);
         p->sweep_rad =
             rig_laser_sweep_rad(&all.rig.arc, &all.rig.lasers[0], p->arc_rad, p->point_mm) +
-            2e-5 * deviate(rand);
+            2e-5 * deviate_sum(rand);
     }
     ok(fit_points(&rig, points, &one, ERR));
     for (int k = 0; k < 2; k++) {

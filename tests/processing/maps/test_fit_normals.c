@@ -1,5 +1,6 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
+#include "base/robust.h"
 #include "codecs/hsh/hsh.h"
 #include "codecs/lobes/lobes_levels.h"
 #include "lib/ok.h"
@@ -102,11 +103,6 @@ static char *write_model(const struct btf_matrix *btf, int terms) {
     return path;
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 struct errors {
     double median_deg, worst_deg;
     struct fit_normals_result result;
@@ -136,7 +132,7 @@ static struct errors errors_of(Shape shape, enum trouble trouble, int terms,
         g_assert_cmpfloat_with_epsilon(length, 1, 1e-5);
         off[n++] = acos(MIN(cosine, 1)) * DEG;
     }
-    qsort(off, (gsize)n, sizeof *off, by_value);
+    qsort(off, (gsize)n, sizeof *off, robust_by_value);
     g_assert_cmpint(n, ==, TEXELS - ret.result.holes);
     g_assert_cmpint(ret.result.texels, ==, TEXELS);
     ret.median_deg = off[n / 2];

@@ -10,6 +10,7 @@
 #include <png.h>
 #include <string.h>
 
+#include "base/robust.h"
 #include "exr/exr.h"
 #include "lib/assert_error.h"
 #include "lib/process.h"
@@ -114,11 +115,6 @@ static double *peer(const struct ball *ball) {
     return (double *)(gpointer)bytes;
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double angle_deg(struct vec3 a, struct vec3 b) {
     return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b)) * DEG;
 }
@@ -166,7 +162,7 @@ static void test_ball(gconstpointer data) {
         n++;
     }
     for (int k = 0; k < 2; k++)
-        qsort(off[k], (gsize)n, sizeof(double), by_value);
+        qsort(off[k], (gsize)n, sizeof(double), robust_by_value);
     g_test_message("%s: %d of %d; median %.3f° and %.3f°, 90 %% %.3f° and %.3f°, RMS %.3f° and "
                    "%.3f°; (off / bar)² %.2f; albedo %.2f %%; dark %d, few %d, contradict %d, flat "
                    "%d, away %d",
@@ -224,7 +220,7 @@ static int errors_of(const char *path, double *ret_median_deg, double *ret_most_
         if (truth.z > 0.2 && vec3_length(is) > 0.5)
             off[n++] = angle_deg(is, truth);
     }
-    qsort(off, (gsize)n, sizeof(double), by_value);
+    qsort(off, (gsize)n, sizeof(double), robust_by_value);
     *ret_median_deg = off[n / 2];
     *ret_most_deg = off[n - 1];
     return n;

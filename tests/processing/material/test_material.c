@@ -176,7 +176,7 @@ static void random_direction(GRand *random, float ret[3]) {
 static void test_values(gconstpointer data) {
     const struct file *of = data;
     const struct codec *codec = codecs_find(of->codec);
-    g_autofree char *folder = g_dir_make_tmp("material-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(of->with_pole);
     g_autoptr(GRand) random = g_rand_new_with_seed(7);
@@ -219,7 +219,6 @@ static void test_values(gconstpointer data) {
     g_assert_cmpfloat(brightest, >, 0.1); /* the fixture's diffuse part is 0.4 n·l */
     mesorig_material_close(material);
     plain_clear(&plain);
-    remove_tree(folder);
 }
 
 /* Options that change how a file is evaluated. Every codec is also tested with its defaults. */
@@ -235,7 +234,7 @@ static const struct file with_options[] = {
 
 /* A footprint's value is the mean over its square: here of 48 × 48 points. */
 TEST(footprint) {
-    g_autofree char *folder = g_dir_make_tmp("material-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     enum { N = 48 };
@@ -262,12 +261,11 @@ TEST(footprint) {
             g_assert_cmpfloat_with_epsilon(rgb[c], mean[c], 2e-4);
     }
     mesorig_material_close(material);
-    remove_tree(folder);
 }
 
 /* Two texels wide is one level up: what a material of that level alone has there. */
 TEST(mips) {
-    g_autofree char *folder = g_dir_make_tmp("material-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     const float view[] = {0.3F, -0.2F, 0.9F}, light[] = {-0.1F, 0.4F, 0.8F};
@@ -296,7 +294,6 @@ TEST(mips) {
     for (int k = 0; k < n; k++)
         lobes_free(levels[k]);
     mesorig_material_close(material);
-    remove_tree(folder);
 }
 
 static void add_file(struct file file) {

@@ -1,17 +1,11 @@
 /* What libmesorig-material opens, and what it says of what it cannot open. */
+#include "lib/folder.h"
 #include "lib/material_fixture.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <math.h>
 #include <mesorig/material.h>
 #include <string.h>
-
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* A session directory with a BTF only. */
 static char *make_session(const char *name, const struct btf_matrix *btf) {
@@ -227,10 +221,9 @@ TEST(arguments) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("material-XXXXXX", NULL);
+    folder_make();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

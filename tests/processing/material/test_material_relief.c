@@ -3,6 +3,7 @@
 #include "codecs/mdf_codecs/mdf_factors.h"
 #include "exr/exr.h"
 #include "lib/material_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -50,23 +51,17 @@ static double distance_of(double x, double y, const double v[3]) {
 }
 
 static void write_mdf(const char *path) {
-    static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
     for (int k = 0; k < VIEWS; k++) {
-        g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
         double v[3], theta, phi;
         direction_of(k, v);
         angles_of(k, &theta, &phi);
-        exr_set_double(part, "view.theta_deg", theta);
-        exr_set_double(part, "view.phi_deg", phi);
-        exr_set_double(part, "texel_mm", TEXEL_MM);
+        struct exr_part *part = mdf_file_add_view(file, k, SIDE, SIDE, theta, phi, TEXEL_MM);
         for (int i = 0; i < SIDE * SIDE; i++) {
             const int column = i % SIDE, row = i / SIDE;
             part->planes[0][i] = (float)distance_of((column + 0.5 - SIDE / 2.0) * TEXEL_MM,
                                                     (SIDE / 2.0 - row - 0.5) * TEXEL_MM, v);
         }
-        exr_file_add(file, part);
     }
     g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }
@@ -113,7 +108,7 @@ static void check_rays(const mesorig_material *m, gboolean measured, double dist
 }
 
 TEST(waves) {
-    g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
     g_autofree char *blocks_path = g_build_filename(folder, "blocks.exr", NULL);
@@ -159,12 +154,11 @@ TEST(waves) {
     g_assert_nonnull(m);
     check_rays(m, TRUE, 0.02, cos(2 * DEG));
     mesorig_material_close(m);
-    remove_tree(folder);
 }
 
 /* Without relief rays end where they enter. */
 TEST(flat) {
-    g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     const float uv[] = {1.25F, -0.5F, 0, 0}, view[] = {0.5F, 0, 0.5F, 0, 1, -0.1F};
@@ -180,5 +174,4 @@ TEST(flat) {
     g_assert_cmpint(hit[1].hit, ==, 0);
     g_assert_cmpfloat(hit[1].normal[2], ==, 0);
     mesorig_material_close(m);
-    remove_tree(folder);
 }

@@ -3,23 +3,20 @@
 #include "codecs/mdf_codecs/mdf_codec.h"
 #include "lib/material_fixture.h"
 #include "lib/material_threads.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 
 /* A flat relief: of the views of the fixture, 1 mm deep. */
 static void write_mdf(const char *path, const struct btf_matrix *btf) {
-    static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
     for (gsize v = 0; v < btf->layout.views.n; v++) {
-        g_autofree char *name = g_strdup_printf("view_%04zu", v);
-        struct exr_part *part = exr_part_new(name, 8, 8, channels, EXR_HALF);
-        exr_set_double(part, "view.theta_deg", (double)btf->layout.views.theta_deg[v]);
-        exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
-        exr_set_double(part, "texel_mm", 0.4);
+        struct exr_part *part =
+            mdf_file_add_view(file, (int)v, 8, 8, (double)btf->layout.views.theta_deg[v],
+                              (double)btf->layout.views.phi_deg[v], 0.4);
         for (int k = 0; k < 64; k++)
             part->planes[0][k] = 0.02F * (float)k;
-        exr_file_add(file, part);
     }
     g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }

@@ -3,6 +3,7 @@
 #include "capture/intake/radiance.h"
 #include "frames/sweep.h"
 #include "laser/laser.h"
+#include "lib/deviate.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "lib/world_fixture.h"
@@ -32,13 +33,6 @@ struct effects {
     const char *world, *laser; /* further lines of these sections */
 };
 
-static double deviate(GRand *rand) {
-    double sum = -6;
-    for (int i = 0; i < 12; i++)
-        sum += g_rand_double(rand);
-    return sum;
-}
-
 static World *new_world(const struct effects *effects, const char *sample) {
     g_autoptr(GString) text = g_string_new(NULL);
     g_string_append_printf(text,
@@ -66,8 +60,8 @@ static struct rig new_rig(GRand *rand, const double camera_px[CAMERAS]) {
         struct rig_camera *c = &rig.cameras[i];
         *c = (struct rig_camera){
             .width = SIDE, .height = SIDE, .fx_px = FOCAL_PX, .fy_px = FOCAL_PX};
-        c->cx_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate(rand);
-        c->cy_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate(rand);
+        c->cx_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate_sum(rand);
+        c->cy_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate_sum(rand);
         rig_camera_look_at(c, vec3_scale(rig_direction(camera_deg[i] * DEGREE, 0), EYE_MM),
                            vec3(0, 0, 0));
     }

@@ -296,7 +296,7 @@ static void reprojection_test_write_mdf(const struct scene *scene, const char *p
 
 TEST(read) {
     struct scene *scene = reprojection_test_scene(slope, three, 3);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-reprojection-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "mdf.exr", NULL);
     g_autoptr(GError) error = NULL;
     reprojection_test_write_mdf(scene, path);
@@ -321,7 +321,6 @@ TEST(read) {
     g_assert_null(reprojection_read(path, theta_deg, phi_deg, 3, FALSE, &error));
     g_assert_nonnull(error);
     g_remove(path);
-    g_rmdir(folder);
     reprojection_test_free(scene);
 }
 
@@ -372,7 +371,7 @@ TEST(session) {
     static char name[] = "two";
     const struct btf_directions to = {name, {2, theta_deg, phi_deg}, {1, &light_theta, &light_phi}};
     struct scene *scene = reprojection_test_scene(slope, three, 3);
-    g_autofree char *folder = g_dir_make_tmp("mesorig-reprojection-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *from = reprojection_test_session(scene, folder);
     g_autofree char *mdf = g_build_filename(from, "products", "mdf.exr", NULL);
     g_autofree char *path = g_build_filename(folder, "b.session", NULL);
@@ -411,7 +410,6 @@ TEST(session) {
     ok(along_surface_predict(path, again, NULL, 0, &quiet, &result, ERR));
     g_assert_false(along_surface_predict(from, again, &to, 0, &quiet, &result, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
-    remove_tree(folder);
     reprojection_test_free(scene);
 }
 

@@ -7,6 +7,7 @@
 
 #include "frames/rectify.h"
 #include "lib/ok.h"
+#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #define RAD(deg)  ((deg) * (G_PI / 180))
@@ -122,7 +123,7 @@ TEST(plane) {
         {{everywhere, wrong_on_the_left, everywhere}, 1}, /* two of three agree */
         {{everywhere, left_half, left_half}, 0.5},
     };
-    g_autofree char *folder = g_dir_make_tmp("mesorig-coverage-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     struct rig rig;
     scene_new(&rig);
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
@@ -132,13 +133,12 @@ TEST(plane) {
                 add_sweep(view, folder, &rig, i, cases[k].of[i]);
         g_assert_cmpfloat_with_epsilon(known_part(view), cases[k].known, 0.06);
     }
-    g_rmdir(folder);
 }
 
 /* A file that is not there, or not of the camera's size, is an error. */
 TEST(files) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-coverage-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     struct rig rig;
     scene_new(&rig);
     g_autoptr(CoverageView) view = coverage_view_new(&rig, 0, 0, &grid);
@@ -158,7 +158,6 @@ TEST(files) {
     add_sweep(view, folder, &rig, 1, everywhere);
     g_assert_cmpfloat(known_part(view), ==, 0);
     input_clear(&input);
-    g_rmdir(folder);
 }
 
 /* A light where the camera stands reaches whatever the camera sees. What a sweep adds shrinks with
@@ -190,7 +189,7 @@ TEST(model) {
 /* What is expected of a sweep: nothing where all is known; of half a picture that one sweep has
  * seen and another one not, no more than that half. */
 TEST(expectation) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-coverage-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     struct rig rig;
     scene_new(&rig);
     struct vec3 lasers[N_LASERS];
@@ -210,5 +209,4 @@ TEST(expectation) {
     const double open = 1 - known_part(half), expects = coverage_view_expects(half, model, 2);
     g_assert_cmpfloat(expects, >, 0.1 * open);
     g_assert_cmpfloat(expects, <=, open);
-    g_rmdir(folder);
 }

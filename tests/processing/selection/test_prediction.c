@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "lib/direction.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "selection/prediction.h"
@@ -18,18 +19,13 @@ static struct vec3 views[VIEWS], lights[LIGHTS];
 static int groups[PAIRS];
 static struct prediction_pairs pairs = {VIEWS, LIGHTS, views, lights, .groups = groups};
 
-static struct vec3 towards(double theta_deg, double phi_deg) {
-    const double t = theta_deg * G_PI / 180, p = phi_deg * G_PI / 180;
-    return vec3(sin(t) * cos(p), sin(t) * sin(p), cos(t));
-}
-
 /* Rings of four: three of views, four of lights. A group is a light at one of four angles of the
  * turntable, seen by three cameras. */
 static void make_pairs(void) {
     for (int v = 0; v < VIEWS; v++)
-        views[v] = towards(15 + 25 * (v / 4), 90 * (v % 4));
+        views[v] = direction_of_deg(15 + 25 * (v / 4), 90 * (v % 4));
     for (int l = 0; l < LIGHTS; l++)
-        lights[l] = towards(15 + 18 * (l / 4), 90 * (l % 4) + 30);
+        lights[l] = direction_of_deg(15 + 18 * (l / 4), 90 * (l % 4) + 30);
     for (int p = 0; p < PAIRS; p++)
         groups[p] = p / LIGHTS % 4 * LIGHTS + p % LIGHTS;
 }
@@ -37,7 +33,7 @@ static void make_pairs(void) {
 /* A diffuser with a tilted normal under a broad highlight, of each row's own albedo. */
 static float value(int row, int pair) {
     const struct vec3 v = views[pair / LIGHTS], l = lights[pair % LIGHTS];
-    const struct vec3 n = towards(3 * (row % 7), 40 * (row % 9));
+    const struct vec3 n = direction_of_deg(3 * (row % 7), 40 * (row % 9));
     const struct vec3 h = vec3_unit(vec3_add(v, l));
     const double albedo = 0.2 + 0.1 * (row % 6);
     return (float)(albedo * fmax(vec3_dot(n, l), 0) + 0.2 * exp(-20 * (1 - vec3_dot(h, n))));

@@ -74,7 +74,7 @@ static void read_as(const struct input *input, const char *const *channels, cons
 
 TEST(read) {
     static const char *const grey[] = {"Y", NULL}, *const red[] = {"R", NULL};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-inputs-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
     g_autofree char *wrong = g_strnfill(64, '0');
     g_autoptr(ExrFile) file = exr_file_new();
@@ -101,5 +101,4 @@ TEST(read) {
     input.sha256 = NULL;
     g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
     read_as(&input, grey, "delete it, and `mesorig resume` takes it again");
-    remove_tree(folder);
 }

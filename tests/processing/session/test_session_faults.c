@@ -12,6 +12,7 @@
 
 #include "exr/exr.h"
 #include "lib/ok.h"
+#include "lib/text_file.h"
 #include "session/made_with.h"
 #include "session/outputs.h"
 #include "session/session.h"
@@ -287,11 +288,6 @@ static const struct {
     {"verify-thorough", use_verify_thorough, SESSION_CAPTURE, SAME, FALSE},
 };
 
-static void write_file(const char *directory, const char *name, const char *text) {
-    g_autofree char *path = g_build_filename(directory, name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
-
 /* Another program writes what is there already, undisturbed: a connection that has read the whole
  * database when it was opened has to read it again. */
 static void write_beside(const char *path) {
@@ -376,10 +372,10 @@ static void make_session(const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_create(path, "Loden", &texts, &plan, &error);
     g_assert_no_error(error);
-    write_file(path, FRAME, "frame");
-    write_file(path, "frames/000002_cam.exr", "second");
-    write_file(path, PRODUCT, "view");
-    write_file(path, "products/mdf.exr", "mdf");
+    text_file_write(path, FRAME, "frame");
+    text_file_write(path, "frames/000002_cam.exr", "second");
+    text_file_write(path, PRODUCT, "view");
+    text_file_write(path, "products/mdf.exr", "mdf");
     g_autofree char *sha256 = g_compute_checksum_for_string(G_CHECKSUM_SHA256, "frame", 5);
     const struct session_frame frame = {
         .shot = 1, .path = (char *)FRAME, .sha256 = sha256, .bytes = 5};

@@ -2,6 +2,7 @@
  * sessions: the halves of a sensor, offsets of columns, veiling glare, flicker. They are corrected
  * where the tile's pictures show them, else the error bars hold them; and what a residual says. */
 #include "base/residual.h"
+#include "base/robust.h"
 #include "btf/btf_sigma.h"
 #include "lib/grey_fixture.h"
 #include "lib/ok.h"
@@ -122,13 +123,8 @@ static void add_errors(const struct exr_part *part, const struct session_grid *g
         }
 }
 
-static int by_value(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double quantile(GArray *values, double q) {
-    g_array_sort(values, by_value);
+    g_array_sort(values, robust_by_value);
     return g_array_index(values, double, (guint)(q * (values->len - 1)));
 }
 

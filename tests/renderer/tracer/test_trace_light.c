@@ -2,6 +2,7 @@
  */
 #include "base/direction.h"
 #include "lib/material_fixture.h"
+#include "lib/mdf_file.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -277,7 +278,7 @@ TEST(furnace__box) {
 TEST(furnace__captured) {
     static const char *const forms[] = {"ward", "eigenmaps"};
     enum { STEPS = 400 };
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "white.exr", NULL);
     g_autoptr(BtfMatrix) btf =
         btf_fixture_of("white", MATERIAL_WIDTH, MATERIAL_HEIGHT, btf_fixture_rings(4, 75, 0),
@@ -315,7 +316,6 @@ TEST(furnace__captured) {
         g_assert_cmpfloat_with_epsilon(seen, sky, 0.005);
         g_assert_cmpfloat_with_epsilon(seen, 1.0, 0.005);
     }
-    remove_tree(folder);
 }
 
 /* A plane of albedo 0.5 under lamps whose light is known, with every way to draw directions. */
@@ -455,7 +455,7 @@ TEST(punctual) {
  * for the directions of eye and lamp in the plane's frame. */
 TEST(captured) {
     static const double points[][2] = {{0.31, 0.17}, {-0.62, 0.55}, {0.05, -0.83}};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
@@ -490,7 +490,6 @@ TEST(captured) {
     }
     g_assert_cmpfloat(most, >, 1.5 * least); /* or it would not matter where */
     mesorig_material_close(material);
-    remove_tree(folder);
 }
 
 /* The same with any number of threads; another with another seed. */
@@ -525,18 +524,14 @@ TEST(cancelled) {
 
 /* An MDF of views that are those of a BTF: everywhere depth_mm below the reference plane. */
 static void write_even_mdf(const char *path, const struct btf_matrix *btf, double depth_mm) {
-    static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
     for (gsize v = 0; v < btf->layout.views.n; v++) {
-        g_autofree char *name = g_strdup_printf("view_%04zu", v);
-        struct exr_part *part = exr_part_new(name, 4, 4, channels, EXR_FLOAT);
         const double theta_deg = (double)btf->layout.views.theta_deg[v];
-        exr_set_double(part, "view.theta_deg", theta_deg);
-        exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
-        exr_set_double(part, "texel_mm", btf->layout.texel_mm);
+        struct exr_part *part =
+            mdf_file_add_view(file, (int)v, 4, 4, theta_deg, (double)btf->layout.views.phi_deg[v],
+                              btf->layout.texel_mm);
         for (int k = 0; k < 16; k++)
             part->planes[0][k] = (float)(depth_mm / cos(theta_deg * G_PI / 180.0));
-        exr_file_add(file, part);
     }
     g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }
@@ -560,7 +555,7 @@ static double outline_radius(const TraceScene *scene) {
  * beyond the distance √(1 − z²) = √(1 − 2 d) from the middle. */
 TEST(relief) {
     static const double depths[] = {0.03, 0.08};
-    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    TEMPORARY_FOLDER(folder);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(Mesh) sphere = scene_sphere();
     const struct trace_object object = {sphere, 0, 1.0F, {0, 0, 0}, FALSE};
@@ -587,5 +582,4 @@ TEST(relief) {
         g_test_message("outline at %.4f, formula %.4f", radius, sqrt(1.0 - 2.0 * depths[k]));
         g_assert_cmpfloat_with_epsilon(radius, sqrt(1.0 - 2.0 * depths[k]), 3e-3);
     }
-    remove_tree(folder);
 }

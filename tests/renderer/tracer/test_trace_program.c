@@ -1,8 +1,8 @@
 /* mesorig-trace as its users call it: files it writes, captured materials, and what it refuses. */
 #include "exr/exr.h"
+#include "lib/folder.h"
 #include "lib/material_fixture.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/trace_fixture.h"
 
@@ -13,12 +13,6 @@
 #include <string.h>
 
 #define TRACE BUILD_DIR "/bin/mesorig-trace"
-
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 static void write_scene(const char *name, const char *materials, gboolean bare) {
     g_autoptr(Mesh) sphere = scene_sphere();
@@ -207,12 +201,11 @@ TEST(full) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    folder_make();
     write_scene("a.gltf", MATERIALS, FALSE);
     write_material();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

@@ -6,9 +6,9 @@
 #include "formats/brdf/tensor_file.h"
 #include "formats/brdf/utia.h"
 #include "formats/brdf/warp.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
-#include "lib/remove_tree.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -19,11 +19,6 @@
 #define TOLERANCE 1e-5
 
 static const struct work quietly = {0};
-static char *folder;
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* A rough metal on a coloured ground: reciprocal, and smooth but for a highlight. anisotropy: of
  * its roughness along x and y. */
@@ -394,12 +389,11 @@ TEST(mutated) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-brdf-XXXXXX", NULL);
+    folder_make();
     g_test_add_data_func("/brdf/rgl/isotropic", GINT_TO_POINTER(TRUE), test_rgl);
     g_test_add_data_func("/brdf/rgl/anisotropic", GINT_TO_POINTER(FALSE), test_rgl);
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }

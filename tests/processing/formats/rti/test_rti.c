@@ -3,6 +3,7 @@
 #include "btf/btf_matrix.h"
 #include "formats/reflectance/import_brdf.h"
 #include "formats/rti/rti.h"
+#include "lib/folder.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -18,12 +19,7 @@
 #define LIGHTS 24
 
 static const struct work quietly = {0};
-static char *folder;
 static float lights[LIGHTS * 3];
-
-static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
-}
 
 /* Three rings and a bit, as domes have them; also as a table and for the peer. */
 static void make_lights(void) {
@@ -215,11 +211,10 @@ TEST(refused) {
 }
 
 BEFORE_TESTS {
-    folder = g_dir_make_tmp("mesorig-rti-XXXXXX", NULL);
+    folder_make();
     make_lights();
 }
 
 AFTER_TESTS {
-    remove_tree(folder);
-    g_free(folder);
+    folder_remove();
 }
