@@ -143,8 +143,10 @@ static gboolean do_load(struct catalogue *catalogue, Session *session, const cha
         !(grid->width_mm > 0) || !(grid->height_mm > 0) || !isfinite(grid->width_mm) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !isfinite(grid->depth_mm))
         return data_error_fail(catalogue->directory, 0, error,
-                               "%d × %d texels of %g × %g mm do not form a grid", grid->width,
-                               grid->height, grid->width_mm, grid->height_mm);
+                               "its grid is not valid: %d × %d texels (1 to 8192 each) on %g × %g "
+                               "mm, reference_mm %g, depth_mm %g",
+                               grid->width, grid->height, grid->width_mm, grid->height_mm,
+                               grid->reference_mm, grid->depth_mm);
     if (reference && !laser_reference_from_text(reference, &catalogue->reference))
         return data_error_fail(catalogue->directory, 0, error,
                                "its value %s, “%s”, is not five numbers: height, its error, x and "
