@@ -29,11 +29,11 @@ static struct operation *new_run(const struct spoilt *spoilt) {
     return run;
 }
 
-/* "mesorig: 5 test shots say …" */
+/* "… the check before the capture (5 test shots) gave …" */
 static int shots_said(const struct operation *run) {
-    const char *at = strstr(run->err, " test shots say");
+    const char *at = strstr(run->err, " test shots) gave ");
     g_assert_nonnull(at);
-    while (at > run->err && at[-1] != ' ')
+    while (at > run->err && at[-1] != '(')
         at--;
     return atoi(at);
 }
