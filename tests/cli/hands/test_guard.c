@@ -60,7 +60,7 @@ TEST(spoilt) {
         assert_has(run->err, "--yes goes on all the same");
         g_assert_cmpint(shots_said(run), >=, 2);
         g_assert_cmpint(shots_said(run), <=, 5);
-        assert_has(run->err, "is not calibrated");
+        assert_has(run->err, "are not calibrated");
         g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
         operator_free(run);
     }
