@@ -49,9 +49,11 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
     for (guint i = 0; i < directions->len; i++) {
         const struct session_direction *direction = g_ptr_array_index(directions, i);
         if (direction->device < 0 || direction->device >= n)
-            return data_error_fail(path, 0, error,
-                                   "its plan names %s %d, but its calibration has %d", what,
-                                   direction->device, n);
+            return data_error_fail(
+                path, 0, error,
+                "its plan names %s number %d, counted from 0, but its calibration has only "
+                "%d of them",
+                what, direction->device, n);
     }
     return TRUE;
 }
