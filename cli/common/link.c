@@ -98,7 +98,10 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
         g_usleep(10 * 1000);
     }
     g_autofree char *log = link_log(link);
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "mesorigd did not start: %s",
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                g_subprocess_get_identifier(link->daemon)
+                    ? "mesorigd was started, but does not answer: %s"
+                    : "mesorigd did not start: %s",
                 *log ? log : "it printed no message");
     return FALSE;
 }

@@ -71,7 +71,8 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     if (coding && strcmp(coding, "linear") != 0 && strcmp(coding, "srgb") != 0)
         return cli_usage(command, "there is no --coding=%s; choose from: linear, srgb", coding);
     if (!(divide > 0 && divide < 1e9) || !(scale > 0 && scale < 1e9))
-        return cli_usage(command, "--divide and --scale are numbers above 0");
+        return cli_usage(command, "--divide=%g or --scale=%g is out of range: above 0, below 1e9",
+                         divide, scale);
     if (!cli_work_run(work_brdf, &import, &seconds, error))
         return CLI_FAILED;
     exchange_tell_import(call->record, output, &import.result, seconds);

@@ -68,17 +68,24 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
     record_double(to, "real_s", seconds);
 }
 
-static gboolean parse_grid(struct session_grid *ret) {
+/* Returns what is wrong with the options, or NULL. */
+static const char *parse_grid(struct session_grid *ret) {
     char more;
     *ret =
         (struct session_grid){.width = texels, .reference_mm = reference_mm, .depth_mm = depth_mm};
     if (!sample || sscanf(sample, "%lfx%lf%c", &ret->width_mm, &ret->height_mm, &more) != 2 ||
         !(ret->width_mm > 0 && ret->width_mm <= LARGEST_MM) ||
-        !(ret->height_mm > 0 && ret->height_mm <= LARGEST_MM) || texels < 1 || texels > 8192 ||
-        !(depth_mm >= 0))
-        return FALSE;
+        !(ret->height_mm > 0 && ret->height_mm <= LARGEST_MM))
+        return "the size of the sample is missing or wrong: give --sample WIDTHxHEIGHT in mm, each "
+               "above 0, up to 10000";
+    if (texels < 1 || texels > 8192)
+        return "--texels is out of range: 1 to 8192";
+    if (!(depth_mm >= 0))
+        return "--depth is out of range: 0 mm or more";
     ret->height = (int)(ret->height_mm / ret->width_mm * texels + 0.5);
-    return ret->height >= 1 && ret->height <= 8192;
+    return ret->height >= 1 && ret->height <= 8192
+               ? NULL
+               : "--sample and --texels give a sample that is not 1 to 8192 texels high";
 }
 
 /* Writes the file of nominal values that -o names, which must not exist. */
@@ -115,9 +122,9 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(command,
                          "no calibration of cameras and lamps is given: give --calibration FILE, "
                          "which --template writes to be filled in");
-    if (!parse_grid(&import.poses.grid))
-        return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
-                                  "millimetres");
+    const char *wrong = parse_grid(&import.poses.grid);
+    if (wrong)
+        return cli_usage(command, "%s", wrong);
     if (!(same_light_deg >= 0 && same_light_deg <= 45))
         return cli_usage(command, "--same-light=%g is out of range: 0 to 45 degrees",
                          same_light_deg);

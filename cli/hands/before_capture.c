@@ -31,10 +31,11 @@ static gboolean take_test_shots(Link *link, const struct before_capture *what,
     if (warnings->len > 0 && what->ret_uncalibrated && nothing_is_done(known))
         *what->ret_uncalibrated = TRUE;
     if (warnings->len > 0 && !what->yes)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
-                    "%d test shots say that the capture would be spoilt (%u warning%s); --yes goes "
-                    "on all the same",
-                    n, warnings->len, warnings->len == 1 ? "" : "s");
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_FAILED,
+            "the check before the capture (%d test shots) gave %u warning%s, so the capture "
+            "was not begun; --yes begins it all the same",
+            n, warnings->len, warnings->len == 1 ? "" : "s");
     return warnings->len == 0 || what->yes;
 }
 

@@ -87,9 +87,9 @@ static void judge_calibration(struct guard *guard) {
                                    calibration_part_name((enum calibration_kind)i));
     if (lacks->len)
         warn(guard,
-             "the rig is not calibrated (%s): positions in its file may be wrong by "
-             "millimetres, and brightness by a tenth or more; see mesorig calibrate, then "
-             "[rig] calibration, or -c FILE",
+             "parts of the rig are not calibrated (%s): positions in the rig file may be wrong by "
+             "millimetres, and brightness by a tenth or more; calibrate them with "
+             "mesorig calibrate, and name the file in [rig] calibration or with -c FILE",
              lacks->str);
 }
 
@@ -251,8 +251,9 @@ static void judge_fiducials(struct guard *guard) {
         return;
     if (guard->fiducials->len == 0) {
         warn(guard,
-             "no camera sees a fiducial where the calibration has one: is something on them, "
-             "or was the turntable homed elsewhere? Put them back, or calibrate again");
+             "no camera sees a fiducial where the calibration has one: are the fiducials covered, "
+             "or was the turntable homed elsewhere? Uncover them, home the turntable again, or "
+             "calibrate again");
         return;
     }
     check_fiducials(guard, 0, &check);
@@ -271,8 +272,10 @@ static void judge(struct guard *guard) {
     for (int i = 0; i < trial->n_lamps; i++)
         any |= guard->shines[trial->lamps[i]];
     if (!any) {
-        warn(guard, "no camera sees any lamp: check the lamps' power, the lens caps, and "
-                    "[capture] exposures_us");
+        warn(guard,
+             "no camera sees any of the %d lamps that were tried: check the lamps' power, the lens "
+             "caps, and [capture] exposures_us",
+             MIN(trial->n_lamps, TRIAL_FIRST_LAMPS));
         return;
     }
     for (int i = 0; i < trial->n_lamps; i++) {

@@ -153,13 +153,13 @@ static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     else if (*argc != 2 || !output)
         what = "one session and -o FILE are needed";
     else if (threads < 0)
-        what = "--threads is a number of threads, or 0";
+        what = "--threads must be a number of threads, or 0";
     else if (quantise_option &&
              (!lpca_quantise_parse(quantise_option, ret_quantise) || *ret_quantise == LPCA_PACKED))
-        what = "--quantise is float, half, 8bit or 8bit-weights";
+        what = "--quantise must be float, half, 8bit or 8bit-weights";
     else if (colours_option && !g_str_equal(colours_option, "rgb") &&
              !g_str_equal(colours_option, "log"))
-        what = "--colours is rgb or log";
+        what = "--colours must be rgb or log";
     if (what && first)
         fprintf(stderr, "mesorig-compress-mpi: %s\n", what);
     if (!what && help && first) {

@@ -132,7 +132,7 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
                             const char *path, GError **error) {
     float theta, phi;
     if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
-        return view_error(path, error, "its texels differ from those of the session");
+        return view_error(path, error, "its size in texels differs from that of the session");
     if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
         return view_error(path, error, "a colour is missing");
     if (!direction(part, "light", path, &theta, &phi, error))

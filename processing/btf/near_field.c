@@ -38,7 +38,7 @@ static gboolean take_position(const struct near_field *near_field, const struct 
     double at[3];
     if (!exr_get_v3d(part, name, at, NULL))
         return damaged(path, error,
-                       "some of its parts have the positions of camera and lamp, some do not");
+                       "a position of camera or lamp is in some parts of the BTF, but not in all");
     if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
         !isfinite(at[2]))
         return damaged(path, error, "a camera or lamp is not above the sample");
@@ -62,8 +62,9 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
         if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
             return damaged(path, error, "its lights differ from those of the first view");
         if (!lamp && (has(part, "view.centre_mm") || has(part, "light.position_mm")))
-            return damaged(path, error,
-                           "some of its parts have the positions of camera and lamp, some do not");
+            return damaged(
+                path, error,
+                "a position of camera or lamp is in some parts of the BTF, but not in all");
         struct vec3 camera;
         if (lamp && (!take_position(to, part, "view.centre_mm", path, &camera, error) ||
                      !take_position(to, part, "light.position_mm", path, &lamp[light], error)))

@@ -61,7 +61,10 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
     char begins[2] = "";
     if (pread(source->fd, begins, 1, 0) == 1 && (*begins == '[' || *begins == '#'))
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "a text, not an EXR file; “mesorig calibrate show” prints calibrations");
+                    "not an EXR file, but probably a text; “mesorig calibrate show” prints "
+                    "calibrations");
+    if (rc == EXR_ERR_OUT_OF_MEMORY)
+        return fail(source, EXR_ERROR_TOO_LARGE, error, "there is not enough memory to read it");
     return fail(source, EXR_ERROR_FORMAT, error, "not a valid EXR file: %s", what);
 }
 

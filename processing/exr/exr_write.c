@@ -87,21 +87,22 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
     if (part->width < 1 || part->height < 1 ||
         (gint64)part->width * part->height > EXR_MAX_PIXELS) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
-                    "%s: part \"%s\": %d×%d pixels; must be 1 to %d", path, part->name, part->width,
-                    part->height, EXR_MAX_PIXELS);
+                    "%s: part \"%s\" has %d×%d pixels, but must have 1 to %d", path, part->name,
+                    part->width, part->height, EXR_MAX_PIXELS);
         return FALSE;
     }
     if (part->n_channels < 1 || part->n_channels > EXR_MAX_CHANNELS)
-        return refuse(error, path, part, "must have 1 to 64 channels", NULL);
+        return refuse(error, path, part, "it must have 1 to 64 channels", NULL);
     for (int c = 0; c < part->n_channels; c++) {
         if (!*part->channels[c] || strlen(part->channels[c]) > 255)
             return refuse(error, path, part, "the name of a channel must have 1 to 255 bytes",
                           NULL);
         if (c && strcmp(part->channels[c - 1], part->channels[c]) >= 0)
-            return refuse(error, path, part, "not in alphabetical order: channel",
+            return refuse(error, path, part,
+                          "its channels must differ and be in alphabetical order, unlike",
                           part->channels[c]);
         if (!part->planes || (!part->planes[c] && !filled))
-            return refuse(error, path, part, "no pixels for channel", part->channels[c]);
+            return refuse(error, path, part, "there are no pixels for channel", part->channels[c]);
     }
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = g_ptr_array_index(part->attributes, i);
@@ -113,7 +114,7 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
         if (exr_is_standard_attribute(name))
             return refuse(error, path, part, "EXR has its own meaning for the attribute", name);
         if (attribute->kind == EXR_KIND_STRING && !attribute->string)
-            return refuse(error, path, part, "no value for the attribute", name);
+            return refuse(error, path, part, "there is no value for the attribute", name);
     }
     return TRUE;
 }
@@ -347,7 +348,7 @@ static gboolean fail(GError **error, const char *path, int errno_value) {
         error_details_new(EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO,
                           NULL, "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
                           full ? ERROR_ADVICE "free some space and go on" : "",
-                          link ? "; its folder is a symbolic link or does not exist" : ""));
+                          link ? "; its folder is a symbolic link or not a folder" : ""));
     return FALSE;
 }
 

@@ -25,7 +25,7 @@ static gboolean fail(const char *path, GError **error, const char *what) {
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           fail(path, error, "a direction is not a number");
+           fail(path, error, "the direction of a view or light is missing or not a number");
 }
 
 /* The lights are read from the first view. */
@@ -84,7 +84,7 @@ static gboolean read_view(const struct source *source, const char *path, float *
         const struct exr_part *part = file->parts->pdata[light];
         float theta, phi;
         if (part->width != header->width || part->height != header->height)
-            return fail(path, error, "its texels differ from those of the first view");
+            return fail(path, error, "its size in texels differs from that of the first view");
         for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             if (!plane)

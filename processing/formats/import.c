@@ -18,9 +18,12 @@
 static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
-    g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
-                exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
-                path, g_strerror(saved));
+    if (exists)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
+                    path);
+    else
+        g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be made: %s", path,
+                    g_strerror(saved));
     return FALSE;
 }
 

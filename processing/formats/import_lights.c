@@ -127,7 +127,7 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         g_strstrip(g_strdelimit(*cell, "\"", ' '));
     if ((int)g_strv_length(cells) <= c->most)
         return data_error_fail(list->path, line, error,
-                               "it has %u columns; the first line names at least %d",
+                               "this line has %u columns; the first line names at least %d",
                                g_strv_length(cells), c->most + 1);
     if (c->theta < 0) {
         if (!number(list, line, cells[c->x], &d[0], error) ||
@@ -229,8 +229,8 @@ static gboolean check_horizon(const struct list *list, GError **error) {
     }
     return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MAX_ON_IT * list->lights->len)) ||
            data_error_fail(list->path, first->line, error,
-                           "the light is not above the sample, and so are %u of %u lights; the "
-                           "third number must be the height z",
+                           "%u of %u lights are not above the sample, this one first; z must be "
+                           "the height above the sample, or theta the angle from the normal",
                            n, list->lights->len);
 }
 

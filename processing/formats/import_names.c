@@ -162,7 +162,7 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
             return data_error_fail(
                 folder, 0, error,
                 "the name “%s” does not contain its directions; it needs tl, pl, tv and pv, each "
-                "once and followed by degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+                "once and followed by 0 to 360 degrees, as in “tl030 pl090 tv000 pv000.jpg”",
                 name);
         struct named *named = g_new0(struct named, 1);
         *named = (struct named){g_build_filename(folder, name, NULL),

@@ -77,7 +77,10 @@ static gboolean read_row(const struct import_set *set, const TextTable *table,
         !read_devices(set, table, columns, index, row, error) ||
         !import_coding_read(set, table, index, folder, row, error))
         return FALSE;
-    if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
+    if (!*row->name)
+        return data_error_fail(set->table, row->line, error,
+                               "the column file is empty; give a picture's name");
+    if (!g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
         return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
     if (!(row->exposure_ms > 0))
         return data_error_fail(set->table, row->line, error,

@@ -72,13 +72,19 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     const guint length = array ? json_array_get_length(array) : 0;
     g_autofree double *ret = g_new(double, length + 1);
     gboolean good = n ? length == n : length > 0 && length % 3 == 0 && length / 3 <= MAX_LIGHTS;
-    for (guint i = 0; good && i < length; i++)
+    const gboolean counted = good;
+    guint i = 0;
+    while (good && i < length) {
         good = relight_number(json_array_get_element(array, i), &ret[i]);
+        i++;
+    }
     if (ret_n)
         *ret_n = length;
     if (good)
         return g_steal_pointer(&ret);
-    if (n)
+    if (counted)
+        data_error_set(relight->path, 0, error, "value %u of “%s” is not a number", i, key);
+    else if (n)
         data_error_set(relight->path, 0, error, "“%s” has %u values, but needs %u numbers", key,
                        length, n);
     else

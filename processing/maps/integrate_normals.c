@@ -1,5 +1,7 @@
 /* Finds the surface whose slopes fit best in the least-squares sense (Frankot & Chellappa 1988
- * without their periodic border). With neighbours i, j = i + 1 in a row and h the width of a texel,
+ * without their periodic border). With slopes p = ∂z/∂x and q = ∂z/∂y, the width h of a texel, and
+ * j the right neighbour of texel i in a row or the one below it in a column (y points up, hence the
+ * plus),
  *   min Σ_rows (z_j − z_i − h (p_i + p_j) / 2)² + Σ_columns (z_j − z_i + h (q_i + q_j) / 2)²
  * over the pairs in which both texels have slopes. The normal equations L z = b are a Poisson
  * equation with free borders. They are solved by conjugate gradients, beginning with the solution

@@ -1,5 +1,5 @@
-/* The files of an export. They are made in memory, so that either all of them appear or none. Any
- * thread. */
+/* The files of an export. All are made in memory before the first is written. Without replace,
+ * either all of them appear or none. Any thread. */
 #pragma once
 
 #include <gio/gio.h>

@@ -16,10 +16,11 @@ struct maps_register {
 };
 
 /* Finds the depth at which the views agree best: the minimum of
- *   Σ_v (M_v(x) − M(x))² / Σ (M(x) − M)².
- * M_v are the pictures' means over lights, relative to the mean of the whole picture, and M is the
- * mean of M_v over views. The depth is 0 unless it is better by a tenth than the reference plane,
- * because a surface without a pattern does not show its depth. The progress stage is "depth". */
+ *   Σ_x mean_v (M_v(x) − M(x))² / Σ_x (M(x) − M̄)²
+ * over the texels x of a window in the middle. M_v is the mean of view v over lights, scaled to a
+ * mean of 1 in the window. M is the mean of M_v over the views that cover x. M̄ is the mean of M.
+ * The depth is 0 unless it is better by a tenth than the reference plane, because a surface without
+ * a pattern does not show its depth. The progress stage is "depth". */
 struct maps_register *maps_register_new(const struct btf_matrix *btf, const struct work *work,
                                         GError **error);
 void maps_register_free(struct maps_register *registered); /* NULL is ignored */

@@ -75,14 +75,15 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
         }
         if (!(fabs(distance[k] * scale) <= MAX_MM))
             return mdf_table_fail(error, part,
-                                  "there is a distance that is not a number of millimetres");
+                                  "a distance is not a number from −60000 to 60000 mm");
         depth[k] = distance[k] >= 0.0f ? distance[k] * scale * cosine : -1.0f;
         t->seen[view * n + k] = distance[k] >= 0.0f;
         seen += distance[k] >= 0.0f;
         t->deepest_mm = MAX(t->deepest_mm, (double)depth[k]);
     }
     if (seen == 0)
-        return mdf_table_fail(error, part, "no laser position saw any of it; capture it again");
+        return mdf_table_fail(error, part,
+                              "no laser position saw a texel of this view; capture the view again");
     mdf_table_fill(depth, t->width, t->height);
     return TRUE;
 }
@@ -114,13 +115,13 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
     if (first == NULL ||
         (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
-                    first == NULL ? "there is no view in it" : "it is too large");
+                    first == NULL ? "there is no view in it" : "it has too many texels and views");
     } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
         t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);
         t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
         exr_get_double(first, "reference_mm", &reference_mm, NULL);
         good = (texel_mm > 0.0 && texel_mm < MAX_MM) ||
-               mdf_table_fail(error, first, "texel_mm is not a size");
+               mdf_table_fail(error, first, "texel_mm is out of range");
     }
     for (int k = 0; good && k < t->n_views; k++)
         good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);

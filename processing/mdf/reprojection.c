@@ -221,7 +221,8 @@ struct place {
     float u, v;
 };
 
-/* Returns FALSE if the position is outside of the texels. */
+/* Splits a position into a texel and remainders. Returns FALSE outside of the texels; a tiled
+ * sample has no outside. Beyond ±1e6 it always returns FALSE. */
 static gboolean reprojection_place(const Reprojection *s, double column, double row,
                                    struct place *ret) {
     if (!(fabs(column) < 1e6 && fabs(row) < 1e6))

@@ -49,9 +49,11 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
     for (guint i = 0; i < directions->len; i++) {
         const struct session_direction *direction = g_ptr_array_index(directions, i);
         if (direction->device < 0 || direction->device >= n)
-            return data_error_fail(path, 0, error,
-                                   "its plan names %s %d, but its calibration has %d", what,
-                                   direction->device, n);
+            return data_error_fail(
+                path, 0, error,
+                "its plan names %s number %d, counted from 0, but its calibration has only "
+                "%d of them",
+                what, direction->device, n);
     }
     return TRUE;
 }
@@ -143,8 +145,10 @@ static gboolean do_load(struct catalogue *catalogue, Session *session, const cha
         !(grid->width_mm > 0) || !(grid->height_mm > 0) || !isfinite(grid->width_mm) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !isfinite(grid->depth_mm))
         return data_error_fail(catalogue->directory, 0, error,
-                               "%d × %d texels of %g × %g mm do not form a grid", grid->width,
-                               grid->height, grid->width_mm, grid->height_mm);
+                               "its grid is not valid: %d × %d texels (1 to 8192 each) on %g × %g "
+                               "mm, reference_mm %g, depth_mm %g",
+                               grid->width, grid->height, grid->width_mm, grid->height_mm,
+                               grid->reference_mm, grid->depth_mm);
     if (reference && !laser_reference_from_text(reference, &catalogue->reference))
         return data_error_fail(catalogue->directory, 0, error,
                                "its value %s, “%s”, is not five numbers: height, its error, x and "

@@ -107,7 +107,9 @@ static void explain_mdf(Session *session, const struct texts *texts,
                                 ? g_strdup_printf("only %.2g %% of the texels are seen by a laser",
                                                   100 * result->mdf_coverage)
                                 : g_strdup("no texel is seen by a laser");
-    if (lines < MIN_LINES)
+    if (sweeps == 0)
+        g_ptr_array_add(ret, g_strdup_printf("%s, and no frame of a sweep can be read", seen));
+    else if (lines < MIN_LINES)
         g_ptr_array_add(
             ret, g_strdup_printf("%s: %.2g %% of the pixels of %d sweeps show a line; %s", seen,
                                  100 * lines, sweeps,
@@ -228,25 +230,31 @@ static void explain_dark(Session *session, const struct texts *texts, const GArr
         return;
     g_autofree char *which = name_views(texts, n, (int)seen->len, first);
     const struct rig_camera *camera = &texts->calibration->rig.cameras[first->view->device];
-    if (dn < DARK_DN)
+    if (!isfinite(dn))
+        g_ptr_array_add(ret, g_strdup_printf("%s dark, and no frame of the first can be read; look "
+                                             "whether the lens of camera %s is open and the lamps "
+                                             "are on",
+                                             which, camera->name));
+    else if (dn < DARK_DN)
         g_ptr_array_add(
-            ret, g_strdup_printf("%s dark: a picture of it is %.2g DN above dark at %g µs; %s, "
+            ret, g_strdup_printf("%s dark: a picture of the first is %.2g DN above dark at %g µs; "
+                                 "%s, "
                                  "and look whether the lens of camera %s is open and the lamps "
                                  "are on",
                                  which, dn, us,
-                                 texts->imported ? "take it with longer exposures"
+                                 texts->imported ? "take the pictures with longer exposures"
                                                  : "set longer exposures_us in [capture] of the "
                                                    "session file",
                                  camera->name));
     else
         g_ptr_array_add(
-            ret,
-            g_strdup_printf(
-                "%s dark: %.2g of a white surface, although a picture of it is %.3g DN above dark; "
-                "response of [camera %s] = %g or the intensity of the lamps is too large: measure "
-                "a white tile (mesorig calibrate radiometry), or correct them in %s",
-                which, first->mean, dn, camera->name, camera->response,
-                texts->imported ? "the file of nominal values" : "the rig file"));
+            ret, g_strdup_printf(
+                     "%s dark: the first has %.2g of the brightness of a white surface, although a "
+                     "picture of it is %.3g DN above dark; response of [camera %s] = %g or the "
+                     "intensity of the lamps is too large: measure a white tile (mesorig calibrate "
+                     "radiometry), or correct them in %s",
+                     which, first->mean, dn, camera->name, camera->response,
+                     texts->imported ? "the file of nominal values" : "the rig file"));
 }
 
 static void explain_saturated(const struct texts *texts, const GArray *seen, GPtrArray *ret) {
@@ -260,14 +268,15 @@ static void explain_saturated(const struct texts *texts, const GArray *seen, GPt
     if (!first)
         return;
     g_autofree char *which = name_views(texts, n, (int)seen->len, first);
-    g_ptr_array_add(ret,
-                    g_strdup_printf("%s saturated: %.0f %% of its values are lower bounds; %s",
-                                    which, 100 * first->saturated,
-                                    texts->imported
-                                        ? "take it with shorter exposures, or correct bits in the "
-                                          "table"
-                                        : "add a shorter one to exposures_us in [capture] of the "
-                                          "session file"));
+    g_ptr_array_add(
+        ret,
+        g_strdup_printf("%s saturated: %.0f %% of the values of the first are lower bounds; %s",
+                        which, 100 * first->saturated,
+                        texts->imported
+                            ? "take the pictures with shorter exposures, or correct bits in the "
+                              "table"
+                            : "add a shorter exposure to exposures_us in [capture] of the "
+                              "session file"));
 }
 
 /* Explains cameras that are not calibrated and whose response was not given. */

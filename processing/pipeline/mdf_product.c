@@ -75,14 +75,15 @@ static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_inp
         g_autoptr(ExrPart) frame = exr_read_part(path, "frame", error);
         const float *values = frame ? exr_part_plane(frame, "Y") : NULL;
         if (!frame) {
-            g_prefix_error(error,
-                           "laser lines are found in pictures only of a session that was captured "
-                           "with keep_laser_frames = yes: ");
+            if (!g_file_test(path, G_FILE_TEST_EXISTS))
+                g_prefix_error(error, "laser lines can be found in pictures only if the session "
+                                      "was captured with keep_laser_frames = yes: ");
             return FALSE;
         }
         if (!values || (gsize)frame->width * frame->height != n)
-            return data_error_fail(path, 0, error, "is no picture of %d × %d pixels", size->width,
-                                   size->height);
+            return data_error_fail(path, 0, error,
+                                   "this is not a picture of %d × %d pixels with channel Y",
+                                   size->width, size->height);
         for (gsize i = 0; i < n; i++)
             pixels[i] = (guint16)CLAMP(values[i], 0.0F, 65535.0F);
         laser_pictures_add(pictures, pixels);

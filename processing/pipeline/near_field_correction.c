@@ -70,8 +70,9 @@ static gboolean read_views(struct job *job, struct near_field_correction_result 
     if (ok && btf->layout.views.n != job->near->views.n) {
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-            "%s: its BTF is still being made; wait until processing has ended, then try again",
-            job->source);
+            "%s: its BTF now has %zu views instead of %zu; if the session is being processed, wait "
+            "until that has ended, then try again",
+            job->source, btf->layout.views.n, job->near->views.n);
         ok = FALSE;
     }
     for (gsize view = 0; ok && view < btf->layout.views.n; view++) {

@@ -49,9 +49,9 @@ struct pipeline_options {
     gboolean follow; /* wait for missing inputs until the capture has ended */
     int n_eigenmaps; /* 4 in Wang et al. 2005 §5 */
     /* calibration_to_text() of another calibration of the same rig, or NULL for the session's own.
-     * If the lamps' light is not calibrated in it, the output that the marks measured during the
-     * capture is not used. calibration_path is its origin, or "nominal"; it is recorded with the
-     * products (session/made_with.h). */
+     * For a lamp that it does not calibrate, the output that was measured during the capture on the
+     * turntable's fiducials is not used. calibration_path is its origin, or "nominal"; it is
+     * recorded with the products (session/made_with.h). */
     const char *calibration, *calibration_path;
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */

@@ -301,9 +301,10 @@ static gboolean product_make(struct product_job *job, Session *session,
     if (!job->btf)
         return FALSE;
     if ((int)job->btf->layout.views.n != job->n_views)
-        return data_error_fail(session_path(session), 0, error,
-                               "products/btf has %zu views instead of %d; remove the others",
-                               job->btf->layout.views.n, job->n_views);
+        return data_error_fail(
+            session_path(session), 0, error,
+            "products/btf has %zu views instead of %d; delete products/btf and process again",
+            job->btf->layout.views.n, job->n_views);
     if (!product_learn(job, work, error) ||
         !work_parallel(work, "prediction", (int)((job->n_texels + BLOCK - 1) / BLOCK),
                        product_predict, job, error))

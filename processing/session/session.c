@@ -27,9 +27,10 @@ int session_lock(const char *path, GError **error) {
     if (fd >= 0 && errno == EWOULDBLOCK) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
+        const long pid = strtol(who, NULL, 10); /* 0 if that process has not written it yet */
+        g_autofree char *named = pid > 0 ? g_strdup_printf(" (process %ld)", pid) : g_strdup("");
         session_fail(error, SESSION_ERROR_LOCKED,
-                     "%s: another process captures into it (process %ld); end that process first",
-                     path, strtol(who, NULL, 10));
+                     "%s: another process captures into it%s; end that process first", path, named);
     } else {
         session_fail(error,
                      errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,

@@ -20,10 +20,9 @@ static gboolean fail_errno(const char *path, int saved, GError **error) {
         code = SESSION_ERROR_EXISTS;
     else if (saved == ENOSPC || saved == EDQUOT)
         code = SESSION_ERROR_FULL;
-    return session_fail(error, code,
-                        code == SESSION_ERROR_EXISTS ? "%s: exists already; take another name: %s"
-                                                     : "%s: cannot be made: %s",
-                        path, g_strerror(saved));
+    if (code == SESSION_ERROR_EXISTS)
+        return session_fail(error, code, "%s: exists already; take another name", path);
+    return session_fail(error, code, "%s: cannot be made: %s", path, g_strerror(saved));
 }
 
 /* Syncs a folder, so that new directory entries are durable. */

@@ -233,7 +233,8 @@ static gboolean session_db_check(Session *session, GError **error) {
         return FALSE;
     if (g_ascii_strtoll(application, NULL, 10) != SESSION_APPLICATION_ID)
         return session_fail(error, SESSION_ERROR_FORMAT,
-                            "%s/session.db: a database, but not of a session", session->path);
+                            "%s/session.db: this is a database, but not of a session",
+                            session->path);
     const gint64 format = g_ascii_strtoll(version, NULL, 10);
     if (format != SESSION_FORMAT)
         return session_fail(error, SESSION_ERROR_FORMAT,
@@ -265,10 +266,13 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     static const char *const beside[] = {"", "-wal", "-shm", "-journal"};
     struct stat status;
 
-    if (stat(file, &status) != 0)
-        return session_fail(
-            error, errno == ENOENT || errno == ENOTDIR ? SESSION_ERROR_FORMAT : SESSION_ERROR_IO,
-            "%s: no session there: session.db: %s", session->path, g_strerror(errno));
+    if (stat(file, &status) != 0) {
+        const gboolean missing = errno == ENOENT || errno == ENOTDIR;
+        return session_fail(error, missing ? SESSION_ERROR_FORMAT : SESSION_ERROR_IO,
+                            missing ? "%s: no session there: session.db: %s"
+                                    : "%s/session.db: cannot be read: %s",
+                            session->path, g_strerror(errno));
+    }
     for (gsize i = 0; i < G_N_ELEMENTS(beside); i++) {
         g_autofree char *name = g_strconcat(file, beside[i], NULL);
 

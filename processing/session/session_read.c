@@ -25,7 +25,11 @@ gboolean session_check_grid(const struct session_grid *grid, GError **error) {
     if (!(grid->width_mm > 0) || !isfinite(grid->width_mm) || !(grid->height_mm > 0) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !(grid->depth_mm >= 0) ||
         !isfinite(grid->depth_mm))
-        return wrong(error, "a length is negative or is not a number in grid", 1);
+        return wrong(
+            error,
+            "width_mm or height_mm is not above 0, depth_mm is below 0, or a length is not finite, "
+            "in grid",
+            1);
     return TRUE;
 }
 

@@ -125,7 +125,8 @@ struct index_map *tileable_make(const struct texel_features *features) {
     const struct tileable sides = {features, all, (int)height, (int)width, FALSE};
     const struct tileable_cut down = choose(&sides);
     g_autofree guint16 *cut_down = lay(&sides, &down);
-    /* Upper and lower edges: the seam follows the rows of the remaining part, and closes. */
+    /* Upper and lower edges: the seam runs along the rows of what is left, and its two ends meet,
+     * because the left and right edges now join. */
     g_autofree guint16 *rows = g_new0(guint16, 2 * (gsize)down.period * height);
     for (gsize x = 0; x < (gsize)down.period; x++)
         for (gsize y = 0; y < height; y++)

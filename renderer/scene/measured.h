@@ -13,8 +13,8 @@ struct measured {
 };
 
 /* Finds the measured frame that is nearest to the directions of camera and light over a horizontal
- * plane, and draws the comparison. A texel is drawn as the largest whole number of pixels (at least
- * 1) for which the comparison fits into width. */
+ * plane, and draws the comparison. Each texel is drawn as n × n pixels. n is the largest
+ * number for which the three panels fit into width, but at least 1. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

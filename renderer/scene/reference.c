@@ -143,7 +143,9 @@ static gboolean reference_take_view(Reference *r, const char *path, GError **err
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "%s: %s; delete the file and process the session again", path,
                     why != NULL ? why->message
-                                : "its lights or texels differ from those of the other views");
+                    : r->names->len > 0
+                        ? "its lights or texels differ from those of the other views"
+                        : "it has no lights");
     return good;
 }
 
@@ -419,10 +421,10 @@ static gboolean reference_read_file(const Reference *r, const char *path, int st
     }
     exr_file_free(file);
     if (!good)
-        g_set_error(
-            error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-            "%s: a light or a colour is missing; delete the file and process the session again",
-            path);
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "%s: a light or a colour is missing, or a light has another size than those of "
+                    "the first view; delete the file and process the session again",
+                    path);
     return good;
 }
 

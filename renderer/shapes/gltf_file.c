@@ -277,8 +277,9 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
     ret->normalized = normalized != NULL && JSON_NODE_HOLDS_VALUE(normalized) &&
                       json_node_get_boolean(normalized);
     if (ret->size == 0 || g_strcmp0(gltf_string(accessor, "type"), shapes[n_components - 1]) != 0)
-        return gltf_bad(gltf, error, "accessor %d is of another type than %d numbers", (int)k,
-                        n_components);
+        return gltf_bad(gltf, error,
+                        "accessor %d is not of type %s, or its component type is not known", (int)k,
+                        shapes[n_components - 1]);
     if (gltf_object(accessor, "sparse") != NULL)
         return gltf_bad(
             gltf, error,
@@ -286,7 +287,7 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
             (int)k);
     if (n < 0 || n > SOUP_MAX_CORNERS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
-                         "the count of accessor %d is missing or not 1 to %d", (int)k,
+                         "the count of accessor %d is missing or not 0 to %d", (int)k,
                          SOUP_MAX_CORNERS);
     ret->n = (gsize)n;
     return find_bytes(gltf, k, accessor, ret, error);

@@ -102,8 +102,12 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
         JsonObject *node = gltf_item(walk->gltf, "nodes", at, error);
         if (node == NULL)
             return FALSE;
-        if (++walk->n_visited > MAX_NODES || level > MAX_LEVEL)
-            return gltf_bad(walk->gltf, error, "its nodes form a cycle");
+        if (level > MAX_LEVEL)
+            return gltf_bad(walk->gltf, error,
+                            "its nodes form a cycle, or are nested more than %d deep", MAX_LEVEL);
+        if (++walk->n_visited > MAX_NODES)
+            return gltf_bad(walk->gltf, error,
+                            "its nodes form a cycle, or there are more than %d of them", MAX_NODES);
         const struct gltf_transform own = transform(node);
         const struct gltf_transform p = product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);

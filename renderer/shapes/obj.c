@@ -68,7 +68,9 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         text = end;
     }
     if (array->len >= SCENE_MAX_VERTICES)
-        return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices", SCENE_MAX_VERTICES);
+        return fail(obj, SCENE_ERROR_TOO_LARGE, error,
+                    "there are more than %d lines of this kind; simplify the mesh",
+                    SCENE_MAX_VERTICES);
     if (n == 3 && obj->up == SCENE_Y_UP)
         soup_y_to_z_up(values);
     g_array_append_vals(array, values, 1);
@@ -82,11 +84,13 @@ static gboolean parse_index(struct obj *obj, const char **text, const GArray *ar
     gint64 value = number ? g_ascii_strtoll(*text, &end, 10) : 0;
     if (!number)
         return obj_bad(obj, error, "an index of %s is expected here", what);
+    const gint64 given = value; /* a negative index counts back from this line */
     if (value < 0)
         value += (gint64)array->len + 1;
     if (value < 1 || value > array->len)
-        return obj_bad(obj, error, "there is no %s %" G_GINT64_FORMAT ", %u so far", what, value,
-                       array->len);
+        return obj_bad(obj, error,
+                       "there is no %s %" G_GINT64_FORMAT "; the lines before this one have %u",
+                       what, given, array->len);
     *ret = value - 1;
     *text = end;
     return TRUE;
@@ -119,13 +123,15 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (strchr(" \t\r\n", *text) == NULL)
             return obj_bad(obj, error, "v/vt/vn is expected here");
         if (++n > MAX_CORNERS)
-            return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners", MAX_CORNERS);
+            return fail(obj, SCENE_ERROR_TOO_LARGE, error, "this face has more than %d corners",
+                        MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
         return obj_bad(obj, error, "a face needs at least three corners, but this one has %d", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
-        return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
+        return fail(obj, SCENE_ERROR_TOO_LARGE, error,
+                    "the faces have more than %d corners in all; simplify the mesh",
                     SOUP_MAX_CORNERS);
     g_array_append_val(obj->soup.polygons, n);
     return TRUE;

@@ -85,10 +85,17 @@ static gboolean parts_check(const struct parts *p, const char *path, GError **er
         }
         if (!found) {
             g_autofree char *names = parts_names(p);
-            g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
-                        "%s: no mesh has the material “%s”, or --material names it twice; the "
-                        "materials are %s",
-                        path, p->bindings[b].name, *names ? names : "none");
+            gboolean twice = FALSE;
+            for (guint a = 0; a < b; a++)
+                twice |= g_str_equal(p->bindings[a].name, p->bindings[b].name);
+            if (twice)
+                g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
+                            "%s: --material names “%s” twice; give each material once", path,
+                            p->bindings[b].name);
+            else
+                g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
+                            "%s: no mesh has the material “%s”; the materials are %s", path,
+                            p->bindings[b].name, *names ? names : "none");
             return FALSE;
         }
     }

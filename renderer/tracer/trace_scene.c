@@ -80,10 +80,13 @@ static void scene_measure(TraceScene *scene) {
 static gboolean scene_build(TraceScene *scene, GError **error) {
     scene->device = rtcNewDevice("threads=1");
     if (scene->device == NULL) {
-        g_set_error(
-            error, TRACE_ERROR, TRACE_ERROR_SCENE,
-            "Embree does not run on this processor (error %d), because it needs SSE2 or NEON",
-            (int)rtcGetDeviceError(NULL));
+        const enum RTCError why = rtcGetDeviceError(NULL);
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "Embree cannot be started (error %d)%s",
+                    (int)why,
+                    why == RTC_ERROR_UNSUPPORTED_CPU
+                        ? ": it does not run on this processor, because it needs SSE2 or NEON"
+                    : why == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left"
+                                                     : "");
         return FALSE;
     }
     scene->rays = rtcNewScene(scene->device);

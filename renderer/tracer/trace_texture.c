@@ -17,6 +17,11 @@ struct trace_texture {
     float linear[256]; /* linear value of each byte */
 };
 
+static void no_memory(GError **error) {
+    g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                        "there is not enough memory for its picture");
+}
+
 /* Decodes a PNG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
                                  GError **error) {
@@ -25,7 +30,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
         image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
                     "%s; save it as PNG or JPEG of at most %d pixels in each direction",
-                    *image.message ? image.message : "it is too large", TRACE_TEXTURE_MAX_SIDE);
+                    *image.message ? image.message : "its picture is too large",
+                    TRACE_TEXTURE_MAX_SIDE);
         png_image_free(&image);
         return NULL;
     }
@@ -33,8 +39,11 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
     const gsize n = (gsize)image.width * image.height;
     guint8 *ret = g_try_malloc(4 * n);
     if (ret == NULL || !png_image_finish_read(&image, NULL, ret, 0, NULL)) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its picture: %s",
-                    ret == NULL ? "there is no memory left" : image.message);
+        if (ret == NULL)
+            no_memory(error);
+        else
+            g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its PNG picture cannot be read: %s",
+                        image.message);
         png_image_free(&image);
         g_free(ret);
         return NULL;
@@ -76,7 +85,8 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     trouble.manager.error_exit = trace_texture_jpeg_error;
     trouble.manager.emit_message = jpeg_message;
     if (setjmp(trouble.back)) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its picture, a JPEG: %s", trouble.text);
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its JPEG picture cannot be read: %s",
+                    trouble.text);
         jpeg_destroy_decompress(&codec);
         g_free(ret);
         return NULL;
@@ -85,12 +95,17 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     jpeg_mem_src(&codec, data, length);
     jpeg_read_header(&codec, TRUE);
     const gsize width = codec.image_width, height = codec.image_height;
-    if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE ||
-        (ret = g_try_malloc(3 * width * height)) == NULL) {
-        g_set_error(
-            error, TRACE_ERROR, TRACE_ERROR_SCENE,
-            "it is too large; save it as PNG or JPEG of at most %d pixels in each direction",
-            TRACE_TEXTURE_MAX_SIDE);
+    if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "its picture is too large; save it as PNG or JPEG of at most %d pixels in each "
+                    "direction",
+                    TRACE_TEXTURE_MAX_SIDE);
+        jpeg_destroy_decompress(&codec);
+        return NULL;
+    }
+    ret = g_try_malloc(3 * width * height);
+    if (ret == NULL) {
+        no_memory(error);
         jpeg_destroy_decompress(&codec);
         return NULL;
     }
@@ -112,7 +127,8 @@ TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GEr
     int size[2];
     const guint8 *data = g_bytes_get_data(bytes, &length);
     if (data == NULL) {
-        g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE, "it is empty");
+        g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                            "the file of its picture is empty");
         return NULL;
     }
     const gboolean jpeg = length > 2 && data[0] == 0xff && data[1] == 0xd8;

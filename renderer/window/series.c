@@ -50,8 +50,8 @@ static GArray *series_give_up(enum series_error code, const char *session, GArra
     else
         g_set_error(
             error, SERIES_ERROR, code,
-            "%s: no new view for %g s, %d of %u are measured; check that the capture goes on "
-            "and that “mesorig process --follow” runs, or give a larger --wait-s",
+            "%s: no new view has come for %g s, and %d of %u are measured; check that the capture "
+            "goes on and that “mesorig process --follow” runs, or give a larger --wait-s",
             session, wait_s, n, views->len);
     g_array_unref(views);
     return NULL;

@@ -33,8 +33,9 @@ const float ROUNDING = 4.0F, GRIP = 10.0F;
 
 float scale = 1.0F;
 
-/* On some systems a window is measured in pixels. On others, the display's scale is included in
- * them. */
+/* Returns the factor for fonts and widgets. Where windows are measured in pixels, this is the
+ * display's scale. Elsewhere the framebuffer is larger than the window by that scale already, so
+ * the scale is divided out. */
 float scale_of(struct GLFWwindow *window) {
     float across = 1.0F, down = 1.0F;
     int width = 0, height = 0, pixels_across = 0, pixels_down = 0;

@@ -249,8 +249,8 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
     if ((gint64)o->width * MAX(o->sheet, 1) > MAX_SIZE ||
         (gint64)o->height * viewer_options_sheet_rows(o) > MAX_SIZE)
         return refuse_options(error,
-                              "--sheet %d with %d frames of %d × %d: the whole picture may have %d "
-                              "pixels in each direction",
+                              "--sheet %d: %d frames of %d × %d make a picture of more than %d "
+                              "pixels in one direction; give a smaller --size or fewer frames",
                               o->sheet, n_pictures(o), o->width, o->height, MAX_SIZE);
     if (o->tiles == NULL)
         return TRUE;

@@ -38,7 +38,7 @@ TEST(dark) {
     struct operation *run =
         captured(TRUE, NULL, (const struct change[]){{"[camera cam60]", "response = 0.01"}, {0}});
     assert_has(run->out, "2 of 4 views (the first is view 2, 60° from the normal, camera cam60) "
-                         "are dark: a picture of it is ");
+                         "are dark: a picture of the first is ");
     assert_has(run->out, "at 16000 µs; set longer exposures_us in [capture] of the session file, "
                          "and look whether the lens of camera cam60 is open");
     g_assert_null(strstr(run->out, "saturated: "));
@@ -57,8 +57,10 @@ TEST(saturated) {
     static const struct change session[] = {
         {"[capture]", "exposures_us = 4000000"}, {"[capture]", "laser_threshold_dn = 4000"}, {0}};
     struct operation *run = captured(FALSE, session, NULL);
-    assert_has(run->out, "saturated: 100 % of its values are lower bounds; add a shorter one to "
-                         "exposures_us in [capture]");
+    assert_has(
+        run->out,
+        "saturated: 100 % of the values of the first are lower bounds; add a shorter exposure to "
+        "exposures_us in [capture]");
     assert_has(run->out, "no texel is seen by a laser: 0 % of the pixels of 8 sweeps show a line; "
                          "set a longer laser_exposure_us or a lower laser_threshold_dn");
     assert_has(run->out, "response of [camera cam30] = 1 is the default (1 of 2 cameras)");

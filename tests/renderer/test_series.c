@@ -139,9 +139,9 @@ GPU_TEST(refused) {
     g_autofree char *session = capturing_session_new(folder);
     refuse("/nowhere.session", 1, "/nowhere.session", "50");
     refuse(session, 2, "--series", "50,20");
-    refuse(session, 1, "no new view for 0.5 s, 0 of 8", "50");
+    refuse(session, 1, "no new view has come for 0.5 s, and 0 of 8", "50");
     capturing_move_view(made, session, 0);
-    refuse(session, 1, "no new view for 0.5 s, 1 of 8", "50");
+    refuse(session, 1, "no new view has come for 0.5 s, and 1 of 8", "50");
     refuse_to("/nowhere/p.png", session, 1, "/nowhere/p", "10");
     g_autofree char *last = g_build_filename(session, "products", "eigenmaps.exr", NULL);
     g_assert_true(g_file_set_contents(last, "", 0, &error));

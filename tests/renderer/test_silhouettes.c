@@ -531,9 +531,9 @@ static void write_bad(const struct bad *bad, const char *path) {
 
 TEST(table__bad) {
     static const struct bad bads[] = {
-        {"NaN", "not a number of millimetres", .value = NAN},
-        {"infinite", "not a number of millimetres", .value = INFINITY},
-        {"far", "not a number of millimetres", .value = 1e9f},
+        {"NaN", "a distance is not a number from", .value = NAN},
+        {"infinite", "a distance is not a number from", .value = INFINITY},
+        {"far", "a distance is not a number from", .value = 1e9f},
         {"unseen", "no laser position saw", .value = -1.0f},
         {"no angle", "view.theta_deg", .value = 1.0f, .no_angle = TRUE},
         {"no texel size", "texel_mm", .value = 1.0f, .no_texel = TRUE},

@@ -44,7 +44,7 @@ Memory that is too little is told together with what would be enough.
   $ mesorig compress S --memory 1kB -k 1 --components 1 -o other.exr --force 2>told
   [1]
   $ cat told
-  mesorig: 1 clusters of 1 components for 8 × 8 texels, 4 views and 4 lights take 322.1 kB of memory, not 1.0 kB; allow more, or ask for fewer of them
+  mesorig: 1 clusters of 1 components for 8 × 8 texels, 4 views and 4 lights take 322.1 kB of memory, but the limit is 1.0 kB; allow more memory, or fewer clusters or components
   $ enough=$(sed -n 's/.*take \([0-9.]*\)[^0-9A-Za-z]*\([kM]B\).*/\1\2/p' told)
   $ mesorig compress S --memory $enough -k 1 --components 1 -o other.exr --force
   other.exr: done in … s: 1 cluster of 1 component, error 16.66 % (16.66 % before rounding), 384 bytes, 1:16 of the BTF in half floats; 3.3 kB on disk

@@ -148,7 +148,7 @@ Arguments in the wrong order are one mistake.
   mesorig: rig.conf is a rig file: give RIG before SESSION, a file with a section [session]
   [1]
   $ mesorig info rig.conf
-  mesorig: rig.conf: a text, not an EXR file; “mesorig calibrate show” prints calibrations
+  mesorig: rig.conf: not an EXR file, but probably a text; “mesorig calibrate show” prints calibrations
   [1]
 
 So is a place where no session can be.

@@ -408,7 +408,7 @@ static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_opt
     g_set_error(
         error, DATA_ERROR, DATA_ERROR_INVALID,
         "%d clusters of %d components for %zu × %zu texels, %zu views and %zu lights take %s "
-        "of memory, not %s; allow more, or ask for fewer of them",
+        "of memory, but the limit is %s; allow more memory, or fewer clusters or components",
         options->n_clusters, options->n_components, btf->layout.width, btf->layout.height,
         btf->layout.views.n, btf->layout.lights.n, need, given);
     return FALSE;

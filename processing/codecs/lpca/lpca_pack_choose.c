@@ -211,12 +211,18 @@ static struct lpca *find(struct search *search, GError **error) {
             return g_steal_pointer(&lpca);
         if (n < search->most)
             continue;
+        if (target->error > 0 && !isfinite(search->nearest)) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "an error of %.3g %% is not reached: %d components give %.3g %% even "
+                        "without rounding; allow a larger error",
+                        100 * target->error, n, 100 * left);
+            return NULL;
+        }
         if (target->error > 0) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "an error of %.3g %% is not reached: %d components give %.3g %% without "
                         "rounding and %.3g %% with it; allow a larger error",
-                        100 * target->error, n, 100 * left,
-                        100 * (isfinite(search->nearest) ? search->nearest : left));
+                        100 * target->error, n, 100 * left, 100 * search->nearest);
             return NULL;
         }
         g_autofree char *wanted = g_format_size((guint64)target->bytes);

@@ -376,7 +376,8 @@ static gboolean make(struct refine *refine, GError **error) {
 
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct refine refine = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
-    /* If there are many axes, the last ones are not yet accurate for all rows. */
+    /* If there are many axes, as a packed file may have, the last ones are not yet accurate for all
+     * rows. W is then computed from the BTF again, and not from P. */
     refine.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
     refine.lpca->error = -1;
     refine.lpca->colours = run->options->colours;

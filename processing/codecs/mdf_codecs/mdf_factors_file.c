@@ -93,7 +93,7 @@ static const char *read_values(struct mdf_factors *factors, const struct exr_fil
             return "the direction of a view is out of range";
     for (int i = 0; i < n * m; i++)
         if (!(fabsf(weights[i]) <= MAX_MM))
-            return "a weight is not a number of millimetres";
+            return "a weight is not a number from −60000 to 60000 mm";
     factors->theta_deg = g_memdup2(theta, sizeof(float) * (gsize)n);
     factors->phi_deg = g_memdup2(phi, sizeof(float) * (gsize)n);
     factors->weights = g_new(float, (gsize)n *(gsize)m);
@@ -107,7 +107,7 @@ static const char *read_values(struct mdf_factors *factors, const struct exr_fil
             return "a map is missing";
         for (gsize x = 0; x < texels; x++) {
             if (!(from[x] >= 0 && from[x] <= MAX_MAP) || from[x] != floorf(from[x]))
-                return "a map has a value that is not a whole number of 0 to 255";
+                return "a map has a value that is not a whole number from 0 to 255";
             factors->maps[(gsize)i * texels + x] = (guint8)from[x];
         }
     }

@@ -24,7 +24,7 @@ static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, 
     for (gsize i = 0; !what && i < n; i++) {
         most = MAX(most, distance[i]);
         if (!(fabsf(distance[i]) <= MAX_MM))
-            what = "there is a distance that is not a number of millimetres";
+            what = "a distance is not a number from −60000 to 60000 mm";
     }
     if (what) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part “%s”: %s", path, from->name,

@@ -6,6 +6,8 @@
 
 #define MAX_BYTES ((gsize)512 << 20)
 
+#define DIRECTION_MISSING "the direction of a view or light is missing or not a number"
+
 static gboolean fail(const char *path, const char *what, GError **error) {
     return data_error_fail(path, 0, error, "%s; process the session again", what);
 }
@@ -13,7 +15,7 @@ static gboolean fail(const char *path, const char *what, GError **error) {
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           struct direction_list *list, gsize i, GError **error) {
     return btf_direction(part, of, &list->theta_deg[i], &list->phi_deg[i]) ||
-           fail(path, "a direction is not a number", error);
+           fail(path, DIRECTION_MISSING, error);
 }
 
 static gboolean directions(struct session_view_files *files, GError **error) {
@@ -56,9 +58,10 @@ static gboolean picture(const struct session_view_files *files, const struct exr
                         GError **error) {
     float theta, phi;
     if (part->width != files->grid.width || part->height != files->grid.height)
-        return fail(path, "its texels differ from those of the session", error);
-    if (!btf_direction(part, "light", &theta, &phi) || theta != files->lights.theta_deg[light] ||
-        phi != files->lights.phi_deg[light])
+        return fail(path, "its size in texels differs from that of the session", error);
+    if (!btf_direction(part, "light", &theta, &phi))
+        return fail(path, DIRECTION_MISSING, error);
+    if (theta != files->lights.theta_deg[light] || phi != files->lights.phi_deg[light])
         return fail(path, "its lights differ from those of the first view", error);
     const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                     exr_part_plane(part, "B"), exr_part_plane(part, "mark")};

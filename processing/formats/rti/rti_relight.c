@@ -86,9 +86,12 @@ static gboolean write_files(const char *folder, const struct rti *rti, const flo
 static gboolean fail_folder(const char *folder, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
-    g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
-                exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
-                folder, g_strerror(saved));
+    if (exists)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
+                    folder);
+    else
+        g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be made: %s", folder,
+                    g_strerror(saved));
     return FALSE;
 }
 

@@ -30,11 +30,11 @@ static struct operation *new_run(const struct spoilt *spoilt) {
     return run;
 }
 
-/* "mesorig: 5 test shots say …" */
+/* "… the check before the capture (5 test shots) gave …" */
 static int shots_said(const struct operation *run) {
-    const char *at = strstr(run->err, " test shots say");
+    const char *at = strstr(run->err, " test shots) gave ");
     g_assert_nonnull(at);
-    while (at > run->err && at[-1] != ' ')
+    while (at > run->err && at[-1] != '(')
         at--;
     return atoi(at);
 }
@@ -58,10 +58,10 @@ TEST(spoilt) {
         g_test_message("%s", run->err);
         for (gsize k = 0; k < G_N_ELEMENTS(all[i].told) && all[i].told[k]; k++)
             assert_has(run->err, all[i].told[k]);
-        assert_has(run->err, "--yes goes on all the same");
+        assert_has(run->err, "--yes begins it all the same");
         g_assert_cmpint(shots_said(run), >=, 2);
         g_assert_cmpint(shots_said(run), <=, 5);
-        assert_has(run->err, "is not calibrated");
+        assert_has(run->err, "are not calibrated");
         g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
         operator_free(run);
     }

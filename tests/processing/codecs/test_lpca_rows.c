@@ -103,7 +103,7 @@ TEST(memory) {
     g_autoptr(GError) error = NULL;
     g_assert_null(lpca_compute(btf, &options, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "allow more, or ask for fewer"));
+    g_assert_nonnull(strstr(error->message, "allow more memory, or fewer"));
     g_clear_error(&error);
     options.memory = lpca_memory(btf, &options);
     g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
