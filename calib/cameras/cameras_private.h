@@ -113,9 +113,9 @@ double cameras_expected_px(const struct cameras_work *work, int camera);
 gboolean cameras_solve(struct cameras_work *work, GError **error);
 
 /* cameras_mistakes.c: if the boards do not fit as noted, but fit with one mistake, sets an error
- * that names the mistake and returns TRUE. started says that the first fit has succeeded. Otherwise
+ * that names the mistake and returns TRUE. fitted says that the first fit has succeeded. Otherwise
  * returns FALSE, after the fit without a mistake was repeated and unexplained_px was set. */
-gboolean cameras_find_mistake(struct cameras_work *work, gboolean started, GError **error);
+gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
 /* Refuses cameras that stand at each other's places. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 

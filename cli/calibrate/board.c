@@ -35,17 +35,13 @@ static int run(const struct call *call, GError **error) {
     const char *written = to ? output_file_path(to, error) : NULL;
     if (!written || !output_file_end(to, board_draw(&board, written, &drawing, error), error))
         return CLI_FAILED;
-    const int corners = board_n_corners(&board);
     double size[2];
     board_size_mm(&board, size);
     g_autofree char *spec = board_spec(&board);
-    record_string(call->record, "file", path);
-    record_string(call->record, "board", spec);
-    record_int(call->record, "corners", corners);
     record_say(call->record,
-               "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
-               "measure it, and give the measured sizes:\n  --board %s\n",
-               path, size[0], size[1], corners, spec);
+               "%s{file}: %g × %g mm, %d{corners} corners\nPrint it at its true size, glue it to "
+               "something flat, measure it, and give the measured sizes:\n  --board %s{board}\n",
+               path, size[0], size[1], board_n_corners(&board), spec);
     cli_tell_output(call->record, to);
     return CLI_DONE;
 }

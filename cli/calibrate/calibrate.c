@@ -94,14 +94,10 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     job->to = cli_output(calibrate_output, "calibration", error);
     const gboolean ok = job->to && cli_work_run(calibrate_work, job, &job->seconds, error);
     if (ok) {
-        record_string(call->record, "file", calibrate_output);
+        record_say(call->record, "%s{file}: ", calibrate_output);
         method->tell(call->record, job);
-        record_strings(call->record, "warnings", job->warnings);
-        for (guint i = 0; i < job->warnings->len; i++)
-            record_say(call->record, "  warning: %s\n", (char *)job->warnings->pdata[i]);
-        record_strings(call->record, "incomplete", job->incomplete);
-        for (guint i = 0; i < job->incomplete->len; i++)
-            record_say(call->record, "  incomplete: %s\n", (char *)job->incomplete->pdata[i]);
+        record_say_strings(call->record, "warnings", "  warning: ", job->warnings);
+        record_say_strings(call->record, "incomplete", "  incomplete: ", job->incomplete);
         /* A file that a method adds to keeps its contents. It is not reported as replaced. */
         if (calibrate_from || !method->adds)
             cli_tell_output(call->record, job->to);

@@ -35,8 +35,9 @@ struct calibrate_job;
 struct calibrate_method {
     /* Calibrates job->calibration from the sessions. */
     gboolean (*find)(struct calibrate_job *job, GError **error);
-    /* Adds the result to the record, which already contains "file". Adds warnings to job->warnings:
-     * the caller writes them to the record after the result. */
+    /* Adds the result to the record. The record already contains "file", and its text begins with
+     * "FILE: ". Adds warnings to job->warnings: the caller writes them to the record after the
+     * result. */
     void (*tell)(Record *to, const struct calibrate_job *job);
     /* Without -c, the result is added to the output file if that file exists. */
     gboolean adds;

@@ -240,9 +240,8 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
     record_begin_list(to, "lenses");
     for (int c = 0; c < rig->n_cameras; c++) {
         record_begin(to, NULL);
-        record_string(to, "camera", rig->cameras[c].name);
-        record_string(to, "lens", rig_lens_name((enum rig_lens)rig->cameras[c].lens));
-        record_double(to, "variance_inflation", result->inflation[c]);
+        record_add(to, "%s{camera} %s{lens} %g{variance_inflation}", rig->cameras[c].name,
+                   rig_lens_name((enum rig_lens)rig->cameras[c].lens), result->inflation[c]);
         record_doubles(to, "lateral_colour", rig->cameras[c].lateral_colour, 3);
         record_doubles(to, "lateral_colour_error", calibration->cameras[c].lateral_colour, 3);
         record_end(to);
@@ -271,24 +270,19 @@ static void tell_arm(Record *to, const struct calibration *calibration,
     if (!result->arm_known)
         return;
     rig_angles(arm->swing.axis, &theta_rad, &phi_rad);
-    record_begin(to, "arm");
-    record_double(to, "axis_theta_deg", theta_rad * 180 / G_PI);
-    record_double(to, "axis_phi_deg", phi_rad * 180 / G_PI);
-    record_double(to, "zero_deg", arm->zero_rad * 180 / G_PI);
-    record_double(to, "angle_rms_deg", arm->angle_rms_rad * 180 / G_PI);
-    record_double(to, "position_rms_mm", arm->position_rms_mm);
     for (int c = 0; c < calibration->rig.n_cameras; c++)
         if (result->predicted >> c & 1)
             g_ptr_array_add(predicted, (gpointer)calibration->rig.cameras[c].name);
+    record_begin(to, "arm");
+    record_say(to,
+               "\n  arm: axis towards theta %.3f{axis_theta_deg}° phi %.3f{axis_phi_deg}°, through "
+               "%.2f %.2f %.2f mm; zero %+.4f{zero_deg}°; its stops are within "
+               "%.4f{angle_rms_deg}° and %.3f{position_rms_mm} mm of that (RMS)",
+               theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
+               arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
+               arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
     record_strings(to, "predicted", predicted);
     record_end(to);
-    record_say(
-        to,
-        "\n  arm: axis towards theta %.3f° phi %.3f°, through %.2f %.2f %.2f mm; zero %+.4f°; "
-        "its stops are within %.4f° and %.3f mm of that (RMS)",
-        theta_rad * 180 / G_PI, phi_rad * 180 / G_PI, arm->swing.centre_mm.x,
-        arm->swing.centre_mm.y, arm->swing.centre_mm.z, arm->zero_rad * 180 / G_PI,
-        arm->angle_rms_rad * 180 / G_PI, arm->position_rms_mm);
     if (predicted->len > 0)
         record_say(to, "; %u stop%s without pictures %s placed by the axis", predicted->len,
                    predicted->len == 1 ? "" : "s", predicted->len == 1 ? "is" : "are");
@@ -320,32 +314,21 @@ static void tell(Record *to, const struct calibrate_job *base) {
     const struct cameras_result *result = job->result;
     const struct calibrate_video *video = job->video;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
-    record_int(to, "pictures", part->pictures);
-    record_strings(to, "rejected", part->rejected);
-    record_int(to, "corners", result->residuals->len);
-    record_double(to, "rms_px", result->rms_px);
-    record_double(to, "expected_px", result->expected_px);
-    record_double(to, "wobble_deg", result->wobble_rad * 180 / G_PI);
-    record_double(to, "wobble_error_deg", result->wobble_error_rad * 180 / G_PI);
-    record_double(to, "real_s", base->seconds);
-    if (video) {
-        record_begin(to, "video");
-        record_int(to, "frames", video->video->n_frames);
-        record_int(to, "searched", video->video->frames->len);
-        record_int(to, "seen", video->n_seen);
-        record_int(to, "chosen", video->chosen->len);
-        record_end(to);
-    }
-    record_say(to, "%s: %d pictures, %u corners, %.3f px RMS", calibrate_output, part->pictures,
-               result->residuals->len, result->rms_px);
+    record_say(to, "%d{pictures} pictures, %u{corners} corners, %.3f{rms_px} px RMS",
+               part->pictures, result->residuals->len, result->rms_px);
     if (part->rejected->len)
         record_say(to, "; %u left out", part->rejected->len);
-    if (video)
+    record_add(to, "%g{expected_px} %g{real_s}", result->expected_px, base->seconds);
+    if (video) {
+        record_begin(to, "video");
         record_say(to,
-                   "\n  %d frames; the %u sharpest of their neighbours were searched, %d show the "
-                   "board, and in %u it lies apart from the others",
+                   "\n  %d{frames} frames; the %u{searched} sharpest of their neighbours were "
+                   "searched, %d{seen} show the board, and in %u{chosen} it lies apart from the "
+                   "others",
                    video->video->n_frames, video->video->frames->len, video->n_seen,
                    video->chosen->len);
+        record_end(to);
+    }
     tell_lenses(to, base->calibration, result);
     if (images_option)
         record_doubles(to, "bend_mm", result->bend_mm, 2);
@@ -353,21 +336,21 @@ static void tell(Record *to, const struct calibrate_job *base) {
         record_say(to, "\n  the board is bent: its corners are from %+.2f to %+.2f mm off a plane",
                    result->bend_mm[0], result->bend_mm[1]);
     tell_arm(to, base->calibration, result);
-    if (result->wobble_rad > 0)
-        record_say(to,
-                   "\n  turntable: its axis wobbles by up to %.4f° ± %.4f°; the calibration "
-                   "corrects for that",
-                   result->wobble_rad * 180 / G_PI, result->wobble_error_rad * 180 / G_PI);
-    if (azimuth_option) {
-        record_double(to, "turned_deg", -job->board_deg);
+    record_say_if(to, result->wobble_rad > 0,
+                  "\n  turntable: its axis wobbles by up to %.4f{wobble_deg}° ± "
+                  "%.4f{wobble_error_deg}°; the calibration corrects for that",
+                  result->wobble_rad * 180 / G_PI, result->wobble_error_rad * 180 / G_PI);
+    if (azimuth_option)
         record_say(to,
                    "\n  azimuths count from the board's x axis: those of the rig file were turned "
-                   "by %+.3f°",
+                   "by %+.3f{turned_deg}°",
                    -job->board_deg);
-    }
-    for (guint i = 0; images_option && i < part->rejected->len; i++)
-        record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
-    record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
+    record_say(to, "\n");
+    if (images_option)
+        record_say_strings(to, "rejected", "  left out: ", part->rejected);
+    else
+        record_strings(to, "rejected", part->rejected);
+    record_say(to, "mesorig calibrate show %s tells more\n", calibrate_output);
     const int rows = rows_shown(job);
     if (rows != job->board.rows)
         record_say(to,

@@ -34,12 +34,10 @@ static gboolean find(struct calibrate_job *job, GError **error) {
 static void tell(Record *to, const struct calibrate_job *job) {
     const struct colour_matrix *colour = &job->calibration->colour;
     const double white = colour->matrix[3] + colour->matrix[4] + colour->matrix[5];
-    record_int(to, "patches", colour->patches);
-    record_double(to, "delta_e", colour->residual);
+    record_say(to, "%d{patches} patches, %.2f{delta_e} ΔE*ab RMS\n", colour->patches,
+               colour->residual);
     record_double(to, "white", white);
     record_doubles(to, "matrix", colour->matrix, 9);
-    record_say(to, "%s: %d patches, %.2f ΔE*ab RMS\n", calibrate_output, colour->patches,
-               colour->residual);
     for (int i = 0; i < 9; i += 3)
         record_say(to, "  %c = %+.4f R %+.4f G %+.4f B   ± %.4f %.4f %.4f\n", "XYZ"[i / 3],
                    colour -> matrix[i], colour -> matrix[i + 1], colour -> matrix[i + 2],

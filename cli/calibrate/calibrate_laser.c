@@ -267,28 +267,22 @@ static void tell_laser(Record *to, const struct laser_result *found, int i) {
         if (found->from_prior[i][k])
             g_ptr_array_add(from_prior, (gpointer)names[k]);
     record_begin(to, NULL);
-    record_string(to, "name", laser->name);
-    record_doubles(to, "position_mm", (double[]){p.x, p.y, p.z}, 3);
-    record_double(to, "sheet_error_mm", found->sheet_error_mm[i]);
-    record_double(to, "source_error_mm", found->source_error_mm[i]);
-    record_strings(to, "from_prior", from_prior);
-    record_double(to, "stretch", laser->stretch);
-    record_double(to, "bend_mm", bend_mm);
-    record_double(to, "bend_error_mm", bend_error_mm);
-    record_double(to, "rms_mm", found->rms_mm[i]);
-    record_double(to, "expected_mm", found->expected_mm[i]);
-    record_int(to, "points", found->points[i]);
-    record_end(to);
     record_say(to,
-               "  %-12s sheet ± %.4f mm over the plates, sweeps %+.3f %%, %s %+.4f ± %.4f mm at "
-               "%g mm, %.4f mm RMS",
-               laser->name, found->sheet_error_mm[i], 100 * laser->stretch,
+               "  %-12s{name} sheet ± %.4f{sheet_error_mm} mm over the plates, sweeps "
+               "%+.3f{stretch:%%}, %s %+.4f{bend_mm} ± %.4f{bend_error_mm} mm at %g mm, "
+               "%.4f{rms_mm} mm RMS",
+               laser->name, found->sheet_error_mm[i], laser->stretch,
                laser->bend_rad == 0 ? "flat:" : "bent by", bend_mm, bend_error_mm,
                CALIBRATE_BEND_AT_MM, found->rms_mm[i]);
-    if (found->expected_mm[i] > 0)
-        record_say(to, ", noise explains %.4f mm", found->expected_mm[i]);
-    record_say(to, "\n  %-12s at %.2f %.2f %.2f mm ± %.2f mm across its axis, zero ± %.4f°", "",
-               p.x, p.y, p.z, found->source_error_mm[i], found->zero_error_rad[i] * 180 / G_PI);
+    record_say_if(to, found->expected_mm[i] > 0, ", noise explains %.4f{expected_mm} mm",
+                  found->expected_mm[i]);
+    record_int(to, "points", found->points[i]);
+    record_say(to, "\n  %-12s at ", "");
+    record_say_doubles(to, "position_mm", "%.2f", (double[]){p.x, p.y, p.z}, 3);
+    record_say(to, " mm ± %.2f{source_error_mm} mm across its axis, zero ± %.4f°",
+               found->source_error_mm[i], found->zero_error_rad[i] * 180 / G_PI);
+    record_strings(to, "from_prior", from_prior);
+    record_end(to);
     if (from_prior->len) {
         g_ptr_array_add(from_prior, NULL);
         g_autofree char *list = g_strjoinv(", ", (char **)from_prior->pdata);
@@ -316,25 +310,19 @@ static void tell(Record *to, const struct calibrate_job *base) {
     const struct job *job = (const struct job *)base;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LASER];
     const struct laser_result *found = &job->result;
-    const double worst_deg = job->worst_rad * 180 / G_PI;
-    record_int(to, "sweeps", part->pictures);
-    record_int(to, "points", found->n_used);
-    record_strings(to, "rejected", part->rejected);
-    record_double(to, "rms_mm", found->rms_all_mm);
-    record_say(to, "%s: %d sweeps, %d points, %.3f mm RMS from their sheets\n", calibrate_output,
+    record_say(to, "%d{sweeps} sweeps, %d{points} points, %.3f{rms_mm} mm RMS from their sheets\n",
                part->pictures, found->n_used, found->rms_all_mm);
+    record_strings(to, "rejected", part->rejected);
     record_begin_list(to, "lasers");
     for (int i = 0; i < found->rig.n_lasers; i++)
         if (found->seen[i])
             tell_laser(to, found, i);
     record_end(to);
-    record_int(to, "steps", found->steps->len);
-    record_double(to, "worst_step_mm", job->worst_mm);
-    record_double(to, "worst_step_deg", worst_deg);
+    record_say(to,
+               "  each of %u{steps} steps was measured by itself: at most %.3f{worst_step_mm} mm "
+               "and %.4f{worst_step_deg}° from the model",
+               found->steps->len, job->worst_mm, job->worst_rad * 180 / G_PI);
     record_double(to, "real_s", base->seconds);
-    record_say(
-        to, "  each of %u steps was measured by itself: at most %.3f mm and %.4f° from the model",
-        found->steps->len, job->worst_mm, worst_deg);
     if (job->uneven)
         record_say(to,
                    "; %d by more than %g mm: does the sweep run evenly, and are the "

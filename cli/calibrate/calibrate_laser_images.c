@@ -359,36 +359,29 @@ static void tell(Record *to, const struct calibrate_job *base) {
     const struct laser_plane *found = job->plane;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LASER];
     const struct vec3 n = found->plane.normal, p = found->point_mm;
-    record_string(to, "laser", base->calibration->rig.lasers[job->laser].name);
-    record_string(to, "camera", base->calibration->rig.cameras[job->camera].name);
-    record_int(to, "photographs", found->used);
-    record_int(to, "dots", found->dots);
-    record_doubles(to, "normal", (double[]){n.x, n.y, n.z}, 3);
-    record_double(to, "offset_mm", found->plane.offset_mm);
-    record_doubles(to, "point_mm", (double[]){p.x, p.y, p.z}, 3);
-    record_doubles(to, "covariance", &found->covariance[0][0], 16);
-    record_double(to, "offset_error_mm", found->offset_error_mm);
-    record_double(to, "tilt_error_deg", found->tilt_error_rad * DEG);
-    record_double(to, "rms_mm", found->rms_mm);
-    record_double(to, "expected_rms_mm", found->expected_rms_mm);
-    record_strings(to, "rejected", part->rejected);
-    record_double(to, "real_s", base->seconds);
     record_say(to,
-               "%s: laser %s: %d photographs, %d dots of its line, %.4f mm RMS from its plane\n"
-               "  normal %+.6f %+.6f %+.6f ± %.4f°, %.4f mm from the origin; through "
-               "%.3f %.3f %.3f mm ± %.4f mm\n",
-               calibrate_output, base->calibration->rig.lasers[job->laser].name, found->used,
-               found->dots, found->rms_mm, n.x, n.y, n.z, found->tilt_error_rad * DEG,
-               fabs(found->plane.offset_mm), p.x, p.y, p.z, found->offset_error_mm);
+               "laser %s{laser}: %d{photographs} photographs, %d{dots} dots of its line, "
+               "%.4f{rms_mm} mm RMS from its plane\n  normal ",
+               base->calibration->rig.lasers[job->laser].name, found->used, found->dots,
+               found->rms_mm);
+    record_say_doubles(to, "normal", "%+.6f", (double[]){n.x, n.y, n.z}, 3);
+    record_say(to, " ± %.4f{tilt_error_deg}°, %.4f mm from the origin; through ",
+               found->tilt_error_rad * DEG, fabs(found->plane.offset_mm));
+    record_say_doubles(to, "point_mm", "%.3f", (double[]){p.x, p.y, p.z}, 3);
+    record_say(to, " mm ± %.4f{offset_error_mm} mm\n", found->offset_error_mm);
+    record_add(to, "%s{camera} %g{offset_mm} %g{expected_rms_mm} %g{real_s}",
+               base->calibration->rig.cameras[job->camera].name, found->plane.offset_mm,
+               found->expected_rms_mm, base->seconds);
+    record_doubles(to, "covariance", &found->covariance[0][0], 16);
+    record_say_strings(to, "rejected", "  left out: ", part->rejected);
     const struct residual residual = {
         "the lines' distance from the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
         "laser or camera moved between photographs, a sheet of light or a board that is bent, a "
         "lens calibrated too coarsely"};
     calibrate_warn_residual(base, &residual);
-    for (guint i = 0; i < part->rejected->len; i++)
-        record_say(to, "  left out: %s\n", (const char *)part->rejected->pdata[i]);
-    if (job->table)
-        cli_tell_output(to, job->table);
+    /* "replaced" in the record is for the calibration file. */
+    if (job->table && output_file_note(job->table))
+        record_say(to, "%s\n", output_file_note(job->table));
 }
 
 int laser_images_calibrate(const struct call *call, GError **error) {

@@ -531,14 +531,12 @@ static void tell_lamp(Record *to, const struct lamps_result *found, int i) {
     double theta, phi;
     rig_angles(p, &theta, &phi);
     record_begin(to, NULL);
-    record_string(to, "name", lamp->name);
+    record_say(to, "  %-12s{name} %7.2f mm at %6.3f° from the zenith, ± ", lamp->name,
+               vec3_length(p), theta * 180 / G_PI);
     record_doubles(to, "position_mm", (double[]){own.x, own.y, own.z}, 3);
-    record_doubles(to, "error_mm", error_mm, 3);
-    record_int(to, "sights", found->sights[i]);
+    record_say_doubles(to, "error_mm", "%.2f", error_mm, 3);
+    record_say(to, " mm, %d{sights} sights\n", found->sights[i]);
     record_end(to);
-    record_say(to, "  %-12s %7.2f mm at %6.3f° from the zenith, ± %.2f %.2f %.2f mm, %d sights\n",
-               lamp->name, vec3_length(p), theta * 180 / G_PI, error_mm[0], error_mm[1],
-               error_mm[2], found->sights[i]);
 }
 
 static void tell(Record *to, const struct calibrate_job *base) {
@@ -546,24 +544,19 @@ static void tell(Record *to, const struct calibrate_job *base) {
     const struct lamps_result *found = &((const struct job *)base)->result;
     const struct rig_arc *arc = &found->rig.arc;
     const double deg = 180 / G_PI;
-    record_int(to, "pictures", part->pictures);
-    record_int(to, "sights", found->n_used);
+    record_say(to, "%d{pictures} pictures, %d{sights} sights, %.3g{rms} %s RMS\n", part->pictures,
+               found->n_used, found->rms, part->residual_unit);
     record_strings(to, "rejected", part->rejected);
-    record_double(to, "rms", found->rms);
-    record_say(to, "%s: %d pictures, %d sights, %.3g %s RMS\n", calibrate_output, part->pictures,
-               found->n_used, part->residual_rms, part->residual_unit);
     record_begin_list(to, "lamps");
     for (int i = 0; i < found->rig.n_lamps; i++)
         if (found->seen[i])
             tell_lamp(to, found, i);
     record_end(to);
-    record_double(to, "arc_zero_deg", arc->zero_rad * 180 / G_PI);
+    const gboolean has_arc = found->rig.arc_radius_mm > 0;
+    record_say_if(to, has_arc, "  arc: zero %+.4f{arc_zero_deg}° ± %.4f°",
+                  arc->zero_rad * 180 / G_PI, found->zero_error_rad * deg);
     record_boolean(to, "arc_axis_known", found->arc_known);
     record_double(to, "real_s", base->seconds);
-    const gboolean has_arc = found->rig.arc_radius_mm > 0;
-    if (has_arc)
-        record_say(to, "  arc: zero %+.4f° ± %.4f°", arc->zero_rad * deg,
-                   found->zero_error_rad * deg);
     if (has_arc && found->arc_known)
         record_say(to, ", axis leans %.4f° and stands at %+.3f %+.3f mm\n",
                    hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg, arc->centre_mm[0],

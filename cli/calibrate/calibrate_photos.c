@@ -345,58 +345,50 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
     return FALSE;
 }
 
-static void tell_vec3(Record *to, const char *key, struct vec3 v) {
-    record_doubles(to, key, (double[]){v.x, v.y, v.z}, 3);
+static void say_vec3(Record *to, const char *key, const char *format, struct vec3 v) {
+    record_say_doubles(to, key, format, (double[]){v.x, v.y, v.z}, 3);
 }
 
 static void tell_light(Record *to, const struct light *light) {
     const gboolean mm = photos_radius_mm > 0;
     const struct ball_light *found = &light->found;
     const double unit = mm ? photos_radius_mm : 1;
-    const struct vec3 d = found->direction, p = vec3_scale(found->place, unit),
-                      e = vec3_scale(found->place_error, unit);
     record_begin(to, NULL);
-    record_string(to, "file", light->name);
-    tell_vec3(to, "direction", d);
-    record_double(to, "sigma_deg", found->sigma_rad * DEG);
-    record_say(to, "  %-24s %+.4f %+.4f %+.4f ± %.2f°", light->name, d.x, d.y, d.z,
-               found->sigma_rad * DEG);
+    record_say(to, "  %-24s{file} ", light->name);
+    say_vec3(to, "direction", "%+.4f", found->direction);
+    record_say(to, " ± %.2f{sigma_deg}°", found->sigma_rad * DEG);
     if (found->placed) {
-        tell_vec3(to, mm ? "place_mm" : "place_radii", p);
-        tell_vec3(to, mm ? "error_mm" : "error_radii", e);
+        record_say(to, "   at ");
+        say_vec3(to, mm ? "place_mm" : "place_radii", "%.1f", vec3_scale(found->place, unit));
+        record_say(to, " %s, ± ", mm ? "mm" : "radii");
+        say_vec3(to, mm ? "error_mm" : "error_radii", "%.1f", vec3_scale(found->place_error, unit));
         record_double(to, "miss", unit * found->miss);
-        record_say(to, "   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
-                   mm ? "mm" : "radii", e.x, e.y, e.z);
     }
     record_end(to);
     record_say(to, "\n");
 }
 
 static void tell(Record *to, const struct job *job) {
-    record_string(to, "file", calibrate_output);
-    record_say(to, "%s: %u of %u photographs\n", calibrate_output, job->lights->len,
+    record_say(to, "%s{file}: %u of %u photographs\n", calibrate_output, job->lights->len,
                job->names->len);
     record_begin_list(to, "balls");
     for (int i = 0; i < job->n_balls; i++) {
         const struct ball_outline *ball = &job->balls[i];
         record_begin(to, NULL);
         record_doubles(to, "outline_px", (double[]){ball->x_px, ball->y_px, ball->radius_px}, 3);
-        record_double(to, "error_px", job->sigma_px[i]);
-        record_boolean(to, "seen", job->outlined[i]);
-        record_end(to);
-        record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
+        record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f{error_px} px\n", i + 1,
                    job->outlined[i] ? "its outline is seen at"
                                     : "as given, its outline is not seen:",
                    ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
+        record_boolean(to, "seen", job->outlined[i]);
+        record_end(to);
     }
     record_end(to);
     record_begin_list(to, "lights");
     for (guint i = 0; i < job->lights->len; i++)
         tell_light(to, &g_array_index(job->lights, struct light, i));
     record_end(to);
-    record_strings(to, "rejected", job->rejected);
-    for (guint i = 0; i < job->rejected->len; i++)
-        record_say(to, "  left out: %s\n", (char *)job->rejected->pdata[i]);
+    record_say_strings(to, "rejected", "  left out: ", job->rejected);
 }
 
 int photos_calibrate(const struct call *call, GError **error) {

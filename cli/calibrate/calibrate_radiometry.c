@@ -91,25 +91,20 @@ static void tell(Record *to, const struct calibrate_job *base) {
     const struct calibration *calibration = base->calibration;
     const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
     const struct tile_result *r = &((const struct job *)base)->result;
-    record_int(to, "pictures", r->pictures);
+    record_say(to, "%d{pictures} pictures of the tile, %.2f{residual:%%} RMS", r->pictures,
+               r->residual);
     record_strings(to, "rejected", part->rejected);
-    record_int(to, "cells", r->cells);
-    record_double(to, "residual", r->residual);
-    record_double(to, "residual_expected", r->expected);
-    record_double(to, "quality", r->quality);
-    record_double(to, "drift", r->drift);
-    record_int(to, "marks", r->marks);
-    record_int(to, "sensors", r->transfers);
-    record_double(to, "real_s", base->seconds);
-    record_say(to, "%s: %d pictures of the tile, %.2f %% RMS", calibrate_output, r->pictures,
-               100 * r->residual);
     if (part->rejected->len)
         record_say(to, "; %u pictures could not be used", part->rejected->len);
+    record_add(to, "%d{cells} %g{residual_expected} %g{quality}", r->cells, r->expected,
+               r->quality);
     record_say(to,
-               "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
-               "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
-               100 * r->drift, r->marks, calibration->rig.n_fiducials, r->transfers,
+               "\nlamps drifted by %.2f{drift:%%} meanwhile; %d{marks} of %d marks and the noise "
+               "of %d{sensors} of %d cameras are calibrated as well\nmesorig calibrate show %s "
+               "tells more\n",
+               r->drift, r->marks, calibration->rig.n_fiducials, r->transfers,
                calibration->rig.n_cameras, calibrate_output);
+    record_double(to, "real_s", base->seconds);
     int no_glare = 0;
     for (int c = 0; c < calibration->rig.n_cameras; c++) {
         const struct radiometry_camera *camera = &calibration->camera_radiometry[c];

@@ -399,8 +399,7 @@ static int run(const struct call *call, GError **error) {
     g_autofree char *text = calibration ? page(calibration, call->arguments[0]) : NULL;
     if (!text || !output_file_put(to, text, strlen(text), error))
         return CLI_FAILED;
-    record_string(call->record, "file", output_option);
-    record_say(call->record, "%s: look at it in a browser\n", output_option);
+    record_say(call->record, "%s{file}: look at it in a browser\n", output_option);
     cli_tell_output(call->record, to);
     return CLI_DONE;
 }

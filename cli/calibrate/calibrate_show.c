@@ -20,21 +20,15 @@ static void show_part(Record *to, const struct calibration *calibration,
         return;
     }
     record_begin(to, calibration_part_name(kind));
-    record_string(to, "date", part->date);
-    record_string(to, "method", part->method);
-    record_double(to, "residual_rms", part->residual_rms);
-    record_string(to, "residual_unit", part->residual_unit);
-    record_int(to, "degrees_of_freedom", part->degrees_of_freedom);
-    record_int(to, "pictures", part->pictures);
-    record_string(to, "checksum", part->checksum);
-    record_strings(to, "rejected", part->rejected);
-    record_end(to);
     record_say(to,
-               "%s: %s, %s\n  %d pictures, %u %s left out, residual RMS %.3g %s, %d degrees of "
-               "freedom\n",
+               "%s: %s{date}, %s{method}\n  %d{pictures} pictures, %u %s left out, residual RMS "
+               "%.3g{residual_rms} %s{residual_unit}, %d{degrees_of_freedom} degrees of freedom\n",
                titles[kind], part->date, part->method, part->pictures, part->rejected->len,
                calibrate_left_out(kind), part->residual_rms, part->residual_unit,
                part->degrees_of_freedom);
+    record_string(to, "checksum", part->checksum);
+    record_strings(to, "rejected", part->rejected);
+    record_end(to);
     g_auto(GStrv) lacking = calibrate_lacking(calibration, calibration_part_name(kind));
     for (int i = 0; lacking && lacking[i]; i++)
         record_say(to, "  incomplete: %s\n", lacking[i]);
@@ -200,8 +194,7 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
     if (!calibration)
         return CLI_FAILED;
-    record_string(to, "rig", calibration->rig.id);
-    record_say(to, "%s: rig %s\n", call->arguments[0], calibration->rig.id);
+    record_say(to, "%s: rig %s{rig}\n", call->arguments[0], calibration->rig.id);
     const struct rig *rig = &calibration->rig;
     show_part(to, calibration, CALIBRATION_CAMERAS);
     for (int i = 0; i < rig->n_cameras; i++)

@@ -78,6 +78,15 @@ void record_doubles(Record *to, const char *key, const double *values, int n) {
         g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, values, (gsize)n, sizeof *values));
 }
 
+void record_say_doubles(Record *to, const char *key, const char *format, const double *values,
+                        int n) {
+    record_doubles(to, key, values, n);
+    for (int i = 0; i < n; i++) {
+        g_string_append(to->text, i > 0 ? " " : "");
+        g_string_append_printf(to->text, format, values[i]);
+    }
+}
+
 void record_boolean(Record *to, const char *key, gboolean value) {
     record_variant(to, key, g_variant_new_boolean(value));
 }

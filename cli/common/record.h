@@ -47,6 +47,11 @@ void record_variants(Record *to, GVariant *values);
  * begins with before. */
 void record_strings(Record *to, const char *key, const GPtrArray *values);
 void record_say_strings(Record *to, const char *key, const char *before, const GPtrArray *values);
+/* Adds an array of n numbers. The text shows them with one blank between two numbers, each in the
+ * format of one double: record_say_doubles(to, "point_mm", "%.2f", values, 3) says "1.00 2.50
+ * 0.25". */
+void record_say_doubles(Record *to, const char *key, const char *format, const double *values,
+                        int n);
 
 /* Begin a list of records, or a record within this one. A record in a list has NULL as its key. The
  * values that follow belong to it, until record_end(). */

@@ -117,3 +117,22 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
         *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     return ok;
 }
+
+struct writing {
+    OutputFile *to;
+    CliWrite func;
+    gpointer data;
+};
+
+static gboolean write_file(const struct work *work, gpointer data, GError **error) {
+    const struct writing *writing = data;
+    const char *path = output_file_path(writing->to, error);
+    return path &&
+           output_file_end(writing->to, writing->func(path, work, writing->data, error), error);
+}
+
+gboolean cli_work_write(OutputFile *to, CliWrite func, gpointer data, double *ret_seconds,
+                        GError **error) {
+    struct writing writing = {to, func, data};
+    return cli_work_run(write_file, &writing, ret_seconds, error);
+}

@@ -1,6 +1,7 @@
 /* Long work in the process of the command line, with progress, and with Ctrl-C to cancel it. */
 #pragma once
 
+#include "base/output_file.h"
 #include "base/work.h"
 
 typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **error);
@@ -8,3 +9,11 @@ typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **err
 /* Runs func in the calling thread, and shows a bar or lines of JSON. ret_seconds (may be NULL) is
  * the time that func took. */
 gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error);
+
+typedef gboolean (*CliWrite)(const char *path, const struct work *work, gpointer data,
+                             GError **error);
+
+/* The same for work that writes one output file. func writes to path, which is output_file_path().
+ * The file is then delivered with output_file_end(). */
+gboolean cli_work_write(OutputFile *to, CliWrite func, gpointer data, double *ret_seconds,
+                        GError **error);

@@ -30,18 +30,14 @@ static const GOptionEntry merl_entries[] = {OUTPUT_ENTRY("FILE.binary"), SHARED_
 
 struct brdf_export {
     const char *material;
-    OutputFile *to;
     struct export_brdf_options options;
     struct export_brdf_result result;
 };
 
-static gboolean work_brdf(const struct work *work, gpointer data, GError **error) {
+static gboolean write_brdf(const char *path, const struct work *work, gpointer data,
+                           GError **error) {
     struct brdf_export *export = data;
-    const char *path = output_file_path(export->to, error);
-    return path && output_file_end(export->to,
-                                   export_brdf(export->material, path, &export->options, work,
-                                               &export->result, error),
-                                   error);
+    return export_brdf(export->material, path, &export->options, work, &export->result, error);
 }
 
 static gboolean parse_texel(struct import_region *ret) {
@@ -66,8 +62,8 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     const struct exchange_format format = {"BRDFs",
                                            kind == BRDF_MERL ? "MERL's format" : "RGL's format",
                                            kind == BRDF_MERL ? ".binary" : ".bsdf", NULL};
-    g_autoptr(OutputFile) file = export.to = exchange_output(output, &format, error);
-    if (!file || !cli_work_run(work_brdf, &export, &seconds, error))
+    g_autoptr(OutputFile) file = exchange_output(output, &format, error);
+    if (!file || !cli_work_write(file, write_brdf, &export, &seconds, error))
         return CLI_FAILED;
     const gboolean one = result->width == 1 && result->height == 1;
     record_say(to, "%s{file}: %d{views} %s × %d{lights} %s of %s", output,

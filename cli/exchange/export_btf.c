@@ -21,19 +21,15 @@ static const GOptionEntry entries[] = {
 
 struct btf_export {
     const char *session;
-    OutputFile *to;
     enum bonn_kind kind;
     struct export_bonn_result result;
 };
 
-static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
+static gboolean write_btf(const char *path, const struct work *work, gpointer data,
+                          GError **error) {
     struct btf_export *export = data;
-    const char *path = output_file_path(export->to, error);
-    return path && output_file_end(export->to,
-                                   export_bonn(export->session, path, export->kind,
-                                               components ? components : COMPONENTS, work,
-                                               &export->result, error),
-                                   error);
+    return export_bonn(export->session, path, export->kind, components ? components : COMPONENTS,
+                       work, &export->result, error);
 }
 
 static int run(const struct call *call, GError **error) {
@@ -48,8 +44,8 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
                          LPCA_MAX_COMPONENTS);
     static const struct exchange_format file_format = {"BTFs", "Bonn's format", ".btf", NULL};
-    g_autoptr(OutputFile) file = export.to = exchange_output(output, &file_format, error);
-    if (!file || !cli_work_run(work_btf, &export, &seconds, error))
+    g_autoptr(OutputFile) file = exchange_output(output, &file_format, error);
+    if (!file || !cli_work_write(file, write_btf, &export, &seconds, error))
         return CLI_FAILED;
     record_say(to,
                "%s{file}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels as %s in "

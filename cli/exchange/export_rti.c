@@ -37,17 +37,18 @@ static const GOptionEntry relight_entries[] = {
 
 struct rti_export {
     const char *session;
-    OutputFile *to; /* NULL for a folder */
     struct export_rti_options options;
     struct export_rti_result result;
 };
 
-static gboolean work_rti(const struct work *work, gpointer data, GError **error) {
+static gboolean write_rti(const char *path, const struct work *work, gpointer data,
+                          GError **error) {
     struct rti_export *export = data;
-    const char *path = export->to ? output_file_path(export->to, error) : output;
-    const gboolean ok =
-        path && export_rti(export->session, path, &export->options, work, &export->result, error);
-    return path && (export->to ? output_file_end(export->to, ok, error) : ok);
+    return export_rti(export->session, path, &export->options, work, &export->result, error);
+}
+
+static gboolean write_folder(const struct work *work, gpointer data, GError **error) {
+    return write_rti(output, work, data, error);
 }
 
 static int run(const struct call *call, enum export_rti_kind kind, GError **error) {
@@ -64,10 +65,12 @@ static int run(const struct call *call, enum export_rti_kind kind, GError **erro
     if (view < -1)
         return cli_usage(call->command, "--view=%d is out of range: 0 or more", view);
     static const struct exchange_format ptm = {"PTMs", "their own format", ".ptm", NULL};
-    g_autoptr(OutputFile) file = NULL;
-    if (!(kind == EXPORT_PTM ? (file = export.to = exchange_output(output, &ptm, error)) != NULL
-                             : exchange_check_folder(output, error)) ||
-        !cli_work_run(work_rti, &export, &seconds, error))
+    g_autoptr(OutputFile) file = kind == EXPORT_PTM ? exchange_output(output, &ptm, error) : NULL;
+    const gboolean ok = kind == EXPORT_PTM
+                            ? file && cli_work_write(file, write_rti, &export, &seconds, error)
+                            : exchange_check_folder(output, error) &&
+                                  cli_work_run(write_folder, &export, &seconds, error);
+    if (!ok)
         return CLI_FAILED;
     record_say(to,
                "%s{file}: view %d{view} (%.0f{theta_deg}° from the normal) under %d{lights} %s, "

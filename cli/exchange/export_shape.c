@@ -34,34 +34,25 @@ struct surface_export {
     struct light_normals_result lights;
 };
 
-static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
+static gboolean write_surface(const char *path, const struct work *work, gpointer data,
+                              GError **error) {
     struct surface_export *export = data;
-    const char *path = output_file_path(export->to, error);
-    return path && output_file_end(export->to,
-                                   export_surface(export->session, path, &export->options, work,
-                                                  &export->surface, error),
-                                   error);
+    return export_surface(export->session, path, &export->options, work, &export->surface, error);
 }
 
-static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
+static gboolean write_fit(const char *path, const struct work *work, gpointer data,
+                          GError **error) {
     struct surface_export *export = data;
-    const char *path = output_file_path(export->to, error);
-    return path &&
-           output_file_end(export->to,
-                           fit_normals(export->session, path, export->options.what == EXPORT_HEIGHT,
-                                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work,
-                                       &export->fit, error),
-                           error);
+    return fit_normals(export->session, path, export->options.what == EXPORT_HEIGHT,
+                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &export->fit,
+                       error);
 }
 
-static gboolean work_lights(const struct work *work, gpointer data, GError **error) {
+static gboolean write_lights(const char *path, const struct work *work, gpointer data,
+                             GError **error) {
     struct surface_export *export = data;
-    const char *path = output_file_path(export->to, error);
-    return path && output_file_end(export->to,
-                                   light_normals(export->session, path,
-                                                 export->options.what == EXPORT_HEIGHT, work,
-                                                 &export->lights, error),
-                                   error);
+    return light_normals(export->session, path, export->options.what == EXPORT_HEIGHT, work,
+                         &export->lights, error);
 }
 
 /* Exports normals or heights from the pictures under the measured lights. */
@@ -76,7 +67,7 @@ static int by_lights(const struct call *call, struct surface_export *export, GEr
     const struct light_normals_result *result = &export->lights;
     Record *to = call->record;
     double seconds = 0;
-    if (!cli_work_run(work_lights, export, &seconds, error))
+    if (!cli_work_write(export->to, write_lights, export, &seconds, error))
         return CLI_FAILED;
     record_add(to, "%s{file} %s{model} %d{lights} %d{points} %d{holes}", output, "lights",
                result->n_lights, result->texels - result->holes, result->holes);
@@ -108,7 +99,7 @@ static int by_fit(const struct call *call, struct surface_export *export, GError
                          "--views and --layered are for materials with an MDF; %s "
                          "has none",
                          export->session);
-    if (!cli_work_run(work_fit, export, &seconds, error))
+    if (!cli_work_write(export->to, write_fit, export, &seconds, error))
         return CLI_FAILED;
     record_add(to, "%s{file} %s{model}", output, result->model);
     record_say(to, "%s: %d{points} of %d texels from their %s", output,
@@ -157,7 +148,7 @@ static int shape(const struct call *call, enum export_surface what, GError **err
                          "--maximum is for height and normals of a PTM; %s is to be "
                          "exported from its MDF",
                          export.session);
-    if (!cli_work_run(work_surface, &export, &seconds, error))
+    if (!cli_work_write(to, write_surface, &export, &seconds, error))
         return CLI_FAILED;
     record_add(record, "%s{file} %d{views} %" G_GINT64_FORMAT "{seen} %" G_GINT64_FORMAT "{points}",
                output, result->n_views, result->seen, result->points);

@@ -17,15 +17,14 @@ static const GOptionEntry entries[] = {
 
 struct web {
     struct webgl_export asked;
-    OutputFile *to;
     struct webgl_export_result result;
 };
 
-static gboolean work_web(const struct work *work, gpointer data, GError **error) {
+static gboolean write_web(const char *path, const struct work *work, gpointer data,
+                          GError **error) {
     struct web *web = data;
-    web->asked.output = output_file_path(web->to, error);
-    return web->asked.output &&
-           output_file_end(web->to, webgl_export(&web->asked, work, &web->result, error), error);
+    web->asked.output = path;
+    return webgl_export(&web->asked, work, &web->result, error);
 }
 
 static OutputFile *open_output(const char *name, GError **error) {
@@ -43,8 +42,8 @@ static int run(const struct call *call, GError **error) {
     double seconds = 0;
     if (!exchange_parse_bytes(call->command, "size", size, &web.asked.size))
         return CLI_USAGE;
-    g_autoptr(OutputFile) file = web.to = open_output(output, error);
-    if (!file || !cli_work_run(work_web, &web, &seconds, error))
+    g_autoptr(OutputFile) file = open_output(output, error);
+    if (!file || !cli_work_write(file, write_web, &web, &seconds, error))
         return CLI_FAILED;
     record_say(to,
                "%s{file}: %d{width} × %d{height} texels, %d{clusters} %s of %d{components} %s in "

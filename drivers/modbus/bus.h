@@ -42,7 +42,9 @@ struct modbus_job {
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
 
 /* For a device's open(): opens the line, or returns the open one if its settings are the same. May
- * wait timeout_ms for a connection. Errors name file and line. */
+ * wait timeout_ms for a connection. Errors name file and line. They are DEVICE_ERROR if the line
+ * cannot be opened, and CONFIG_ERROR if its settings differ from those of the open line or the
+ * rig's clock is virtual. */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */

@@ -43,6 +43,9 @@ static void fill(Record *to) {
     g_ptr_array_add(notes, (gpointer) "100 %d{x}");
     record_say_strings(to, "notes", "note ", notes);
     record_strings(to, "quiet", notes);
+    record_say(to, "at ");
+    record_say_doubles(to, "at_mm", "%+.1f", (double[]){0.25, -1, 30}, 3);
+    record_say(to, " mm\n");
 }
 
 TEST(text) {
@@ -53,7 +56,8 @@ TEST(text) {
                     "weave: 81 views of 12.2 mm, error 1.23 %, %, in 1 min 05 s\n"
                     "2.5\302\240MB, 3.0 s, 7\n"
                     "θ     |    µm|+1.500|\n"
-                    "note 100 %d{x}\n");
+                    "note 100 %d{x}\n"
+                    "at +0.2 -1.0 +30.0 mm\n");
 }
 
 TEST(json) {
@@ -64,7 +68,8 @@ TEST(json) {
                     "{\"views\": 81, \"width_mm\": 12.25, \"error\": 0.0123, \"real_s\": 65, "
                     "\"holes\": 1099511627776, \"bytes\": 2500000, \"n\": 7, \"state\": \"done\", "
                     "\"reason\": \"\", \"devices\": [{\"name\": \"θ\", \"unit\": \"µm\", \"at\": "
-                    "1.5}], \"notes\": [\"100 %d{x}\"], \"quiet\": [\"100 %d{x}\"]}\n");
+                    "1.5}], \"notes\": [\"100 %d{x}\"], \"quiet\": [\"100 %d{x}\"], "
+                    "\"at_mm\": [0.25, -1, 30]}\n");
 }
 
 /* A record without values prints no JSON, and one without text nothing for people. */
