@@ -98,10 +98,11 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     static const char key_characters[] = G_CSET_A_2_Z G_CSET_a_2_z G_CSET_DIGITS "_-.";
     const struct config_section *section = last_section(config);
     if (!section)
-        return syntax_error(error, config, line, "text before the first [section]");
+        return syntax_error(error, config, line, "there is text before the first [section]");
     char *equals = strchr(text, '=');
     if (!equals)
-        return syntax_error(error, config, line, "[%s]: neither \"key = value\" nor a [section]",
+        return syntax_error(error, config, line,
+                            "[%s]: this line is neither \"key = value\" nor a [section]",
                             section->group);
     *equals = '\0';
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
@@ -125,13 +126,13 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
 
 static gboolean parse_line(Config *config, char *text, int line, GError **error) {
     if (!g_utf8_validate(text, -1, NULL))
-        return syntax_error(error, config, line, "not UTF-8");
+        return syntax_error(error, config, line, "this line is not text in UTF-8");
     g_strstrip(text);
     if (!*text || *text == '#')
         return TRUE;
     for (const char *c = text; *c; c++)
         if (g_ascii_iscntrl(*c) && *c != '\t')
-            return syntax_error(error, config, line, "a control character (%d)", *c);
+            return syntax_error(error, config, line, "there is a control character (%d)", *c);
     if (*text != '[')
         return add_entry(config, text, line, error);
     const gsize length = strlen(text);
@@ -194,7 +195,7 @@ static gboolean do_parse(Config *config, gsize length) {
         return mistakes_add(config->mistakes, error);
     }
     if (strlen(text) != length) {
-        syntax_error(&error, config, line_at(text, text + strlen(text)), "a NUL byte");
+        syntax_error(&error, config, line_at(text, text + strlen(text)), "there is a NUL byte");
         return mistakes_add(config->mistakes, error);
     }
     if (g_str_has_prefix(text, INPUT_FILE_MARK))

@@ -27,11 +27,13 @@ static glong read_holder(int fd) {
 }
 
 static int fail(const char *path, int fd, int saved, const char *what, GError **error) {
-    if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
+    if (fd >= 0 && (saved == EAGAIN || saved == EACCES)) {
+        const long holder = read_holder(fd);
+        g_autofree char *process =
+            holder > 0 ? g_strdup_printf("process %ld", holder) : g_strdup("another process");
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "%s: process %ld is writing %s; wait until it has ended", path, read_holder(fd),
-                    what);
-    else
+                    "%s: %s is writing %s; wait until it has ended", path, process, what);
+    } else
         g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),
                     "%s: cannot be locked: %s", path, g_strerror(saved));
     if (fd >= 0)

@@ -10,8 +10,8 @@ struct nearest {
     int distance;
 };
 
-/* Begins a search. A name is accepted if the number of wrong letters is at most a third of the
- * letters plus one, and at most three. For a key of three letters it is at most one. */
+/* Begins a search. A name is accepted if the number of wrong letters is at most min(n / 3 + 1, 3)
+ * for a key of n bytes, and at most 1 if n <= 3. */
 struct nearest nearest_new(const char *key);
 /* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
  * compared. */

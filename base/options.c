@@ -53,7 +53,10 @@ static gboolean parse_double(const struct option *option, const char *text, doub
                              GError **error) {
     char *end = NULL;
     double value = g_ascii_strtod(text, &end);
-    if (!*text || *end || strspn(text, "0123456789+-.eE") != strlen(text) || !isfinite(value))
+    const gboolean number = *text && !*end && strspn(text, "0123456789+-.eE") == strlen(text);
+    if (number && !isfinite(value))
+        return value_error(error, "%s is too large", text);
+    if (!number)
         return value_error(error, "\"%s\" is not a number%s%s%s", text,
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
                            option->unit ? "; write only the number)" : "");
@@ -68,7 +71,8 @@ static gboolean parse_int(const struct option *option, const char *text, int *re
     if (!*text || *end || g_ascii_isspace(*text))
         return value_error(error, "\"%s\" is not a whole number", text);
     if (errno == ERANGE || value < G_MININT || value > G_MAXINT)
-        return value_error(error, "%s is out of range", text);
+        return check_range(option, (double)value, text, error) &&
+               value_error(error, "%s is out of range: %d to %d", text, G_MININT, G_MAXINT);
     *ret = (int)value;
     return check_range(option, (double)value, text, error);
 }
@@ -81,7 +85,8 @@ static gboolean parse_share(const char *text, double *ret, GError **error) {
         end++;
     }
     if (end == text || *end || !(value > 0 && value < 1))
-        return value_error(error, "\"%s\" is not a share like 2%% or 0.02", text);
+        return value_error(error, "\"%s\" is not a share between 0 and 1, such as 2%% or 0.02",
+                           text);
     *ret = value;
     return TRUE;
 }
@@ -98,7 +103,8 @@ static gboolean parse_bytes(const char *text, gint64 *ret, GError **error) {
             *ret = (gint64)(value * factors[i]);
             return TRUE;
         }
-    return value_error(error, "\"%s\" is not a size like 20MB or 500kB", text);
+    return value_error(error, "\"%s\" is not a size such as 20MB or 500kB, of at least 1 byte",
+                       text);
 }
 
 static gboolean parse_bool(const char *text, gboolean *ret, GError **error) {
@@ -215,9 +221,9 @@ static const char *unknown_key(const struct option_target *targets, gsize n_targ
         for (const struct option *option = targets[i].table; option && option->name; option++) {
             if (stem == stem_length(option->name) && strncmp(option->name, key, stem) == 0) {
                 config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
-                                 "the unit is part of the name: write %s%s%s%s", option->name,
-                                 option->unit ? " (in " : "", option->unit ? option->unit : "",
-                                 option->unit ? ")" : "");
+                                 option->unit ? "the unit is part of the name: write %s (in %s)"
+                                              : "the name has no unit: write %s",
+                                 option->name, option->unit);
                 return option->name;
             }
             nearest_consider(&nearest, option->name);

@@ -179,9 +179,17 @@ static gboolean decide(struct OutputFile *file, gboolean force, GError **error) 
     const gboolean named = lstat(file->path, &link_status) == 0;
     file->target = g_strdup(file->path);
     if (!named || stat(file->path, &file->before) != 0) {
+        const gboolean missing = errno == ENOENT;
         file->found = FOUND_NOTHING;
-        if (!*file->path || g_str_has_suffix(file->path, "/"))
-            return is_no_file(file->path, S_IFDIR, error);
+        if (!*file->path || g_str_has_suffix(file->path, "/")) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                        *file->path ? "%s ends with a slash: give the name of a file"
+                                    : "the name of the output%s is empty: give the name of a file",
+                        file->path);
+            return FALSE;
+        }
+        if (named && !missing)
+            return fail(file->path, error);
         if (named) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
                         "%s is a symbolic link to a file that does not exist: remove it, or give "

@@ -107,7 +107,7 @@ static gboolean take_row(TextTable *table, GPtrArray *fields, int line, GError *
         g_ptr_array_set_size(fields, (gint)fields->len - 1);
     if (fields->len != table->names->len)
         return data_error_fail(table->path, line, error,
-                               "it has %u fields, but the header line has %u%s", fields->len,
+                               "this line has %u fields, but the header line has %u%s", fields->len,
                                table->names->len,
                                table->separator == ',' && fields->len > table->names->len
                                    ? "; if its numbers have decimal commas, separate fields by "
@@ -148,7 +148,7 @@ TextTable *text_table_read(const char *path, GError **error) {
     for (int i = 0; ok && lines[i]; i++)
         ok = take_line(table, lines[i], i + 1, error);
     if (ok && table->rows->len == 0)
-        ok = data_error_fail(path, 0, error, "there are no rows in it");
+        ok = data_error_fail(path, 0, error, "the table has no rows");
     return ok ? g_steal_pointer(&table) : NULL;
 }
 

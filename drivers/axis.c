@@ -122,9 +122,11 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
         (m->report_ms == 0 || driver->turn) && (m->wraps || m->min_deg < m->max_deg))
         return axis;
     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                     "a value is out of range: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
-                     "backlash %g°" ERROR_ADVICE "correct its section",
-                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg);
+                     "one of its values is out of range: limits %g to %g°, speed %g°/s, "
+                     "acceleration %g°/s², backlash %g°, settle_ms %g, report_ms %g, stamp_ms "
+                     "%g" ERROR_ADVICE "correct its section",
+                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg,
+                     m->settle_ms, m->report_ms, m->stamp_ms);
     axis_close(axis);
     return NULL;
 }
@@ -348,11 +350,12 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     const struct axis_motion *motion = &axis->motion;
     double from = axis->driver->position(axis);
     if (!axis_can_turn(axis))
-        return device_error_set(
-            error, DEVICE_ERROR_RANGE, axis->device.who,
-            "its driver, %s, does not report positions during a motion" ERROR_ADVICE
-            "let it stand for pictures: [capture] motion = standing",
-            axis->driver->info.name);
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "%s%s does not report positions during a motion" ERROR_ADVICE
+                                "let the axis stand for pictures: [capture] motion = standing",
+                                axis->driver->turn ? "with report_ms = 0, its driver "
+                                                   : "its driver ",
+                                axis->driver->info.name);
     if (!check_move(axis, from + by_deg, error))
         return FALSE;
     if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)
@@ -502,7 +505,8 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     g_autoptr(GError) owned = error;
     if (event == AXIS_FAULT) {
         if (!owned)
-            owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "a fault");
+            owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
+                                     "it has reported a fault without a reason");
         if (state->retrying)
             not_stopped(axis, owned);
         else if (state->activity != IDLE || !state->doubt) /* otherwise it was reported before */

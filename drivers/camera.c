@@ -59,9 +59,12 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
         f->readout_us >= 0 && f->trigger_us >= 0 && f->stamp_us >= -1 && isfinite(f->black_level))
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
-                            "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
-                            " to %" G_GINT64_FORMAT " µs is impossible",
-                            f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
+                            "one of the values that its driver reports is impossible: %d × %d "
+                            "pixels of %d bits, exposures %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT
+                            " µs, read-out %" G_GINT64_FORMAT " µs, trigger %" G_GINT64_FORMAT
+                            " µs, time stamps ± %" G_GINT64_FORMAT " µs, black level %g",
+                            f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us,
+                            f->readout_us, f->trigger_us, f->stamp_us, f->black_level);
 }
 
 void camera_close(Camera *camera) {
@@ -88,7 +91,7 @@ static gboolean check_not_waiting(const Camera *camera, GError **error) {
     if (!camera->state->waiting)
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
-                            "still waits for the frame of its last trigger");
+                            "it still waits for the frame of its last trigger");
 }
 
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error) {
@@ -99,8 +102,8 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
     if (settings->exposure_us < format->min_exposure_us ||
         settings->exposure_us > format->max_exposure_us)
         return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                                "cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
-                                " to %" G_GINT64_FORMAT " µs",
+                                "it cannot expose for %" G_GINT64_FORMAT
+                                " µs, only %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT " µs",
                                 settings->exposure_us, format->min_exposure_us,
                                 format->max_exposure_us);
     if (!isfinite(settings->gain_db))
@@ -148,8 +151,8 @@ static void on_deadline(gpointer data) {
     camera->state->deadline = 0;
     g_autoptr(GError) error = device_error_new(
         DEVICE_ERROR_TIMEOUT, camera->device.who,
-        "no frame %.1f s after its trigger (exposure %" G_GINT64_FORMAT " µs)" ERROR_ADVICE
-        "check its cable",
+        "no frame has arrived %.1f s after the trigger (exposure %" G_GINT64_FORMAT
+        " µs)" ERROR_ADVICE "check the camera's cable",
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
     fault(camera, error);
@@ -161,7 +164,7 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
         return FALSE;
     if (!state->armed || !state->configured)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
-                                "cannot be triggered before it is %s",
+                                "it cannot be triggered before it is %s",
                                 state->armed ? "configured" : "armed");
     state->waiting = TRUE;
     state->exposed = FALSE;
@@ -242,11 +245,15 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
                       "its exposure began %" G_GINT64_FORMAT " µs before the trigger", before_us);
     gint64 asked_us = state->settings.exposure_us;
     gint64 took_us = frame->exposure_end_us - frame->exposure_start_us;
-    if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20 ||
-        frame->exposure_us != asked_us)
+    if (frame->exposure_us != asked_us)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT, took_us,
-                      asked_us);
+                      "its exposure time was set to %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT
+                      " µs",
+                      frame->exposure_us, asked_us);
+    if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20)
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT " µs",
+                      took_us, asked_us);
     if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
                       "its time stamp is in the future, by %" G_GINT64_FORMAT " µs",
@@ -265,12 +272,12 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 ha
     if (state->has_last_id && frame->id <= state->last_id)
         return refuse(camera, DEVICE_ERROR_STALE, error,
                       "it is an old frame: its frame id %" G_GUINT64_FORMAT
-                      " was seen before (last: %" G_GUINT64_FORMAT ")",
+                      " is not above that of the last frame, %" G_GUINT64_FORMAT,
                       frame->id, state->last_id);
     if (frame->width != format->width || frame->height != format->height ||
         frame->cfa != format->cfa || frame->bits != format->bits)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
+                      "it is %d × %d %s of %d bits, not %d × %d %s of %d bits", frame->width,
                       frame->height, cfa_name(frame->cfa), frame->bits, format->width,
                       format->height, cfa_name(format->cfa), format->bits);
     if (frame->incomplete)
@@ -311,6 +318,7 @@ void camera_report_frame(Camera *camera, Frame *frame) {
 void camera_report_fault(Camera *camera, GError *error) {
     g_autoptr(GError) owned = error;
     if (!owned)
-        owned = device_error_new(DEVICE_ERROR_DISCONNECTED, camera->device.who, "a fault");
+        owned = device_error_new(DEVICE_ERROR_DISCONNECTED, camera->device.who,
+                                 "it has reported a fault without a reason");
     fault(camera, owned);
 }

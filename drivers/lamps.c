@@ -69,7 +69,7 @@ void lamps_listen(LampBank *bank, LampsFunc func, gpointer data) {
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
     if (index < 0 || index >= bank->n)
         return device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
-                                "there is no lamp %d; it has 0 to %d", index, bank->n - 1);
+                                "there is no lamp %d: its lamps are 0 to %d", index, bank->n - 1);
     return (!on || device_ask_permit(&bank->device, error)) &&
            lights_set(bank->state->lights, index, on != FALSE, error);
 }

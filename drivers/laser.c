@@ -102,8 +102,8 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
     const Interlock *guard = laser->state->guard;
     if (on && guard && !interlock_is_closed(guard))
         return device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
-                                "not switched on, because the interlock %s is open" ERROR_ADVICE
-                                "close it first",
+                                "it is not switched on, because the interlock %s is open or does "
+                                "not answer" ERROR_ADVICE "close it first",
                                 guard->device.name);
     return (!on || device_ask_permit(&laser->device, error)) &&
            lights_set(laser->state->lights, 0, on != FALSE, error);

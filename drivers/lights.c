@@ -218,7 +218,8 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
         return TRUE;
     }
     if (!failed)
-        failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who, "refused");
+        failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
+                                  "it refused the command without a reason");
     g_queue_remove(&lights->commands, command);
     take(lights, command, failed);
     command_free(command);

@@ -162,8 +162,8 @@ static gboolean refuse(const char *what, pid_t pid, GError **error) {
     if (pid == getpid())
         return device_error_set(
             error, DEVICE_ERROR_BUSY, NULL,
-            "%s is already open: another section names it differently" ERROR_ADVICE
-            "write it the same way in both",
+            "%s is already open for another section of the rig file" ERROR_ADVICE
+            "write a shared line or board the same way in both sections, or correct one of them",
             what);
     return device_error_set(
         error, DEVICE_ERROR_BUSY, NULL, "cannot open %s: %s uses it" ERROR_ADVICE "%s", what,

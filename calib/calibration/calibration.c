@@ -209,8 +209,8 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
-            why = g_strdup_printf("its camera %d, %s, stops at another angle of the camera arm "
-                                  "than in the rig file",
+            why = g_strdup_printf("its camera %d, %s, does not have the same place on the camera "
+                                  "arm as in the rig file",
                                   i, a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(

@@ -329,6 +329,14 @@ static gboolean calibration_text_keep_extra(const struct reader *r, struct calib
     return TRUE;
 }
 
+/* Refuses a covariance in the i-th section of a group. */
+static gboolean refuse_covariance(const struct reader *r, const char *prefix, int i,
+                                  const char *key, GError **error) {
+    g_autofree char *group = g_strdup_printf("%s %d", prefix, i);
+    return fields_refuse(r->path, group, key, error,
+                         "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+}
+
 /* Reads parts, groups, and then all other sections. Then checks the covariances of cameras, lasers
  * and lamps. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
@@ -355,19 +363,13 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
         return FALSE;
     for (int i = 0; i < to->rig.n_cameras; i++)
         if (!calibration_text_is_camera(&to->cameras[i]))
-            return fields_refuse(
-                r->path, to->rig.cameras[i].name, "covariance", error,
-                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+            return refuse_covariance(r, "camera errors", i, "covariance", error);
     for (int i = 0; i < to->rig.n_lasers; i++)
         if (!is_covariance(&to->lasers[i].sheet.covariance[0][0], RIG_SHEET_PARAMETERS))
-            return fields_refuse(
-                r->path, to->rig.lasers[i].name, "sheet_covariance", error,
-                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+            return refuse_covariance(r, "laser errors", i, "sheet_covariance", error);
     for (int i = 0; i < to->rig.n_lamps; i++)
         if (!is_covariance(&to->lamps[i].position_covariance_mm2[0][0], 3))
-            return fields_refuse(
-                r->path, to->rig.lamps[i].name, "position_covariance_mm2", error,
-                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+            return refuse_covariance(r, "lamp errors", i, "position_covariance_mm2", error);
     return TRUE;
 }
 

@@ -36,11 +36,12 @@ static gboolean board_check(const struct board *board, double gap_mm, const char
 
     if (board->print == BOARD_MARKERS ? board->marker_mm == 0 || gap_mm < 0.1 * board->marker_mm
                                       : !(board->square_mm > 0))
-        return refuse(spec, error,
-                      board->print == BOARD_MARKERS
-                          ? "a grid of markers needs marker=MM and gap=MM, at least a tenth of it"
-                      : circles ? "the distance of the rows is missing or 0; give spacing=MM"
-                                : "the size of a square is missing or 0; give square=MM");
+        return refuse(
+            spec, error,
+            board->print == BOARD_MARKERS
+                ? "a grid of markers needs marker=MM, and gap=MM of at least a tenth of marker"
+            : circles ? "the distance of the rows is missing or 0; give spacing=MM"
+                      : "the size of a square is missing or 0; give square=MM");
     if (circles)
         return (board->circle_mm >= 0.1 * board->square_mm &&
                 board->circle_mm <= 0.95 * board->square_mm) ||
@@ -139,7 +140,8 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
             *mm = g_ascii_strtod(value, &end);
             if (end != value && *end == '\0' && *mm >= 0 && *mm <= MAX_MM)
                 continue;
-            g_autofree char *why = g_strdup_printf("%s is not a number of millimetres", key);
+            g_autofree char *why =
+                g_strdup_printf("%s is not a number from 0 to %d (mm)", key, MAX_MM);
             return refuse(spec, error, why);
         }
         if (*key && board_take_word(&parsed, key, value))

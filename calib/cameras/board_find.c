@@ -409,6 +409,7 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
     double *seen = (double *)(gpointer)g_array_set_size(seen_px, 2 * (guint)n)->data;
     g_autofree guint8 *good = g_new0(guint8, n);
     g_autoptr(GError) own = NULL;
+    gboolean fits = FALSE; /* a homography fits the corners in one of the two orders */
     if (!vision_find_chessboard(picture, board->columns, board->rows, seen, &own)) {
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
@@ -422,6 +423,7 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
             board_corner_mm(board, reversed ? n - 1 - id : id, from + 2 * id);
         if (!vision_homography(from, seen, n, ANY_PX, ret_h, good))
             continue;
+        fits = TRUE;
         const gboolean unlike = is_reversed(picture, board, ret_h);
         const gboolean open = !board_check_upright(board, NULL);
         if (unlike && open)
@@ -429,7 +431,8 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (!unlike || open)
             return TRUE;
     }
-    refuse(error, "the chessboard's colours are not those of the board");
+    refuse(error, fits ? "the chessboard's colours are not those of the board"
+                       : "the corners that were found do not lie on a plane");
     return FALSE;
 }
 

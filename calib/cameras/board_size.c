@@ -14,11 +14,12 @@
 #define MAX_EXAMINED 8 /* largest number of pictures */
 /* number of pictures that must show the other size of a board of squares */
 #define AGREE       2
-#define AGREE_GRIDS 3    /* the same for grids of markers or circles, which have no edge */
-#define AGREE_MORE  2    /* more pictures that are needed per picture with a third size */
-#define MAX_PX      1000 /* longer side of the pictures that are examined */
-#define MARKERS_PX  2000 /* the same for markers, whose cells are small */
-#define LARGE       1.5  /* times MAX_PX: above, a failed search takes seconds */
+#define AGREE_GRIDS 3 /* the same for grids of markers or circles, which have no edge */
+#define AGREE_MORE                                                                                 \
+    2 /* additional agreeing pictures that each picture of yet another size demands */
+#define MAX_PX     1000 /* longer side of the pictures that are examined */
+#define MARKERS_PX 2000 /* the same for markers, whose cells are small */
+#define LARGE      1.5  /* times MAX_PX: above, a failed search takes seconds */
 
 #define OUTSIDE    0.2  /* distance of tested places from the edge of the squares, in squares */
 #define NEAR_EDGE  0.6  /* the same for circles, in radii within the next circle */

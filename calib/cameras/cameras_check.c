@@ -108,15 +108,15 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "all boards are parallel (at most %.1f° from flat), so that no camera "
-            "sees how far away it stands: capture the board leaning, too, by 15° "
+            "sees how far away it stands: also capture the board leaning by 15° "
             "to 30°, and give all sessions",
             most);
     if (least > FLAT_DEG)
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "the board never lies flat on the turntable (at least %.1f° from it), "
-            "so that nothing says where its top is: capture it flat, too, and give "
-            "both sessions",
+            "so that nothing shows where the turntable's top is: also capture the board flat, and "
+            "give both sessions",
             least);
     return TRUE;
 }
@@ -229,9 +229,11 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
     if (rms_px(work) > MAX_RMS_PX)
         return cameras_refuse(error, CAMERAS_ERROR_FIT,
                               "corners are %.2f px from where they should be (RMS): the board is "
-                              "bent, it or a camera moved on the turntable, or it is not the one "
-                              "that --board says",
-                              rms_px(work));
+                              "bent%s, or it is not the board that --board says",
+                              rms_px(work),
+                              work->free_boards ? ""
+                                                : ", the board moved on the turntable, a camera "
+                                                  "moved");
     if (work->free_boards)
         return check_lens(work, error);
     for (int c = 0; c < work->bundle.n_cameras; c++) {

@@ -154,11 +154,10 @@ static void tell_mistake(const struct rig *rig, const struct mistake *mistake, d
                        fit);
     else
         cameras_refuse(error, CAMERAS_ERROR_FIT,
-                       "the turntable's angles were noted in radians%s: in degrees %s; for "
-                       "imported pictures correct turntable_deg in the table, else the value of "
-                       "steps_per_deg of [axis turntable] in the rig file, and capture or import "
-                       "again",
-                       mistake->turntable < 0 ? " and against its sense of rotation" : "", fit);
+                       "the turntable's angles seem to be in radians%s: taken as such, %s; correct "
+                       "turntable_deg in the table (imported pictures) or steps_per_deg of [axis "
+                       "turntable] in the rig file, and capture or import again",
+                       mistake->turntable < 0 ? " and of the opposite sign" : "", fit);
 }
 
 static int by_start(gconstpointer a, gconstpointer b) {

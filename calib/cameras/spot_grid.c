@@ -57,7 +57,8 @@ static gboolean first_steps(const struct lattice *lattice, int seed, double ret[
     return isfinite(length[1]);
 }
 
-/* Spreads coordinates from a spot. Returns the number of spots that have coordinates. */
+/* Gives grid indices (a, b) to the spot seed and to all spots that can be reached from it step by
+ * step. Returns the number of spots that have indices. */
 static int spread(struct lattice *lattice, int seed) {
     g_autofree int *queue = g_new(int, lattice->n + 1);
     int in = 0;

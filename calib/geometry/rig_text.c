@@ -148,6 +148,13 @@ static gboolean is_rotation(const struct mat3 *m) {
            vec3_length(vec3_sub(vec3_cross(row[0], row[1]), row[2])) < 4 * UNIT_TOLERANCE;
 }
 
+/* Refuses a value of the section of device i of a kind: [camera 0], [lamp 0] or [laser 0]. */
+static gboolean refuse_device(const char *path, const char *kind, int i, const char *key,
+                              GError **error, const char *why) {
+    g_autofree char *group = g_strdup_printf("%s %d", kind, i);
+    return fields_refuse(path, group, key, error, why);
+}
+
 /* Refuses sections of devices beyond the counts, because somebody has then edited the sections or
  * the counts. Other sections are ignored. */
 static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const struct rig *rig,
@@ -162,10 +169,10 @@ static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const st
                 !g_ascii_string_to_unsigned(*group + length + 1, 10, 0, G_MAXINT, &index, NULL) ||
                 index < (guint64)rig_text_count(rig, k))
                 continue;
-            g_set_error(
-                error, RIG_ERROR, RIG_ERROR_FORMAT,
-                "%s: there is a section [%s], but the counts in [rig] allow only sections 0 to %d",
-                path, *group, rig_text_count(rig, k) - 1);
+            g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
+                        "%s: there is a section [%s], but the number of such sections in [rig] is "
+                        "%d, and the first has the number 0",
+                        path, *group, rig_text_count(rig, k));
             return FALSE;
         }
     return TRUE;
@@ -190,24 +197,23 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
     /* Rotations must rotate, directions must be unit vectors. */
     for (int i = 0; i < rig->n_cameras; i++)
         if (!is_rotation(&rig->cameras[i].rotation))
-            return fields_refuse(path, rig->cameras[i].name, "rotation", error,
-                                 "is not a rotation");
+            return refuse_device(path, "camera", i, "rotation", error, "is not a rotation");
     for (int i = 0; i < rig->n_cameras; i++)
         if (rig->cameras[i].stop > (i > 0 ? rig->cameras[i - 1].stop + 1 : 0))
-            return fields_refuse(path, rig->cameras[i].name, "stop", error,
+            return refuse_device(path, "camera", i, "stop", error,
                                  "does not follow the previous stop of the camera");
     for (int i = 0; i < rig->n_lamps; i++)
         if (rig->lamps[i].stop > (i > 0 ? rig->lamps[i - 1].stop + 1 : 0))
-            return fields_refuse(path, rig->lamps[i].name, "stop", error,
+            return refuse_device(path, "lamp", i, "stop", error,
                                  "does not follow the previous stop of the lamp");
     for (int i = 0; i < rig->n_lamps; i++)
         if (!is_unit(rig->lamps[i].aim))
-            return fields_refuse(path, rig->lamps[i].name, "aim", error, "is not a unit vector");
+            return refuse_device(path, "lamp", i, "aim", error, "is not a unit vector");
     for (int i = 0; i < rig->n_lasers; i++) {
         const struct rig_laser *laser = &rig->lasers[i];
         if (!is_unit(laser->axis) || !is_unit(laser->normal) ||
             fabs(vec3_dot(laser->axis, laser->normal)) > UNIT_TOLERANCE)
-            return fields_refuse(path, laser->name, "axis and normal", error,
+            return refuse_device(path, "laser", i, "axis and normal", error,
                                  "are not perpendicular unit vectors");
     }
     return TRUE;
@@ -238,7 +244,8 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
         g_autofree char *what =
             line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("a line of it is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                    "%s: not a calibration file: %s neither a [group] nor key=value", path, what);
+                    "%s: this is not a calibration file: %s neither a [group] nor key=value", path,
+                    what);
         return FALSE;
     }
     g_autofree char *format = g_key_file_get_string(file, "rig", "format", NULL);

@@ -470,7 +470,7 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
     const struct rig_camera *camera = &rig->cameras[from->camera];
     if (from->picture->width != camera->width || from->picture->height != camera->height) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: has %d × %d pixels, and camera %s %d × %d", from->picture->name,
+                    "%s has %d × %d pixels, but camera %s has %d × %d", from->picture->name,
                     from->picture->width, from->picture->height, camera->name, camera->width,
                     camera->height);
         return FALSE;

@@ -55,7 +55,8 @@ static void check_marks(const struct config_section *section, const struct optio
         for (int j = 0; j < i; j++)
             if (hypot(p[0] - target->marks[j].x_mm, p[1] - target->marks[j].y_mm) < 0.1)
                 config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                               "numbers %d and %d have the same position", j + 1, i + 1);
+                               "posts or balls %d and %d have the same position (within 0.1 mm)",
+                               j + 1, i + 1);
     }
 }
 

@@ -484,12 +484,15 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
                         "that), and have the cameras not moved since they were calibrated?",
                         name, spread, problem->n - ret->n_used, problem->n, ret->rms,
                         problem->target->kind == LAMP_POLES ? "mm" : "px", ret->sigma);
-        else
+        else {
+            g_autofree char *known = fit->undetermined < 0 && spread > 0
+                                         ? g_strdup_printf(" (standard error %.3g mm)", spread)
+                                         : g_strdup("");
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                        "lamp %s: the pictures do not determine its position (standard error %.3g "
-                        "mm); use posts or balls further apart, or more angles of arc and "
-                        "turntable",
-                        name, fit->undetermined < 0 ? spread : HUGE_VAL);
+                        "lamp %s: the pictures do not determine its position%s; use posts or balls "
+                        "further apart, or more angles of arc and turntable",
+                        name, known);
+        }
         return FALSE;
     }
     return TRUE;
@@ -553,9 +556,11 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
             ok = check_places(rig, ret, error) && check_result(&problem, &fitted, ret, error);
             fit_result_clear(&fitted);
         } else {
-            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                        "%d sights are too few for %d unknowns; take more pictures", n,
-                        problem.n_parameters);
+            g_set_error(
+                error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                "%d sights are too few for %d unknowns, or a sight is not finite; take more "
+                "pictures",
+                n, problem.n_parameters);
         }
     }
     if (!ok)

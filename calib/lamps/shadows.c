@@ -116,8 +116,8 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     gsize n = (gsize)picture->width * (gsize)picture->height;
     if (picture->width != view->map->width || picture->height != view->map->height) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: has %d × %d pixels, and the camera %d × %d", picture->name, picture->width,
-                    picture->height, view->map->width, view->map->height);
+                    "%s has %d × %d pixels, but the camera has %d × %d", picture->name,
+                    picture->width, picture->height, view->map->width, view->map->height);
         return FALSE;
     }
     g_autofree float *values = shade(view, picture, lamp, arc_rad);

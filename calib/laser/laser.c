@@ -501,13 +501,25 @@ static gboolean check_determined(const struct problem *problem, const struct fit
                                  GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
-    const char *name = "arc";
+    g_autofree char *what = g_strdup("the arc's position");
+    const int at = fitted->undetermined;
     for (int i = 0; i < problem->rig->n_lasers; i++)
-        if (problem->at[i] >= 0 && fitted->undetermined >= problem->at[i])
-            name = problem->rig->lasers[i].name;
+        if (problem->at[i] >= 0 && at >= problem->at[i]) {
+            g_free(what);
+            what = g_strdup_printf("the position of laser %s", problem->rig->lasers[i].name);
+        }
+    for (int i = 0; i < problem->rig->n_cameras; i++)
+        if (problem->camera_at[i] >= 0 && at >= problem->camera_at[i]) {
+            g_free(what);
+            what = g_strdup_printf("the offset of camera %s", problem->rig->cameras[i].name);
+        }
+    if (at >= problem->swing.at) {
+        g_free(what);
+        what = g_strdup(at >= problem->height_at ? "the height of the plane"
+                                                 : "the angles of the arc");
+    }
     g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                "%s: the sweeps do not determine its position; sweep a larger part of both planes",
-                name);
+                "the sweeps do not determine %s; sweep a larger part of both planes", what);
     return FALSE;
 }
 

@@ -352,8 +352,8 @@ static struct straight through(const double a[2], const double b[2]) {
     return line;
 }
 
-/* Finds the line with the largest sum of bright samples near it. votes has the brightest samples
- * first. */
+/* Examines TRIES lines, each through two random votes. Finds the line with the largest sum of the
+ * values of the votes within within_mm of it. Returns FALSE if there is none. */
 static gboolean vote(const GArray *votes, double within_mm, struct straight *ret) {
     GRand *rand = g_rand_new_with_seed(1);
     double best = 0;

@@ -553,7 +553,10 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     }
     if (!fit_plane(camera, views, n, &weights, &frame, &to->plane, own, &chi2,
                    &to->expected_rms_mm)) {
-        refuse_degenerate(to, n, error);
+        refuse(error, LASER_PLANE_ERROR_DEGENERATE,
+               "the laser's lines on %d boards do not determine a plane; hold the board nearer, "
+               "farther away and at other tilts",
+               n);
         return NULL;
     }
     for (int i = 0; i < n; i++) {

@@ -108,9 +108,15 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
             return NULL;
         }
     }
-    g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                "%s: %s has crashed on it (%s): it is damaged", path, library,
-                WIFSIGNALED(status) ? g_strsignal(WTERMSIG(status)) : "without a result");
+    if (WIFSIGNALED(status))
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
+                    "%s: %s has crashed on this file (%s); the file is probably damaged", path,
+                    library, g_strsignal(WTERMSIG(status)));
+    else
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
+                    "%s: %s has ended without a result; the file is damaged, or there is too "
+                    "little memory",
+                    path, library);
     return NULL;
 }
 

@@ -23,7 +23,9 @@ enum picture_tones {
 struct picture_tone {
     enum picture_tones tones;
     double gamma;
-    float *curve; /* light of PICTURE_CURVE equidistant numbers from 0 to 1 */
+    /* Table of linear light: entry i is for the pixel value i / (PICTURE_CURVE - 1), where 1 is
+     * white. NULL unless tones is PICTURE_TONES_CURVE. */
+    float *curve;
     /* where the file gives the curve, such as "PNG gAMA 0.45455"; NULL for PICTURE_TONES_UNSAID */
     char *said;
 };

@@ -85,7 +85,7 @@ static struct picture *decode(const char *path, libraw_data_t *raw, char *bytes,
     const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
     if (!raw->rawdata.raw_image || !raw_cfa(raw, ret_cfa)) {
         fail(path, error,
-             "holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
+             "it holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
              "bits, linear");
         return NULL;
     }

@@ -76,7 +76,7 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
         }
         if (grey.cols != video->width || grey.rows != video->height) {
             g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                        "%s: frame %d has %d × %d pixels, the first one %d × %d", path,
+                        "%s: frame %d has %d × %d pixels, but the first frame has %d × %d", path,
                         video->n_frames, grey.cols, grey.rows, video->width, video->height);
             return false;
         }

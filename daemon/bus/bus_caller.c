@@ -37,7 +37,8 @@ gboolean bus_caller_may_write(const struct bus_caller *caller, const char *direc
         nearest = parent;
     }
     if (!real || stat(real, &info) != 0) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s: %s", nearest, g_strerror(errno));
+        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s cannot be examined: %s", nearest,
+                    g_strerror(errno));
         return FALSE;
     }
     if (!S_ISDIR(info.st_mode)) {
@@ -51,7 +52,8 @@ gboolean bus_caller_may_write(const struct bus_caller *caller, const char *direc
         g_free(real);
         real = parent;
         if (stat(real, &info) != 0) {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s: %s", real, g_strerror(errno));
+            g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s cannot be examined: %s", real,
+                        g_strerror(errno));
             return FALSE;
         }
         if (!(caller_rights(caller, &info) & 1))

@@ -113,6 +113,11 @@ static GError *explain(const struct attempt *attempt, const GError *why) {
                            "and start mesorigd again",
                            address, CONNECT_WAIT_MS / 1000);
     const char *colon = strstr(why->message, ": "); /* after "Could not connect" */
+    if (g_error_matches(why, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED))
+        return g_error_new(why->domain, why->code,
+                           "this user may not connect to the mesorigd at %s (%s); work as the user "
+                           "who has started that mesorigd",
+                           address, colon ? colon + 2 : why->message);
     return g_error_new(why->domain, why->code,
                        "no mesorigd answers at %s (%s); start one there: mesorigd --listen %s "
                        "--rig RIG",

@@ -210,8 +210,9 @@ const struct capture_thumbnail *bus_run_thumbnail(struct bus_run *run, const cha
     for (; index < rig->n_cameras && strcmp(rig->cameras[index].name, camera) != 0; index++)
         g_string_append_printf(names, "%s%s", index ? ", " : "", rig->cameras[index].name);
     if (index == rig->n_cameras) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN, "no camera “%s”: there are %s", camera,
-                    names->str);
+        g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
+                    "there is no camera “%s”; the cameras are: %s", camera,
+                    names->len ? names->str : "none");
         return NULL;
     }
     if (!run->capture && run->kept[index].rgb)

@@ -185,7 +185,7 @@ static char *kept_text(const char *path, const char *given, GError **error) {
         return g_strdup("");
     g_autofree char *text = given ? g_strdup(given) : input_file_read_text(path, MAX_TEXT, error);
     if (text && !g_utf8_validate(text, -1, NULL)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "%s: is not UTF-8", path);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "%s is not UTF-8", path);
         return NULL;
     }
     return g_steal_pointer(&text);

@@ -277,9 +277,10 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
     double above = result->dark_dn - format->black_level;
     if (above <= DARK_PART * ((1 << format->bits) - 1))
         return;
-    g_autofree char *message = g_strdup_printf(
-        "the dark frames are not dark: %.0f DN above black on average; light enters from outside",
-        above);
+    g_autofree char *message = g_strdup_printf("the dark frames are not dark: %.0f DN above black "
+                                               "on average; light enters from outside, or "
+                                               "the camera's black level is wrong",
+                                               above);
     add_event(capture, "warning",
               capture->session.devices->geometry.cameras[result->frame.camera].name, message);
 }

@@ -20,7 +20,7 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
     if (!is_continuous(conf))
         return NULL;
     if (!table->wraps && !(table->min_deg < table->max_deg))
-        return g_strdup("there is no [axis turntable]: leave it out");
+        return g_strdup("there is no [axis turntable]: leave motion out");
     if (table->report_ms <= 0)
         return g_strdup("the driver of [axis turntable] does not report positions with their "
                         "times: set motion = standing");

@@ -38,11 +38,19 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
     shot->sweep_steps = plan_sweep_steps(b->conf, laser, to - from);
     if (from >= limits->min_deg && to <= limits->max_deg && to > from && to - from < 180)
         return TRUE;
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and its sweep "
-                "axis goes from %g° to %g°: reduce [capture] sweep_margin_mm or widen the limits "
-                "in the rig file",
-                laser->name, from, to, limits->min_deg, limits->max_deg);
+    if (from >= limits->min_deg && to <= limits->max_deg)
+        g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                    "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and a sweep "
+                    "must be more than 0° and less than 180°: reduce [capture] sweep_margin_mm, or "
+                    "correct the position of the laser in the rig file",
+                    laser->name, from, to);
+    else
+        g_set_error(
+            error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+            "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and its sweep "
+            "axis goes from %g° to %g°: reduce [capture] sweep_margin_mm or widen the limits "
+            "in the rig file",
+            laser->name, from, to, limits->min_deg, limits->max_deg);
     return FALSE;
 }
 
@@ -226,8 +234,9 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
         text = g_strdup_printf("arc shifted by %+.1f°: it stood in the picture of %s",
                                (double)shift / UDEG, names);
     } else {
-        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names,
-                               b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
+        text = g_strdup_printf(
+            "skipped: the arc stands in the picture of %s%s", names,
+            b->conf->on_blocked == BLOCKED_SHIFT ? ", also when it is shifted by up to 20°" : "");
         p.state = SHOT_SKIPPED;
     }
     plan_add_note(b, "pose", text);

@@ -259,7 +259,8 @@ static int plan_lamps_best(const struct spread *s, const gboolean *taken, const 
     }
 }
 
-/* The price of a shot that follows a taken shot is at most the time after that shot. */
+/* Takes up to wanted shots, each with the largest gain for its price. When a shot has been taken,
+ * the price of any other shot is at most the time that it needs directly after that shot. */
 static void choose(struct spread *s, const struct session_conf *conf,
                    const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);

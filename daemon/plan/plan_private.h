@@ -14,11 +14,12 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle of an axis that some direction needs. It is either an angle of the turntable, with the
- * cameras that show a view there, or the azimuth α − τ of a light (no cameras). All lamps and
- * lasers that stand by themselves share one entry (fixed), for which the arc, if the rig has one,
- * stands at 0. If one of the cameras is on the arm (on_arm), all cameras of the entry that are on
- * the arm are at one of its stops, arm_udeg. */
+/* An angle that some view or light needs. With cameras, it is an angle of the turntable at which
+ * these cameras show a view. Without cameras, it is the azimuth of a light: the angle of the arc
+ * minus the angle of the turntable. All fixed lamps and lasers (those that are not on the arc)
+ * share one entry (fixed). The arc, if the rig has one, stands at 0 for this entry. If one of the
+ * cameras is on the arm (on_arm), all cameras of the entry that are on the arm are at one of its
+ * stops, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
     guint32 cameras;

@@ -268,8 +268,8 @@ static gboolean fill_rings(const struct config_section *section, char **items, d
     int directions = 0;
 
     if (n < 1 || n > PLAN_MAX_RINGS) {
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings", "%u rings; give 1 to %d", n,
-                       PLAN_MAX_RINGS);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings",
+                       "%u rings are given; give 1 to %d", n, PLAN_MAX_RINGS);
         return FALSE;
     }
     for (guint i = 0; i < n; i++) {
@@ -295,7 +295,8 @@ static gboolean fill_rings(const struct config_section *section, char **items, d
             }
     if (directions > MAX_DIRECTIONS) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "rings",
-                       "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
+                       "the rings have %d directions; at most %d are allowed", directions,
+                       MAX_DIRECTIONS);
         return FALSE;
     }
     *ret_n = (int)n;
@@ -339,7 +340,7 @@ static gboolean read_rings(const struct config_section *section, const struct op
     if (has_preset + has_rings + has_devices != 1)
         config_mistake(mistakes, CONFIG_ERROR_MISSING, section, NULL,
                        "give either preset, rings or devices%s",
-                       has_preset || has_rings ? ", not both" : "");
+                       has_preset || has_rings ? ", and only one of them" : "");
     else if (has_devices && fields.offset_deg != 0)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_deg",
                        "turns rings only: the devices' positions are fixed; leave it out");
@@ -387,7 +388,8 @@ static gboolean take_name(const struct config_section *section, struct fields *f
     if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
         !g_utf8_validate(name, -1, NULL)) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "name",
-                       "must be 1 to 100 characters that can be part of a file's name");
+                       "must be 1 to 100 bytes of UTF-8 that can be part of a file's name, without "
+                       "'/' and without '.' at the beginning");
         return FALSE;
     }
     f->conf.name = g_steal_pointer(&f->name);
@@ -417,11 +419,16 @@ static gboolean take_sample(const struct config_section *section, struct fields 
                               "must be two numbers, width; height, of a box that holds the sample, "
                               "at least %g;%g",
                               grid->width_mm, grid->height_mm);
-    if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2 ||
-        f->flat_mm > grid->reference_mm)
-        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
-                              "nothing of the flat face is left: it must reach beyond the box of "
-                              "flat_hole_mm, and flat_mm may not be above reference_mm");
+    if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2)
+        return config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
+            "nothing of the flat face is left: %g mm does not reach beyond the box "
+            "of flat_hole_mm, %g;%g",
+            f->flat_radius_mm, hole->values[0], hole->values[1]);
+    if (f->flat_mm > grid->reference_mm)
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "flat_mm",
+                              "%g mm is above reference_mm, which is %g; give at most that",
+                              f->flat_mm, grid->reference_mm);
     f->conf.reference = (struct laser_reference){.plane_mm = f->flat_mm,
                                                  .plane_error_mm = f->flat_error_mm,
                                                  .hole_mm = {hole->values[0], hole->values[1]},
@@ -456,12 +463,14 @@ static gboolean take_capture(const struct config_section *section, struct fields
         n = 0;
     else if (n < 1 || n > PLAN_MAX_BRACKET)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
-                              "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
+                              "%d exposures are given; give 1 to %d, separated by ';'", n,
+                              PLAN_MAX_BRACKET);
     else if (n > 1 && conf->motion == MOTION_CONTINUOUS)
-        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
-                              "%d exposures, but with motion = continuous the turntable turns on "
-                              "between them: give one, or set motion = standing",
-                              n);
+        good = config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
+            "%d exposures are given, but with motion = continuous the turntable turns on "
+            "between them: give one, or set motion = standing",
+            n);
     for (int i = 0; good && i < n; i++) {
         conf->exposures_us[i] = f->exposures_us.values[i];
         double before = i > 0 ? conf->exposures_us[i - 1] : 0;
@@ -479,6 +488,9 @@ static gboolean take_capture(const struct config_section *section, struct fields
         (conf->laser_short_us >= 1 &&
          llround(conf->laser_short_us) < llround(conf->laser_exposure_us)))
         return good;
+    if (conf->is_auto[AUTO_LASER])
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "laser_short_us",
+                              "must be 0, or 1 or more");
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "laser_short_us",
                           "must be 0, or from 1 to less than laser_exposure_us, which is %g",
                           conf->laser_exposure_us);

@@ -127,7 +127,8 @@ static gboolean take_name(const struct config_section *section, char to[RIG_NAME
         return TRUE;
     }
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                          "the name must be UTF-8 of at most %d bytes", RIG_NAME - 1);
+                          "the name has %zu bytes, but at most %d are allowed",
+                          strlen(section->name), RIG_NAME - 1);
 }
 
 static struct vec3 position(const struct place_fields *place) {
@@ -480,7 +481,7 @@ static gboolean check_class(struct layout *layout, const struct config_section *
     layout->has_all_sections = FALSE;
     if (is_rig || g_strv_contains(named, section->class_name))
         return config_mistake(mistakes, CONFIG_ERROR_SYNTAX, section, NULL,
-                              is_rig ? "has no name: write [rig]%s"
+                              is_rig ? "must not have a name: write [rig]%s"
                                      : "needs a name: write [%s NAME]",
                               is_rig ? "" : section->class_name);
     struct nearest nearest = nearest_new(section->class_name);

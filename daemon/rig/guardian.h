@@ -45,8 +45,8 @@ void guardian_set_busy(Guardian *guardian, gboolean busy);
 enum guardian_end {
     GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
     GUARDIAN_UNSAFE, /* the guardian makes the rig safe */
-    /* the rig could not be opened: the guardian makes it safe, and only prints devices that are not
-     * safe */
+    /* The rig could not be opened: the guardian makes it safe as with GUARDIAN_UNSAFE, but prints
+     * nothing about a device that could be made safe without a failure. */
     GUARDIAN_FAILED,
 };
 
@@ -57,8 +57,8 @@ void guardian_end(Guardian *guardian, enum guardian_end how);
  * whether the guardian is still working. */
 gboolean guardian_await(const char *rig_path);
 
-/* Starts a guardian for a rig without a daemon. The guardian makes the rig safe, and only prints
- * devices that are not safe. */
+/* Starts a guardian for a rig without a daemon. The guardian makes the rig safe, and prints nothing
+ * about a device that could be made safe without a failure. */
 void guardian_leave(const char *rig_path);
 
 /* Runs the guardian. Its standard input is the socket to the daemon. Returns the exit code. */

@@ -321,6 +321,8 @@ static void finish(SafeWork *work) {
         return;
     if (safe_work_is_safe(work))
         tell(work, "lamps and lasers are off, axes stand");
+    else if (safe_state_n(work->state) == 0)
+        return; /* safe_work_new() has printed that the rig file names no device */
     else if (work->until != SAFE_UNTIL_TIRED)
         tell(work, "the rig is NOT safe: switch off by hand the devices named above");
     else

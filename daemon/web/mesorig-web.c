@@ -54,9 +54,9 @@ static char *read_token(GError **error) {
         strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=") !=
             strlen(text)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "the first line of %s is not a token of at least %d letters, digits and "
+                    "the first line of %s is not a token of %d to %d letters, digits and "
                     "characters of -._~+/=; make one with: openssl rand -hex 24",
-                    token_path, MIN_TOKEN);
+                    token_path, MIN_TOKEN, MAX_TOKEN);
         return NULL;
     }
     return g_steal_pointer(&text);

@@ -193,7 +193,8 @@ static gboolean admit_token(const WebServer *server, SoupServerMessage *message)
     if (given)
         web_visitor_token(visitor, right);
     if (!right) {
-        refuse(message, SOUP_STATUS_UNAUTHORIZED, "the token is missing or wrong");
+        refuse(message, SOUP_STATUS_UNAUTHORIZED,
+               given ? "the token is wrong" : "the token is missing");
         soup_message_headers_replace(headers, "WWW-Authenticate", "Bearer");
     }
     return right;

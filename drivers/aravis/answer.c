@@ -73,7 +73,7 @@ static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
     if (code != limits->format->code || width != limits->width || height != limits->height) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                          "its frame is %d × %d of format 0x%08x, but it was set to %d × %d %s; "
-                         "another program has changed it",
+                         "another program may have changed its settings",
                          width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
     }

@@ -167,8 +167,8 @@ static char *read_usb_attribute(const char *folder, const char *name) {
     return g_file_get_contents(file, &text, NULL, NULL) ? g_strstrip(text) : NULL;
 }
 
-/* Returns the device node of a USB camera, which Aravis does not report. Returns NULL if it is not
- * found. */
+/* Returns the path of a USB camera's device node, because Aravis does not report it. Returns NULL
+ * if the camera is not found. */
 static char *usb_node(const char *id) {
     g_autofree char *wanted = serial_of(id);
     g_autoptr(GDir) dir = g_dir_open("/sys/bus/usb/devices", 0, NULL);

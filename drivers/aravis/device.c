@@ -134,6 +134,9 @@ static gboolean device_set_format(AravisDevice *device, GError **error) {
         if (f)
             g_string_append_printf(names, "%s%s", names->len ? ", " : "", f->name);
     }
+    if (!format && !names->len)
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                                "it offers no Mono or Bayer format that can be used for measuring");
     if (!format)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
                                 "pixel_format: it does not offer \"%s\"" ERROR_ADVICE

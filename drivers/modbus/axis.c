@@ -199,7 +199,7 @@ static void check_writes(const struct config_section *section, const char *key, 
     if (needed && !*writes)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "is empty; write ADDRESS=VALUE");
     if (g_strv_length((char **)writes) > MAX_WRITES)
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "has more than %d writes",
                        MAX_WRITES);
     for (; *writes; writes++)
         if (!parse_write(*writes, &request))
@@ -505,7 +505,8 @@ static void axis_check_range(const struct config_section *section, const char *k
                              int bits, Mistakes *mistakes) {
     if (fabs(value) > (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                       "%.0f does not fit into its %s bits", value, bits_choices[bits]);
+                       "the value for the drive, %.0f, does not fit into %s bits", value,
+                       bits_choices[bits]);
 }
 
 static void axis_check(gconstpointer given, const struct config_section *section,

@@ -195,7 +195,7 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
                 g_propagate_error(error, g_steal_pointer(&last));
             else
                 device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "the connection to %s is lost; it is tried again later",
+                                 "there is no connection to %s; the next attempt follows later",
                                  line->link.bus);
             return FALSE;
         }
@@ -441,14 +441,15 @@ static gboolean line_compare(const struct modbus_line *line, int unit,
         g_autofree char *what = request_text(line, unit, wanted);
         if (is_read(wanted->kind))
             return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                    "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
+                                    "%s: address %d should hold %d, but reads as %d" ERROR_ADVICE
                                     "check whether the board lost its power or its connection, and "
                                     "what else writes this value",
                                     what, read->address + i, wanted->values[i], read->values[i]);
-        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
-                                "check what else writes this value",
-                                what, wanted->values[i], read->address + i, read->values[i]);
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, NULL,
+            "%s: %d was written to address %d, which reads back as %d" ERROR_ADVICE
+            "check what else writes this value",
+            what, wanted->values[i], read->address + i, read->values[i]);
     }
     return TRUE;
 }

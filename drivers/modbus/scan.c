@@ -51,7 +51,9 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
         struct found *found = found_add(to, "serial", path, what, NULL);
         found->note =
             access(path, R_OK | W_OK) < 0
-                ? g_strdup("this user may not open it: it belongs to group dialout")
+                ? g_strdup_printf("this user may not open it: join the group that “ls -l %s” "
+                                  "shows, often dialout",
+                                  path)
                 : g_strdup_printf(
                       "for Modbus; “mesorig devices --modbus %s” searches it for devices", path);
     }

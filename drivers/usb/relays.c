@@ -241,6 +241,12 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
         return FALSE;
     if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
         return TRUE;
+    if (n != REPORT_SIZE)
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, board->who,
+            "the board answered %d bytes of %d, so it is not known whether its relays are "
+            "off" ERROR_ADVICE "cut the power of the lamps or the laser that it switches",
+            n, REPORT_SIZE);
     return device_error_set(
         error, DEVICE_ERROR_PROTOCOL, board->who,
         "its relays do not switch off" ERROR_ADVICE
@@ -296,7 +302,7 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
         *n = board->n - relays->first + 1;
     if (*n < 1 || relays->first + *n - 1 > board->n)
         config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
-                         "%s: relay %d of a board that has %d; correct its section", device->who,
+                         "its relay %d does not exist, because the USB relay board has %d relays",
                          relays->first + MAX(*n, 1) - 1, board->n);
     else if (board_off_now(board, mask_of(relays->first, *n), error)) {
         board->users = g_list_append(board->users, relays);

@@ -178,8 +178,9 @@ static void tic_fault(Axis *axis, GError *error) {
 
 static void tic_on_lost(UsbDevice *usb, gpointer data) {
     Axis *axis = data;
-    tic_fault(axis, device_error_new(DEVICE_ERROR_DISCONNECTED, axis->device.who,
-                                     "unplugged" ERROR_ADVICE "plug it in again, then home it"));
+    tic_fault(axis,
+              device_error_new(DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                               "it was unplugged" ERROR_ADVICE "plug it in again, then home it"));
 }
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
@@ -361,7 +362,7 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
         tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
         tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
-                                         "answered %d bytes of %d" ERROR_ADVICE
+                                         "it answered %d bytes of %d" ERROR_ADVICE
                                          "check its firmware, then home it",
                                          (int)n, VARIABLES_SIZE));
     } else {
@@ -413,8 +414,9 @@ static void started(Axis *axis, enum phase phase) {
 
 static gboolean check_plugged(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    return tic->usb || device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who,
-                                        "not plugged in" ERROR_ADVICE "plug it in, then home it");
+    return tic->usb ||
+           device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                            "it is not plugged in" ERROR_ADVICE "plug it in, then home it");
 }
 
 static gboolean tic_set_speed(Axis *axis, double deg_s, GError **error) {
@@ -496,9 +498,10 @@ static gboolean tic_get_setting(Axis *axis, enum setting setting, guint16 length
     struct usb_request request = {TYPE_IN, GET_SETTING, 0, (guint16)setting, NULL, length};
     int n = usb_control_sync(tic->usb, &request, ret, error);
     return n == length ||
-           (n >= 0 && device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
-                                       "answered %d bytes of %d" ERROR_ADVICE "check its firmware",
-                                       n, length));
+           (n >= 0 &&
+            device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
+                             "it answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
+                             length));
 }
 
 /* Checks two settings that are stored in the Tic. Only its owner changes them, with ticgui. */
@@ -518,7 +521,8 @@ static gboolean check_settings(Axis *axis, GError **error) {
         return device_error_set(
             error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
             "its command timeout is %d ms%s" ERROR_ADVICE "set it to %d ms or more with ticgui",
-            timeout_ms, timeout_ms ? "" : " (off), so it would turn on if this program died",
+            timeout_ms,
+            timeout_ms ? "" : " (off), so the motor would keep turning if this program died",
             min_ms);
     return TRUE;
 }
@@ -534,7 +538,7 @@ static gboolean read_position(Axis *axis, GError **error) {
         return FALSE;
     if (!read_status(data, (gsize)n, &status))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
-                                "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
+                                "it answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
                                 VARIABLES_SIZE);
     tic->position_deg = tic->home_deg + status.position / tic->steps_per_deg;
     /* A program that has died may have left the motor turning. Stop it. */

@@ -32,7 +32,8 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
     } known[] = {
         {ENODEV, DEVICE_ERROR_DISCONNECTED, gone},
         {ENXIO, DEVICE_ERROR_DISCONNECTED, gone},
-        {ENOENT, DEVICE_ERROR_DISCONNECTED, gone},
+        {ENOENT, DEVICE_ERROR_DISCONNECTED,
+         "there is no such device" ERROR_ADVICE "check its path and its cable"},
         {EBUSY, DEVICE_ERROR_BUSY, "another program uses it"},
         {EACCES, DEVICE_ERROR_UNSUPPORTED, closed},
         {EPERM, DEVICE_ERROR_UNSUPPORTED, closed},

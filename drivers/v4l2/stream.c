@@ -25,7 +25,7 @@ static gboolean choose_format(const struct video_node *node, const char *name,
                               const struct video_format **ret, GError **error) {
     g_autoptr(GArray) offered = video_node_formats(node);
     g_autoptr(GString) list = g_string_new(NULL);
-    gboolean named = name && *name;
+    gboolean named = name && *name, has_wanted = FALSE;
     guint32 wanted = 0;
     *ret = NULL;
     if (named)
@@ -34,22 +34,27 @@ static gboolean choose_format(const struct video_node *node, const char *name,
         guint32 fourcc = g_array_index(offered, guint32, i);
         g_autofree char *text = video_fourcc_name(fourcc);
         g_string_append_printf(list, "%s%s", i ? ", " : "", text);
+        has_wanted |= named && fourcc == wanted;
         if (!named)
             *ret = video_format_better(*ret, video_format_find(fourcc));
         else if (fourcc == wanted)
             *ret = video_format_find(fourcc);
     }
     if (!*ret && named)
-        video_refuse(
-            error, DEVICE_ERROR_UNSUPPORTED, node,
-            "cannot measure in format %s, because compressed frames are not proportional to "
-            "light; it offers %s, of which only Bayer, mono, YUYV and UYVY are supported",
-            name, list->str);
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
+                     has_wanted
+                         ? "offers format %s, but only Bayer, mono, YUYV and UYVY formats can "
+                           "be used for measuring; it offers %s"
+                         : "does not offer format %s; it offers %s, of which only Bayer, "
+                           "mono, YUYV and UYVY formats can be used for measuring",
+                     name, list->len ? list->str : "no format");
+    else if (!*ret && offered->len == 0)
+        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node, "offers no format");
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                     "offers only %s: compressed frames are not proportional to light; a camera "
-                     "with Bayer, mono, YUYV or UYVY is needed",
-                     list->len ? list->str : "no format");
+                     "offers only %s, which cannot be used for measuring; a camera with a Bayer, "
+                     "mono, YUYV or UYVY format is needed",
+                     list->str);
     return *ret != NULL;
 }
 

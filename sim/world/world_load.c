@@ -259,7 +259,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     if (list->n == n)
         return TRUE;
     config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                   "%d of %d numbers are given; separate numbers by ';'", list->n, n);
+                   "needs %d numbers, separated by ';', but has %d", n, list->n);
     return FALSE;
 }
 
@@ -474,9 +474,10 @@ static gboolean load_section(World *world, const struct world_options *all,
     if (nearest.name)
         return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
                               "there is no such section; did you mean [%s]?", nearest.name);
-    return config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
-                          "a world file has [world], [sample], [camera NAME], [lamp NAME], "
-                          "[laser NAME] and [mark NAME]");
+    return config_mistake(
+        mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
+        "there is no such section; a world file has [world], [sample], [camera NAME], [lamp NAME], "
+        "[laser NAME] and [mark NAME]");
 }
 
 const struct option *world_section_options(const char *class_name) {

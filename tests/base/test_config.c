@@ -117,7 +117,7 @@ struct wrong {
 };
 
 static const struct wrong wrong_files[] = {
-    {"id = 1\n[rig]\n", CONFIG_ERROR_SYNTAX, "r.conf:1: text before the first [section]"},
+    {"id = 1\n[rig]\n", CONFIG_ERROR_SYNTAX, "r.conf:1: there is text before the first [section]"},
     {"[rig]\n[rig]\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig] was given before, in line 1: merge the two"},
     {"[axis a]\n[axis\ta]\n", CONFIG_ERROR_SYNTAX,
@@ -128,12 +128,12 @@ static const struct wrong wrong_files[] = {
      "r.conf:1: the section's ']' is missing, or text follows it"},
     {"[]\n", CONFIG_ERROR_SYNTAX, "r.conf:1: a section is written as [class] or [class name]"},
     {"[rig]\nwords\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:2: [rig]: neither \"key = value\" nor a [section]"},
+     "r.conf:2: [rig]: this line is neither \"key = value\" nor a [section]"},
     {"[rig]\n= 3\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig]: the text before '=' is not a key: a key has only letters, digits, '_', '-' "
      "and '.'"},
-    {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: not UTF-8"},
-    {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: a control character (1)"},
+    {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: this line is not text in UTF-8"},
+    {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: there is a control character (1)"},
 };
 
 TEST(wrong_files) {
@@ -257,7 +257,7 @@ TEST(load) {
     g_assert_cmpstr(config_value(config_find(config, "rig", NULL), "id", NULL), ==, "x");
     g_assert_null(load_bytes("[rig]\nid = \0\n", 13, &error));
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX);
-    g_assert_true(g_str_has_suffix(error->message, ":2: a NUL byte"));
+    g_assert_true(g_str_has_suffix(error->message, ":2: there is a NUL byte"));
     g_clear_error(&error);
 
     gsize size = 1024 * 1024;

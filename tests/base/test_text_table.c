@@ -60,14 +60,15 @@ static void refused(const char *bytes, gsize length, const char *what) {
 
 TEST(refused) {
     static const char *const bad[][2] = {
-        {"a,b\nx,0,25\n", "table.csv:2: it has 3 fields, but the header line has 2; if its numbers "
-                          "have decimal commas, separate fields by semicolons or tabs"},
+        {"a,b\nx,0,25\n",
+         "table.csv:2: this line has 3 fields, but the header line has 2; if its numbers "
+         "have decimal commas, separate fields by semicolons or tabs"},
         {"a,b\nx,\"0,25\"\n", "“0,25” in column b is not a number; write a decimal point"},
         {"a;b\nx;1.234,5\n", "“1.234,5” in column b is not a number"},
         {"a,,b\nx,y,z\n", "table.csv:1: column 2 has no name"},
         {"a,a\nx,y\n", "table.csv:1: there are two columns “a”"},
         {"a,b\n\"x,y\n", "table.csv:2: a quote is not closed"},
-        {"a,b\n,\n", "there are no rows in it"},
+        {"a,b\n,\n", "the table has no rows"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++)
         refused(bad[i][0], strlen(bad[i][0]), bad[i][1]);

@@ -165,7 +165,7 @@ static const struct noted {
      "the turntable turns against the angles that were noted",
      -1,
      {0, 1, 2}},
-    {"/cameras/noted/radians", "angles were noted in radians", G_PI / 180, {0, 1, 2}},
+    {"/cameras/noted/radians", "angles seem to be in radians", G_PI / 180, {0, 1, 2}},
     {"/cameras/noted/exchanged", "that of camera cam1: they are exchanged", 1, {1, 0, 2}},
     {"/cameras/noted/order", "mm from that of camera cam", 1, {1, 2, 0}},
     /* No single mistake explains these: none is named. */

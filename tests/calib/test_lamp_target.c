@@ -53,7 +53,7 @@ TEST(mistakes) {
         {"[target]\nkind = balls\nplane_mm = 0.002\nplaces_mm = 1;2;0.008;1;2;8\n",
          {":3: [target] plane_mm: 0.002 mm is no height of a plate",
           ":4: [target] places_mm: the height or radius of number 1 is 0.008 mm",
-          ":4: [target] places_mm: numbers 1 and 2 have the same position"}},
+          ":4: [target] places_mm: posts or balls 1 and 2 have the same position"}},
         {"[target]\nkind = balls\nplane_mm = 2\nplaces_mm = 1;2\n",
          {":4: [target] places_mm: 2 numbers are given: give x; y; height"}},
         {"[target]\nkind = poles\nplane_mm = 2\nplate_mm = 84\nplaces_mm = 1;2;8\n",

@@ -73,8 +73,8 @@ TEST(one_process) {
     g_assert_cmpint(pid, ==, getpid());
     g_assert_null(lock_take(key, LOCK_ALONE, "the line", &error));
     g_assert_cmpstr(error->message, ==,
-                    "the line is already open: another section names it differently; write it the "
-                    "same way in both");
+                    "the line is already open for another section of the rig file; write a shared "
+                    "line or board the same way in both sections, or correct one of them");
     lock_release(lock);
     assert_free(key);
 }

@@ -176,7 +176,7 @@ static void abandoned(void) {
         /* The next feeding notices it, or the switching itself if that was stopped before it had
          * read back what it wrote. */
         if (signals[i] == SIGSTOP && !strstr(mishap.out, "may not be on any more"))
-            assert_has(mishap.out, "wrote 1 to 0, but it reads back as 0");
+            assert_has(mishap.out, "1 was written to address 0, which reads back as 0");
         g_subprocess_force_exit(daemon);
         g_subprocess_wait(daemon, NULL, NULL);
         end_guardian(path);

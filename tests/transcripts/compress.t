@@ -110,7 +110,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --memory little
-  mesorig compress: --memory: "little" is not a size like 20MB or 500kB
+  mesorig compress: --memory: "little" is not a size such as 20MB or 500kB, of at least 1 byte
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --colours xyz
@@ -126,7 +126,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --size large
-  mesorig compress: --size: "large" is not a size like 20MB or 500kB
+  mesorig compress: --size: "large" is not a size such as 20MB or 500kB, of at least 1 byte
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --size 20kB -k 2
@@ -150,7 +150,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S --error many
-  mesorig compress: --error: "many" is not a share like 2% or 0.02
+  mesorig compress: --error: "many" is not a share between 0 and 1, such as 2% or 0.02
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -q 4bit

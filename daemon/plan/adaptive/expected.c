@@ -253,7 +253,8 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
         g_ptr_array_add(lights, (gpointer)&plan->session.lights[i]);
     if (n < 2 || views->len < 2) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: nothing can be predicted of it: it has %d views and %d shots of lamps",
+                    "%s: nothing can be predicted for this session: it has %d views and %d shots "
+                    "of lamps, and at least 2 of each are needed",
                     conf->path, plan->session.n_views, n);
         return NULL;
     }

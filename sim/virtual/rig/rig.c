@@ -93,7 +93,8 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
 }
 
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error) {
-    if (!config_value(section, "world", NULL)) {
+    const char *path = config_value(section, "world", NULL);
+    if (!path || !*path) {
         config_set_error(error, CONFIG_ERROR_MISSING, section, "world", "must be given");
         return NULL;
     }
@@ -311,7 +312,8 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     *vision = (struct vision_camera){
         .rig = rig, .name = section->name, .camera = world_find_camera(world, rig_part(section))};
     if (vision->camera < 0) {
-        rig_set_error(error, section, "its world has no such camera");
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
+                         "its world has no camera \"%s\"", rig_part(section));
         return FALSE;
     }
     world_sensor(world, vision->camera, &sensor);
@@ -400,9 +402,10 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
         if (!virtual_rig_add_section(rig, &sections[i], error))
             return NULL;
     if (!rig->world) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-                    "%s: no device names a simulated world; give their sections the key world",
-                    config_path(rig->config));
+        g_set_error(
+            error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+            "%s: no device names a simulated world; give the sections of the devices the key world",
+            config_path(rig->config));
         return NULL;
     }
     rig->timer = g_timeout_add(COUPLE_MS, virtual_rig_on_timer, rig);

@@ -57,8 +57,8 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
             own, device->driver);
         return FALSE;
     }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no device “%s”; there are: %s",
-                name, names->str);
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "there is no device “%s”; the devices are: %s", name, names->str);
     return FALSE;
 }
 

@@ -242,8 +242,8 @@ static gboolean check_options(const struct config_section *section,
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "%d numbers are given, which is not a multiple of three; write x;y;height for each "
-            "post, or x;y;radius for each ball",
+            "%d numbers are given; write three for each post (x;y;height) or each ball "
+            "(x;y;radius)",
             options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
@@ -252,14 +252,15 @@ static gboolean check_options(const struct config_section *section,
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d of two numbers are given; write x;y", options->offset_mm.n);
+                              "%d numbers are given; write two, x;y", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
                               "must be given for a plate; it is the PNG of the plate's print");
     const gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "path",
-                              "must be given for a sample that is loaded");
+                              "must be given for a sample of kind %s; it is the file to load",
+                              kinds[options->kind]);
     return good;
 }
 

@@ -139,7 +139,11 @@ static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GEr
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);
     guint n = obj->positions->len;
-    if (end == *text || index == 0 || index > (gint64)n || index < -(gint64)n)
+    if (!**text)
+        return obj_error(obj, error, "a face needs at least three corners");
+    if (end == *text)
+        return obj_error(obj, error, "a corner of a face is not the number of a vertex");
+    if (index == 0 || index > (gint64)n || index < -(gint64)n)
         return obj_error(obj, error, "a face names a vertex that does not come before it");
     *ret = (guint32)(index > 0 ? index - 1 : (gint64)n + index);
     *text = end + strcspn(end, " \t");

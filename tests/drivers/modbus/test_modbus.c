@@ -171,7 +171,8 @@ static void lamp_faults(struct bench *bench, gconstpointer unused) {
     bench_open_bank(bench, "n = 2\nretries = 1\n");
     bench_fail(bench, .deaf = TRUE);
     lamps_set(bench->bank, 1, TRUE, NULL);
-    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL, "wrote 1 to 1, but it reads back as 0");
+    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL,
+                       "1 was written to address 1, which reads back as 0");
     g_assert_cmpint(lamps_light(bench->bank, 1), ==, LIGHT_UNSAFE);
     bench_wait_safe(bench);
     bench_fail(bench, .refused = 1, .exception = 2);
@@ -261,10 +262,10 @@ TEST(bad_configuration) {
         {"start = 2=1", "start = ", CONFIG_ERROR_VALUE, "start: is empty"},
         {"start = 2=1", "", CONFIG_ERROR_MISSING, "start: must be given"},
         {"stop = 2=3", "stop = 2=1;2=1;2=1;2=1;2=1;2=1;2=1", CONFIG_ERROR_VALUE,
-         "stop: more than 6 writes"},
+         "stop: has more than 6 writes"},
         {"min_deg = -90", "min_deg = 90", CONFIG_ERROR_VALUE, "min_deg: 90 is not below"},
         {"speed_scale = 2", "speed_scale = 1000", CONFIG_ERROR_VALUE,
-         "speed_scale: 400000 does not fit into its 16 bits"},
+         "speed_scale: the value for the drive, 400000, does not fit into 16 bits"},
         {"moving_bit = 0", "moving_bit = 16", CONFIG_ERROR_VALUE, "moving_bit: 16 is out of range"},
         {"target_register = 0", "target_register = 0x1ffff", CONFIG_ERROR_VALUE, "target_register"},
         {"unit = 7", "unit = 0", CONFIG_ERROR_VALUE, "/rig/rig.conf:3: [axis arc] unit"},

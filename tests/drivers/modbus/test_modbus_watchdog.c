@@ -223,7 +223,7 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
     open_refused(bench, "coil = 9\nwatchdog_register = 200\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
                  "reading holding register 200 (0x00c8): the device refused: Illegal data address");
     open_refused(bench, "coil = 9\nwatchdog_register = 20\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                 "wrote 3 to 20, but it reads back as 0");
+                 "3 was written to address 20, which reads back as 0");
     open_refused(bench,
                  "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.3\n"
                  "watchdog_scale = 10\n",
@@ -272,8 +272,9 @@ static void watchdog_forgotten(struct bench *bench, gconstpointer unused) {
     conformance_wait(bench->clock, &bench->n, 1, 10);
     bench->n = 0;
     conformance_wait(bench->clock, &bench->n, 1, 10);
-    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL,
-                       "reading holding register 6 (0x0006): 6 was set to 10, but it reads as 0");
+    bench_expect_error(
+        bench, DEVICE_ERROR_PROTOCOL,
+        "reading holding register 6 (0x0006): address 6 should hold 10, but reads as 0");
     bench_expect(bench, FALSE);
     g_assert_false(bench_state(bench).coils[9]);
 }

@@ -613,8 +613,9 @@ static void test_relays_wrong_relay(void) {
     g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "SMALL", 1, FALSE);
     GError *error = NULL;
     g_assert_null(open_laser(clock, "relay = 3\n", &error));
-    conformance_expect_error(&error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-                             "relay 3 of a board that has 2");
+    conformance_expect_error(
+        &error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+        "its relay 3 does not exist, because the USB relay board has 2 relays");
     g_assert_null(open_bank(clock, "serial = OTHER\n", &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "SMALL");
     virtual_relays_stick(relays, 0x3);
@@ -641,7 +642,7 @@ static void test_relays_held(void) {
     g_assert_cmpint(holder, ==, getpid());
     g_assert_null(open_bank(clock, "serial = HELD\n", &error)); /* it is named differently */
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
-                             "another section names it differently");
+                             "is already open for another section");
 }
 
 static const struct {

@@ -467,7 +467,7 @@ static void test_compressed(void) {
     expect_not_opened("", DEVICE_ERROR_UNSUPPORTED, "offers only MJPG");
     g_clear_pointer(&webcam, virtual_v4l2_free);
     webcam = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
-    expect_not_opened("format = MJPG\n", DEVICE_ERROR_UNSUPPORTED, "not proportional to light");
+    expect_not_opened("format = MJPG\n", DEVICE_ERROR_UNSUPPORTED, "offers format MJPG, but only");
     expect_not_opened("format = RG16\n", DEVICE_ERROR_UNSUPPORTED, "format RG16");
     expect_not_opened("format = nonsense\n", DEVICE_ERROR_UNSUPPORTED, "format nonsense");
 }

@@ -104,7 +104,7 @@ TEST(table) {
                  {"of,theta_deg,phi_deg\nboth,,2\n", ":2: "},
                  {"of,theta_deg,phi_deg\nboth,10,2\nview,10,362\n", ":3: the direction"},
                  {"of,theta_deg,phi_deg\nview,10,2\n", "there is no light in it"},
-                 {"", "there are no rows in it"}};
+                 {"", "the table has no rows"}};
     g_autofree char *path = g_build_filename(near_folder, "table.csv", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autoptr(GError) error = NULL;
