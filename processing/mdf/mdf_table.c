@@ -96,7 +96,6 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
         .width = width,
         .height = height,
         .n_views = n_views,
-        .n_measured = n_views,
         .texel_mm = texel_mm,
         .theta_deg = theta_deg ? g_memdup2(theta_deg, angles) : g_malloc0(angles),
         .phi_deg = phi_deg ? g_memdup2(phi_deg, angles) : g_malloc0(angles),

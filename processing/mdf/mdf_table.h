@@ -15,7 +15,6 @@ enum mdf_table_error {
 
 struct mdf_table {
     int width, height, n_views;
-    int n_measured; /* number of measured views, which are the first ones; 0: all are measured */
     double texel_mm;
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */

@@ -3,7 +3,6 @@
 #include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "drawing/gl/direction_table.h"
 #include "drawing/gl/gpu.h"
-#include "mdf/mdf_shell.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -20,8 +19,6 @@ struct MdfTexture {
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
-    guint shell;                /* 0 for an MDF without depth */
-    double most_per_mm, top_mm; /* as in mdf_shell.h */
     guint volume;               /* 0 before it is first used */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
@@ -143,30 +140,6 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-static gboolean upload_shell(MdfTexture *texture, const struct mdf_table *t, GError **error) {
-    GLint most = 0;
-    g_autoptr(MdfShell) shell = mdf_shell_new(t);
-    glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
-    if (MAX(shell->width, shell->height) > most) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "the shell of an MDF has %d × %d voxels in a layer: %s supports %d in each "
-                    "direction; process the material with fewer texels",
-                    shell->width, shell->height, gpu_renderer(), most);
-        return FALSE;
-    }
-    texture->most_per_mm = shell->most_per_mm;
-    texture->top_mm = shell->top_mm;
-    glGenTextures(1, &texture->shell);
-    glBindTexture(GL_TEXTURE_3D, texture->shell);
-    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
-    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
-    glTexImage3D(GL_TEXTURE_3D, 0, GL_R8, shell->width, shell->height, shell->depth, 0, GL_RED,
-                 GL_UNSIGNED_BYTE, shell->values);
-    glGenerateMipmap(GL_TEXTURE_3D);
-    return gpu_check("uploading the shell of the MDF", error);
-}
-
 /* The values that all three forms of an MDF have in common. */
 struct extent_mm {
     int width, height, n_views;
@@ -213,9 +186,6 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
             upload_views(texture, t, directions);
         texture->views = direction_table_new(directions, FALSE);
     }
-    g_autoptr(MdfTable) views = t == NULL && e.deepest_mm > 0.0 ? mdf_factors_table(f) : NULL;
-    if (e.deepest_mm > 0.0 && !upload_shell(texture, t != NULL ? t : views, error))
-        return NULL;
     return gpu_check("uploading the MDF", error) ? g_steal_pointer(&texture) : NULL;
 }
 
@@ -225,15 +195,10 @@ void mdf_texture_free(MdfTexture *texture) {
     glDeleteTextures(1, &texture->depths);
     glDeleteTextures(1, &texture->factors);
     glDeleteTextures(1, &texture->volume);
-    glDeleteTextures(1, &texture->shell);
     g_free(texture->theta_deg);
     g_free(texture->phi_deg);
     direction_textures_clear(&texture->views);
     g_free(texture);
-}
-
-gboolean mdf_texture_has_shell(const MdfTexture *texture) {
-    return texture->shell != 0;
 }
 
 gboolean mdf_texture_is_maps(const MdfTexture *texture) {
@@ -245,7 +210,6 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                            : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
                                  gpu_texture_bytes(GL_TEXTURE_3D, texture->volume) +
-                                 gpu_texture_bytes(GL_TEXTURE_3D, texture->shell) +
                                  direction_textures_bytes(&texture->views);
 }
 
@@ -341,11 +305,7 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
-    if (glGetUniformLocation(program, "mdf_shell") >= 0) {
-        gpu_bind_texture(program, "mdf_shell", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->shell);
-        glUniform1f(glGetUniformLocation(program, "mdf_most_per_mm"), texture->most_per_mm);
-        glUniform1f(glGetUniformLocation(program, "mdf_top"), texture->top_mm);
-    } else if (glGetUniformLocation(program, "mdf_volume") >= 0) {
+    if (glGetUniformLocation(program, "mdf_volume") >= 0) {
         gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
         glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
         glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,

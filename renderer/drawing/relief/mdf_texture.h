@@ -17,10 +17,6 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error);
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
 
-/* Returns whether there is a shell (mdf_shell.h). There is none if the MDF has no depth. Shaders are
- * compiled with MDF_SHELL 1 for a shell. */
-gboolean mdf_texture_has_shell(const MdfTexture *texture);
-
 /* Returns whether the texture holds factors. Shaders are compiled with MDF_MAPS 1 for factors, and
  * 0 otherwise. */
 gboolean mdf_texture_is_maps(const MdfTexture *texture);

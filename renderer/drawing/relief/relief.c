@@ -22,13 +22,7 @@ struct Relief {
 
 Relief *relief_new(GError **error) {
     float zero = 0.0f;
-    const struct mdf_table flat = {.width = 1,
-                                   .height = 1,
-                                   .n_views = 1,
-                                   .texel_mm = 1.0,
-                                   .theta_deg = &zero,
-                                   .phi_deg = &zero,
-                                   .depth_mm = &zero};
+    const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
     g_autoptr(Relief) relief = g_new0(Relief, 1);
     if ((relief->smooth = mdf_texture_new(&(struct mdf_source){.table = &flat}, error)) == NULL ||
         (relief->eye = visibility_new(error)) == NULL ||
