@@ -50,19 +50,18 @@ static gboolean read_field(GKeyFile *file, const char *path, const char *group,
         return f->optional || fields_refuse(path, group, f->name, error,
                                             "is missing; calibrate again or restore the file");
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
-    g_autofree char *own = NULL;
-    const char *why = NULL;
+    g_autofree char *why = NULL;
     if ((int)g_strv_length(words) != f->n)
-        why = own = g_strdup_printf("has the wrong number of numbers: %d are needed", f->n);
+        why = g_strdup_printf("has the wrong number of numbers: %d are needed", f->n);
     for (int i = 0; i < f->n && !why; i++) {
         char *end;
         const double number = g_ascii_strtod(words[i], &end);
         if (end == words[i] || *end || !isfinite(number))
-            why = "is not a finite number";
+            why = g_strdup("is not a finite number");
         else if (number < f->min || number > f->max)
-            why = own = g_strdup_printf("%g is out of range: %g to %g", number, f->min, f->max);
+            why = g_strdup_printf("%g is out of range: %g to %g", number, f->min, f->max);
         else if (f->integer && number != floor(number))
-            why = "is not a whole number";
+            why = g_strdup("is not a whole number");
         else if (f->integer)
             ((int *)((char *)to + f->offset))[i] = (int)number;
         else
