@@ -285,7 +285,8 @@ static void refused(void) {
     } cases[] = {
         {"[rig]\nid = x\n", "no device names a simulated world"},
         {"[axis a]\ndriver = tic-axis\n", "driver = tic-axis has no virtual device"},
-        {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n", "no such camera"},
+        {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n",
+         "its world has no camera"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
         {"[axis a]\ndriver = sim-axis\n", "no device names a simulated world"},
         {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},

@@ -287,8 +287,8 @@ TEST(lies) {
         {HEAD ACCESSORS(VIEW("0", "999"), "5126", "1", "VEC3"), "truncated"},
         {HEAD ACCESSORS(VIEW("0", "6"), "5126", "4000000000000000000", "VEC3"), "count"},
         {HEAD ACCESSORS(VIEW("0", "6"), "5126", "-3", "VEC3"), "count"},
-        {HEAD ACCESSORS(VIEW("0", "6"), "9", "1", "VEC3"), "another type"},
-        {HEAD ACCESSORS(VIEW("0", "6"), "5121", "1", "MAT4"), "another type"},
+        {HEAD ACCESSORS(VIEW("0", "6"), "9", "1", "VEC3"), "its component type is not known"},
+        {HEAD ACCESSORS(VIEW("0", "6"), "5121", "1", "MAT4"), "its component type is not known"},
         {HEAD "\"buffers\": [{\"uri\": \"../../etc/passwd\"}], \"bufferViews\": [{\"buffer\": 0, "
               "\"byteLength\": 4}], \"accessors\": [{\"bufferView\": 0, \"componentType\": 5126, "
               "\"count\": 0, \"type\": \"VEC3\"}], \"meshes\": [{\"primitives\": "
@@ -317,8 +317,9 @@ TEST(refused) {
     refuse_square(MESH("\"attributes\": {\"POSITION\": 0, \"NORMAL\": 1}"), SCENE_ERROR_NO_TEXTURE,
                   "TEXCOORD_0");
     refuse_square(MESH("\"attributes\": {\"POSITION\": 0, \"TEXCOORD_0\": 0}"), SCENE_ERROR_FORMAT,
-                  "another type");
-    refuse_square(MESH(ATTRIBUTES "}, \"indices\": 0"), SCENE_ERROR_FORMAT, "another type");
+                  "its component type is not known");
+    refuse_square(MESH(ATTRIBUTES "}, \"indices\": 0"), SCENE_ERROR_FORMAT,
+                  "its component type is not known");
     refuse_square(MESH(ATTRIBUTES "}, \"indices\": 99"), SCENE_ERROR_FORMAT, "entry 99");
     refuse_square(MESH(ATTRIBUTES "}, \"mode\": 9"), SCENE_ERROR_FORMAT, "mode");
     refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{}]", SCENE_ERROR_FORMAT, "a.gltf");

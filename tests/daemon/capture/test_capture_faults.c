@@ -11,7 +11,7 @@ static const struct retakes {
     struct change changes[8];
 } retakes[] = {
     {"/fault/stale-old",
-     "seen before",
+     "it is an old frame",
      {{"[camera cam30]", "fault_stale = 0.2"},
       {"[camera cam60]", "fault_stale = 0.05"},
       {"[capture]", "retries = 20"}}},

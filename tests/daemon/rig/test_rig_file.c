@@ -115,7 +115,7 @@ static const struct bad bad_files[] = {
     {"theta_deg = 15", "theta_deg = 95", 0, "range"},
     {"[lamp lamp30]", "[lamp lamp15]", 0, "before"},
     {"[camera cam15]", "[camera a-name-that-is-far-too-long-for-a-camera]\npart = cam15", 0,
-     "31 bytes"},
+     "at most 31 are allowed"},
     {"phi_deg = 0\n", "", -1, "phi_deg"},
     {"\nwidth = ", "\nwidth = 0.5", 1, "whole"},
     {"sweep = sweep15", "sweep = sweep16", 0, "sweep16"},

@@ -108,7 +108,7 @@ static void no_picture(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_faults faults = {.blind = 1};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, " s after its trigger (exposure 1000 µs)");
+    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, " s after the trigger (exposure 1000 µs)");
     g_assert_false(camera_is_armed(eye->camera));
     eye_recover(eye, 1);
 }
@@ -150,7 +150,7 @@ static void unplugged(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_faults faults = {.unplugged = TRUE}, none = {0};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, "check its cable");
+    eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, "check the camera's cable");
     for (int i = 0; i < 40 && camera_arm(eye->camera, &error); i++) {
         camera_disarm(eye->camera);
         conformance_pass(eye->clock, 0.25);

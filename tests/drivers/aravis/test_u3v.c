@@ -133,8 +133,8 @@ static void incomplete(void) {
         {{.cut = 1}, "frame refused: some of its data was lost on the way"},
         {{.hollow = 1}, "frame refused: some of its data was lost on the way"},
         {{.stunted = 1}, "some of its data was lost"},
-        {{.tailless = 1}, " s after its trigger (exposure 1000 µs)"},
-        {{.headless = 1}, " s after its trigger (exposure 1000 µs)"},
+        {{.tailless = 1}, " s after the trigger (exposure 1000 µs)"},
+        {{.headless = 1}, " s after the trigger (exposure 1000 µs)"},
         {{.odd = 1}, "its frame is 318 × 240 of format"},
         {{.old = 1}, "before its trigger, and no frame after that"},
     };
@@ -205,7 +205,7 @@ static void stream_stalls(void) {
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_u3v_halt_stream(device);
     g_assert_cmpint(eye_shoot(&eye, 2), ==, CAMERA_FAULT);
-    eye_assert_said(&eye, DEVICE_ERROR_TIMEOUT, " s after its trigger (exposure 1000 µs)");
+    eye_assert_said(&eye, DEVICE_ERROR_TIMEOUT, " s after the trigger (exposure 1000 µs)");
     eye_recover(&eye, 2);
     eye_close(&eye);
 }
