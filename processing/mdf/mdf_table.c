@@ -96,12 +96,24 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
         .width = width,
         .height = height,
         .n_views = n_views,
+        .n_measured = n_views,
         .texel_mm = texel_mm,
         .theta_deg = theta_deg ? g_memdup2(theta_deg, angles) : g_malloc0(angles),
         .phi_deg = phi_deg ? g_memdup2(phi_deg, angles) : g_malloc0(angles),
         .depth_mm = g_new(float, (gsize)width *(gsize)height *(gsize)n_views),
     };
     return t;
+}
+
+struct mdf_table *mdf_table_copy_measured(const struct mdf_table *table) {
+    const int n_views = table->n_measured > 0 ? table->n_measured : table->n_views;
+    const gsize n = (gsize)table->width * table->height * n_views;
+    struct mdf_table *copy = mdf_table_new(table->width, table->height, n_views, table->texel_mm,
+                                           table->theta_deg, table->phi_deg);
+    memcpy(copy->depth_mm, table->depth_mm, sizeof(float) * n);
+    copy->deepest_mm = table->deepest_mm;
+    copy->seen = table->seen != NULL ? g_memdup2(table->seen, n) : NULL;
+    return copy;
 }
 
 struct mdf_table *mdf_table_read(const char *path, GError **error) {

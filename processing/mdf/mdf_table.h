@@ -15,6 +15,7 @@ enum mdf_table_error {
 
 struct mdf_table {
     int width, height, n_views;
+    int n_measured; /* number of measured views, which are the first ones; 0: all are measured */
     double texel_mm;
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
@@ -28,6 +29,9 @@ struct mdf_table {
  * is NULL. */
 struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel_mm,
                                 const float *theta_deg, const float *phi_deg);
+
+/* Returns a copy of the measured views only. */
+struct mdf_table *mdf_table_copy_measured(const struct mdf_table *table);
 
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);

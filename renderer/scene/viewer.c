@@ -153,8 +153,10 @@ static void make_array(Viewer *viewer) {
     glVertexAttribPointer(n, 2, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape), NULL);
     glVertexAttribPointer(n + 1, 3, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape),
                           (const void *)offsetof(struct vertex_shape, bend));
-    glEnableVertexAttribArray(n);
-    glEnableVertexAttribArray(n + 1);
+    glVertexAttribPointer(n + 2, 4, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape),
+                          (const void *)offsetof(struct vertex_shape, stretch));
+    for (guint k = n; k < n + 3; k++)
+        glEnableVertexAttribArray(k);
     glBindVertexArray(0);
 }
 

@@ -38,6 +38,12 @@ uniform vec4
     mdf_ring[16]; // θ, centre of the first slice, number of slices, φ of the first in turns
 #endif
 
+struct below {
+    float hit;  // distance along the ray from the mesh to the structure
+    float base; // distance to the point where the ray is as deep as the deepest structure
+};
+
+#ifndef MDF_SHELL
 // Returns the mip level for that axis of the texture which is less compressed. Near a contour the
 // other axis shrinks without limit, and a level that fits it would smooth the relief away.
 float level_of_detail() {
@@ -111,11 +117,6 @@ float depth_at(places at, vec3 d, float level) {
 #endif
 }
 
-struct below {
-    float hit;  // distance along the ray from the mesh to the structure
-    float base; // distance to the point where the ray is as deep as the deepest structure
-};
-
 // Returns the step in the texture for a step x at some depth below a curved mesh. It is longer than
 // on the mesh, because the distance between two normals shrinks by 1 − depth · κ along each
 // principal curvature κ.
@@ -160,6 +161,8 @@ below below_mesh(vec3 v, float level) {
     }
     return below(hit, mdf_deepest > 0.0 ? base : 1e30);
 }
+
+#endif
 
 // Returns whether a ray that enters at a front face and leaves through a back face after the
 // distance way meets the structure between them. front and back are the MDF distances from either

@@ -12,6 +12,7 @@
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;
+    double ga[2], gb[2]; /* changes of ln scale, times a and times b */
 };
 
 /* Adds the lengths of dP/du and dP/dv, weighted by the triangle's area. */
@@ -36,15 +37,24 @@ static void add_scale(const struct vertex *const v[3], struct sums *const sums[3
     }
 }
 
+/* Gives the components of an edge along the tangent and the bitangent of a vertex. */
+static void components(const struct vertex *at, const float edge[3], float ret_bitangent[3],
+                       double ret[2]) {
+    float3_cross(at->normal, at->tangent, ret_bitangent);
+    for (int k = 0; k < 3; k++)
+        ret_bitangent[k] *= at->tangent[3];
+    ret[0] = float3_dot(edge, at->tangent);
+    ret[1] = float3_dot(edge, ret_bitangent);
+}
+
 static void add_edge(const struct vertex *at, const struct vertex *from, const struct vertex *to,
                      struct sums *sums) {
     float edge[3], change[3], side[3];
+    double along[2];
     float3_minus(to->position, from->position, edge);
     float3_minus(to->normal, from->normal, change);
-    float3_cross(at->normal, at->tangent, side); /* the bitangent */
-    for (int k = 0; k < 3; k++)
-        side[k] *= at->tangent[3];
-    double a = float3_dot(edge, at->tangent), b = float3_dot(edge, side);
+    components(at, edge, side, along);
+    const double a = along[0], b = along[1];
     double p = float3_dot(change, at->tangent), q = float3_dot(change, side);
     sums->aa += a * a;
     sums->ab += a * b;
@@ -68,6 +78,33 @@ static void solve(const struct sums *s, float ret[3]) {
             ret[k] = 0.0f;
 }
 
+/* Adds the change of ln scale from one end of an edge to the other. */
+static void add_change(const struct mesh *mesh, const struct vertex_shape *shapes, guint32 at,
+                       guint32 from, guint32 to, struct sums *sums) {
+    float edge[3], side[3];
+    double along[2];
+    float3_minus(mesh->vertices[to].position, mesh->vertices[from].position, edge);
+    components(&mesh->vertices[at], edge, side, along);
+    for (int c = 0; c < 2; c++) {
+        const double change = log((double)shapes[to].scale[c] / shapes[from].scale[c]);
+        sums->ga[c] += change * along[0];
+        sums->gb[c] += change * along[1];
+    }
+}
+
+/* Solves (aa, ab; ab, bb) (∂t, ∂b) = (ga, gb) for both scales. */
+static void solve_stretch(const struct sums *s, float ret[4]) {
+    const double determinant = s->aa * s->bb - s->ab * s->ab;
+    const double size = (s->aa + s->bb) * (s->aa + s->bb);
+    for (int c = 0; c < 2 && determinant > 1e-9 * size; c++) {
+        ret[2 * c] = (float)((s->bb * s->ga[c] - s->ab * s->gb[c]) / determinant);
+        ret[2 * c + 1] = (float)((s->aa * s->gb[c] - s->ab * s->ga[c]) / determinant);
+    }
+    for (int k = 0; k < 4; k++)
+        if (!isfinite(ret[k]))
+            ret[k] = 0.0F;
+}
+
 struct vertex_shape *mesh_shapes(const struct mesh *mesh) {
     g_autofree struct sums *sums = g_new0(struct sums, MAX(mesh->n_vertices, 1));
     struct vertex_shape *shapes = g_new0(struct vertex_shape, MAX(mesh->n_vertices, 1));
@@ -89,5 +126,13 @@ struct vertex_shape *mesh_shapes(const struct mesh *mesh) {
             shapes[k].scale[c] = MAX(s->area > 0.0f ? s->scale[c] / s->area : 1.0f, MIN_SCALE);
         solve(s, shapes[k].bend);
     }
+    for (guint k = 0; k + 2 < mesh->n_indices; k += 3)
+        for (int c = 0; c < 3; c++)
+            for (int e = 0; e < 3; e++) {
+                const guint32 *at = mesh->indices + k;
+                add_change(mesh, shapes, at[c], at[e], at[(e + 1) % 3], &sums[at[c]]);
+            }
+    for (guint k = 0; k < mesh->n_vertices; k++)
+        solve_stretch(&sums[k], shapes[k].stretch);
     return shapes;
 }

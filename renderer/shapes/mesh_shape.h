@@ -13,6 +13,9 @@ struct vertex_shape {
      * the unit direction (a, b) is L a² + 2 M a b + N b². It is positive where the surface bends
      * away. */
     float bend[3];
+    /* Gradients of ln scale[0] and of ln scale[1] along tangent and bitangent, per unit of length:
+     * (∂ ln scale[0] / ∂t, ∂ ln scale[0] / ∂b, ∂ ln scale[1] / ∂t, ∂ ln scale[1] / ∂b) */
+    float stretch[4];
 };
 
 /* Returns one element per vertex. Free them with g_free(). */

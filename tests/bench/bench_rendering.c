@@ -161,7 +161,10 @@ static struct eigenmaps *make_material(int n, double *ret_error, GError **error)
 static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
     int n = maps->layout.width;
     struct mdf_table *mdf = g_new0(struct mdf_table, 1);
-    *mdf = (struct mdf_table){n, n, maps->layout.views.n, maps->layout.texel_mm};
+    *mdf = (struct mdf_table){.width = n,
+                              .height = n,
+                              .n_views = maps->layout.views.n,
+                              .texel_mm = maps->layout.texel_mm};
     mdf->theta_deg = g_memdup2(maps->layout.views.theta_deg, maps->layout.views.n * sizeof(float));
     mdf->phi_deg = g_memdup2(maps->layout.views.phi_deg, maps->layout.views.n * sizeof(float));
     mdf->depth_mm = g_new(float, maps->layout.views.n *n *n);
@@ -187,6 +190,8 @@ enum {
     PEELED,
     SHADOWS,
     SHADOWS_ONLY,
+    SHELL,
+    SHELL_SHADOWS,
     PUBLISHED,
     PUBLISHED_SHADOWS,
     N_VARIANTS
@@ -200,6 +205,9 @@ static const struct {
                           {"peeled_silhouettes", 0},
                           {"silhouettes_shadows", 2.2},
                           {"shadows", 0},
+                          /* mesorig-view --mdf-shell */
+                          {"shell_silhouettes", 0},
+                          {"shell_silhouettes_shadows", 2.0},
                           /* Peeling in a number of passes that the user says, straight rays and
                            * distances in a volume: Wang et al. 2005, table 2. */
                           {"published_silhouettes", 0},
@@ -219,8 +227,10 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
         s.camera_elevation_deg = s.camera_fov_deg = 35.0;
         s.plain = v == PLAIN;
         const gboolean published = v >= PUBLISHED;
-        s.silhouettes = (v >= SILHOUETTES && v <= SHADOWS) || published;
-        s.shadows = v == SHADOWS || v == SHADOWS_ONLY || v == PUBLISHED_SHADOWS;
+        s.silhouettes = v >= SILHOUETTES && v != SHADOWS_ONLY;
+        s.shadows =
+            v == SHADOWS || v == SHADOWS_ONLY || v == SHELL_SHADOWS || v == PUBLISHED_SHADOWS;
+        s.visibility.shell = v == SHELL || v == SHELL_SHADOWS;
         s.visibility.way = v == PEELED || published ? VISIBILITY_PEEL : VISIBILITY_AUTO;
         s.visibility.straight = s.visibility.volume = published;
         if (published)

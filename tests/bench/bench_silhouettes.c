@@ -7,6 +7,7 @@
  *   published  the test of straight rays, with the measured views in a volume of 8 bits
  *   straight   that test, over views that include grazing ones
  *   volume     the viewer's test over a volume of 8 bits
+ *   shell      the viewer's with --mdf-shell: rays are marched through a volume made from the MDF
  *   ours       the viewer's; the relief of grazing views is raised as the MDF says
  *   true       with --true-grazing: the viewer's test, grazing views traced over the true surface
  */
@@ -77,12 +78,13 @@ struct scene {
 
 /* table NULL: the BTF only. */
 static void show(const struct scene *s, const char *way, double value,
-                 const struct mdf_table *table, gboolean straight, gboolean volume) {
+                 const struct mdf_table *table, struct visibility_options options) {
     g_autoptr(GError) error = NULL;
     struct viewer_settings one = s->settings;
     one.silhouettes = table != NULL;
-    one.visibility.straight = straight;
-    one.visibility.volume = volume;
+    one.visibility.straight = options.straight;
+    one.visibility.volume = options.volume;
+    one.visibility.shell = options.shell;
     viewer_set_mdf(s->view, table ? &(struct mdf_source){.table = table} : NULL, &error);
     bench_check(error);
     g_autofree float *seen =
@@ -99,16 +101,18 @@ static void show(const struct scene *s, const char *way, double value,
 
 static void measure(struct scene *s, const struct mdf_table *table,
                     const struct mdf_table *grazing) {
-    show(s, "btf", 0, NULL, FALSE, FALSE);
-    show(s, "published", 0, table, TRUE, TRUE);
+    const struct visibility_options ours = {0}, volume = {.volume = TRUE};
+    show(s, "btf", 0, NULL, ours);
+    show(s, "published", 0, table, (struct visibility_options){.straight = TRUE, .volume = TRUE});
+    show(s, "shell", 0, table, (struct visibility_options){.shell = TRUE});
     const double own = mdf_table_raised(table);
     g_autoptr(MdfTable) all = mdf_copy(table);
     mdf_table_add_grazing(all);
-    show(s, "straight", own, all, TRUE, FALSE);
-    show(s, "volume", own, all, FALSE, TRUE);
-    show(s, "ours", own, all, FALSE, FALSE);
+    show(s, "straight", own, all, (struct visibility_options){.straight = TRUE});
+    show(s, "volume", own, all, volume);
+    show(s, "ours", own, all, ours);
     if (grazing)
-        show(s, "true", 0, grazing, FALSE, FALSE);
+        show(s, "true", 0, grazing, ours);
 }
 
 static void measure_scene(const struct material *m, const struct silhouettes_shape *shape, int u,

@@ -39,6 +39,7 @@ TEST(shapes__torus) {
     const double R = 1.0, r = 0.4;
     g_autoptr(Mesh) mesh = scene_torus(R, r, 256, 128);
     g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
+    double mean = 0.0, most = 0.0;
     for (guint k = 0; k < mesh->n_vertices; k++) {
         const struct vertex *v = &mesh->vertices[k];
         double b = 2.0 * G_PI * v->uv[1], around = R + r * cos(b);
@@ -47,7 +48,17 @@ TEST(shapes__torus) {
         g_assert_cmpfloat_with_epsilon(shapes[k].bend[0], cos(b) / around, 0.04);
         g_assert_cmpfloat_with_epsilon(shapes[k].bend[1], 0.0, 0.03);
         g_assert_cmpfloat_with_epsilon(shapes[k].bend[2], 1.0 / r, 0.04);
+        /* scale[0] is 2π (R + r cos b), and the bitangent has the length r db. */
+        const double true_stretch[4] = {0.0, -sin(b) / around, 0.0, 0.0};
+        for (int c = 0; c < 4; c++) {
+            const double error = fabs((double)shapes[k].stretch[c] - true_stretch[c]);
+            mean += error / (4.0 * mesh->n_vertices);
+            most = MAX(most, error);
+        }
     }
+    g_test_message("gradients of scale: mean error %.4f, at most %.4f", mean, most);
+    g_assert_cmpfloat(mean, <, 0.01);
+    g_assert_cmpfloat(most, <, 0.5); /* at the seams of the texture */
 }
 
 /* Triangles without size in space or in the texture leave finite numbers. */
@@ -60,6 +71,8 @@ TEST(shapes__degenerate) {
         g_assert_cmpfloat(shapes[k].scale[0], >, 0.0);
         g_assert_true(isfinite(shapes[k].bend[0]) && isfinite(shapes[k].bend[1]) &&
                       isfinite(shapes[k].bend[2]));
+        for (int c = 0; c < 4; c++)
+            g_assert_true(isfinite(shapes[k].stretch[c]));
     }
 }
 
@@ -469,22 +482,26 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     viewer_fit(view, &s, (double)W / H);
     g_autofree struct displaced_pixel *truth =
         silhouettes_trace(&silhouettes_torus, displaced, &s, W, H);
-    struct scores scores[2];
-    double distances[2];
-    for (int way = 0; way < 2; way++) {
-        s.silhouettes = way;
+    struct scores scores[3]; /* BTF alone, chords, shell */
+    double distances[3];
+    for (int way = 0; way < 3; way++) {
+        s.silhouettes = way > 0;
+        s.visibility.shell = way == 2;
         g_autofree float *seen = see(view, &s, W, H);
         scores[way] = silhouettes_score(&silhouettes_torus, seen, truth, &s, W, H, TRUE);
         distances[way] = distance_error(seen, truth);
     }
-    g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f), distances off by "
-                   "%.4f (%.4f)",
-                   m->kind, u, v, overlap_share(&scores[1].outline),
-                   overlap_share(&scores[0].outline), overlap_share(&scores[1].shadow),
-                   overlap_share(&scores[0].shadow), distances[1], distances[0]);
+    static const char *const ways[] = {"BTF alone", "chords", "shell"};
+    for (int way = 0; way < 3; way++)
+        g_test_message("%s %dx%d, %s: outline %.4f, shadow %.4f, distances off by %.4f", m->kind, u,
+                       v, ways[way], overlap_share(&scores[way].outline),
+                       overlap_share(&scores[way].shadow), distances[way]);
     g_assert_cmpfloat(distances[1], <, 0.2 * distances[0]);
     g_assert_cmpfloat(overlap_share(&scores[1].outline), >=, 0.97);
     g_assert_cmpfloat(overlap_share(&scores[1].shadow), >=, 0.97);
+    g_assert_cmpfloat(distances[2], <, 0.12 * distances[0]);
+    g_assert_cmpfloat(overlap_share(&scores[2].outline), >=, 0.985);
+    g_assert_cmpfloat(overlap_share(&scores[2].shadow), >=, 0.98);
     g_assert_cmpfloat(1.0 - overlap_share(&scores[0].outline), >,
                       1.5 * (1.0 - overlap_share(&scores[1].outline)));
     g_assert_cmpfloat(1.0 - overlap_share(&scores[0].shadow), >,

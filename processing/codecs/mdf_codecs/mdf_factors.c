@@ -265,6 +265,7 @@ struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     struct mdf_table *table =
         mdf_table_new(factors->width, factors->height, factors->n_views, factors->texel_mm,
                       factors->theta_deg, factors->phi_deg);
+    table->n_measured = factors->n_measured;
     table->deepest_mm = factors->deepest_mm;
     for (gsize v = 0; v < (gsize)factors->n_views; v++) {
         const float *w = factors->weights + v * (c + 1);

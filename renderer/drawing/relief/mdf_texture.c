@@ -3,6 +3,7 @@
 #include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "drawing/gl/direction_table.h"
 #include "drawing/gl/gpu.h"
+#include "mdf/mdf_shell.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -19,6 +20,9 @@ struct MdfTexture {
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
+    struct mdf_table *measured; /* copy of the measured views, for the shell; no mip levels */
+    guint shell;                /* 0 before it is first used */
+    double most_per_mm, top_mm; /* as in mdf_shell.h */
     guint volume;               /* 0 before it is first used */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
@@ -140,6 +144,55 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
+/* Computes the next mip level in place: the root of the mean square of g over each 2 × 2 voxels of
+ * a layer. The mean of g makes grass too thin, and the mean of σ ∝ g⁴ makes a weave too thick. */
+static void halve_shell(guint8 *values, int w, int h, int depth) {
+    const int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
+    for (int l = 0; l < depth; l++)
+        for (int j = 0; j < to_h; j++)
+            for (int i = 0; i < to_w; i++) {
+                double sum = 0.0;
+                for (int k = 0; k < 4; k++) {
+                    const int x = MIN(2 * i + k % 2, w - 1), y = MIN(2 * j + k / 2, h - 1);
+                    const double g = values[((gsize)l * h + y) * w + x];
+                    sum += g * g;
+                }
+                values[((gsize)l * to_h + j) * to_w + i] = (guint8)lrint(sqrt(sum / 4.0));
+            }
+}
+
+gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error) {
+    GLint most = 0;
+    if (texture->shell != 0)
+        return TRUE;
+    g_autoptr(MdfShell) shell = mdf_shell_new(texture->measured);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
+    if (MAX(shell->width, shell->height) > most) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "the shell of an MDF has %d × %d voxels in a layer: %s supports %d in each "
+                    "direction; leave --mdf-shell out",
+                    shell->width, shell->height, gpu_renderer(), most);
+        return FALSE;
+    }
+    texture->most_per_mm = shell->most_per_mm;
+    texture->top_mm = shell->top_mm;
+    glGenTextures(1, &texture->shell);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->shell);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    int w = shell->width, h = shell->height;
+    for (int level = 0;; level++) {
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_R8, w, h, shell->depth, 0, GL_RED,
+                     GL_UNSIGNED_BYTE, shell->values);
+        if (w == 1 && h == 1)
+            break;
+        halve_shell(shell->values, w, h, shell->depth);
+        w = MAX(w / 2, 1);
+        h = MAX(h / 2, 1);
+    }
+    return gpu_check("uploading the shell of the MDF", error);
+}
+
 /* The values that all three forms of an MDF have in common. */
 struct extent_mm {
     int width, height, n_views;
@@ -186,6 +239,7 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
             upload_views(texture, t, directions);
         texture->views = direction_table_new(directions, FALSE);
     }
+    texture->measured = f != NULL ? mdf_factors_table(f) : mdf_table_copy_measured(t);
     return gpu_check("uploading the MDF", error) ? g_steal_pointer(&texture) : NULL;
 }
 
@@ -195,6 +249,8 @@ void mdf_texture_free(MdfTexture *texture) {
     glDeleteTextures(1, &texture->depths);
     glDeleteTextures(1, &texture->factors);
     glDeleteTextures(1, &texture->volume);
+    glDeleteTextures(1, &texture->shell);
+    mdf_table_free(texture->measured);
     g_free(texture->theta_deg);
     g_free(texture->phi_deg);
     direction_textures_clear(&texture->views);
@@ -210,6 +266,7 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                            : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
                                  gpu_texture_bytes(GL_TEXTURE_3D, texture->volume) +
+                                 gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->shell) +
                                  direction_textures_bytes(&texture->views);
 }
 
@@ -305,7 +362,12 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
-    if (glGetUniformLocation(program, "mdf_volume") >= 0) {
+    if (glGetUniformLocation(program, "mdf_shell") >= 0) {
+        gpu_bind_texture(program, "mdf_shell", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY,
+                         texture->shell);
+        glUniform1f(glGetUniformLocation(program, "mdf_most_per_mm"), texture->most_per_mm);
+        glUniform1f(glGetUniformLocation(program, "mdf_top"), texture->top_mm);
+    } else if (glGetUniformLocation(program, "mdf_volume") >= 0) {
         gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
         glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
         glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,

@@ -32,5 +32,10 @@ gint64 mdf_texture_bytes(const MdfTexture *texture); /* returns 0 for NULL */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
+/* The shell of the MDF (mdf/mdf_shell.h), in a 3D texture with mip levels. It is made when this
+ * function is first called, which takes about a second for 60 views of 64² texels. Shaders are
+ * compiled with MDF_SHELL 1. The function fails if the shell is too large for the card. */
+gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
+
 /* Sets textures and uniforms of a program in use. */
 void mdf_texture_bind(const MdfTexture *texture, guint program);

@@ -22,7 +22,13 @@ struct Relief {
 
 Relief *relief_new(GError **error) {
     float zero = 0.0f;
-    const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
+    const struct mdf_table flat = {.width = 1,
+                                   .height = 1,
+                                   .n_views = 1,
+                                   .texel_mm = 1.0,
+                                   .theta_deg = &zero,
+                                   .phi_deg = &zero,
+                                   .depth_mm = &zero};
     g_autoptr(Relief) relief = g_new0(Relief, 1);
     if ((relief->smooth = mdf_texture_new(&(struct mdf_source){.table = &flat}, error)) == NULL ||
         (relief->eye = visibility_new(error)) == NULL ||
@@ -91,7 +97,10 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         any |= mdf != NULL;
         part->mdf = from->silhouettes && mdf != NULL ? mdf : relief->smooth;
         part->volume = scene.options.volume && part->mdf == mdf;
-        if (part->volume && !mdf_texture_make_volume(mdf, error))
+        part->shell =
+            scene.options.shell && !scene.options.straight && !part->volume && part->mdf == mdf;
+        if ((part->volume && !mdf_texture_make_volume(mdf, error)) ||
+            (part->shell && !mdf_texture_make_shell(mdf, error)))
             return FALSE;
     }
     if (from->silhouettes && !any) {

@@ -7,14 +7,15 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* header of the buffer of lists: their number */
 
-#define VARIANTS (4 * PLACES_KINDS) /* number of variants of the programs */
+enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
+
+#define VARIANTS (N_FORMS * PLACES_KINDS) /* number of variants of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* Programs by kind of MDF and kind of places. Bit 0 of the index is set for an MDF in maps, and
-     * bit 1 for an MDF in a volume. All variants but the first are compiled when they are first
-     * needed. ADD and FIND exist only with OpenGL 4.3. */
+    /* Programs by form of the MDF and kind of places. All variants but the first are compiled when
+     * they are first needed. ADD and FIND exist only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint query;
     struct gpu_target back[2], seen;
@@ -24,21 +25,26 @@ struct Visibility {
     guint32 room; /* number of faces for which the buffer has space */
 };
 
-static gboolean make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
+static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
                               const struct places_source *places, GError **error) {
     g_autofree char *of_places = places_constants(places, FALSE);
-    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s%s", maps,
-                                                 volume ? "#define MDF_VOLUME 1\n" : "", of_places);
+    g_autofree char *constants = g_strdup_printf(
+        "#define MDF_MAPS %d\n%s%s%s", form == MAPS, form == VOLUME ? "#define MDF_VOLUME 1\n" : "",
+        form == SHELL ? "#define MDF_SHELL 1\n" : "", of_places);
     static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
-                            "directions.glsl", "relief.glsl", "peel_back.frag"};
+    const char *names[9] = {"mesh.vert", "frame.glsl", "places.glsl", "directions.glsl",
+                            "relief.glsl"};
+    int n = 5;
+    if (form == SHELL)
+        names[n++] = "shell.glsl";
+    names[n] = "peel_back.frag";
     if ((programs[BACK] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    names[5] = "peel_front.frag";
+    names[n] = "peel_front.frag";
     if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
         return FALSE;
-    names[5] = "list_nodes.glsl";
-    names[6] = "list_add.frag";
+    names[n] = "list_nodes.glsl";
+    names[n + 1] = "list_add.frag";
     return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
                              (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
 }
@@ -46,7 +52,7 @@ static gboolean make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolea
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
     const struct places_source repeated = {NULL, NULL};
-    if (!make_programs(v->all_programs[0], FALSE, FALSE, &repeated, error))
+    if (!make_programs(v->all_programs[0], VIEWS, &repeated, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -75,9 +81,16 @@ void visibility_set_sight(guint program, const struct visibility_scene *s) {
     glUniform1i(glGetUniformLocation(program, "straight"), s->options.straight);
 }
 
+static enum form form_of(const struct visibility_part *part) {
+    if (part->volume)
+        return VOLUME;
+    if (part->shell)
+        return SHELL;
+    return mdf_texture_is_maps(part->mdf) ? MAPS : VIEWS;
+}
+
 static int part_variant(const struct visibility_part *part) {
-    return (mdf_texture_is_maps(part->mdf) ? 1 : 0) + (part->volume ? 2 : 0) +
-           4 * (int)places_kind_of(&part->places);
+    return (int)form_of(part) + N_FORMS * (int)places_kind_of(&part->places);
 }
 
 /* A drawing pass. textures are bound to VISIBILITY_UNIT and to the next unit. names are the names
@@ -245,8 +258,7 @@ static gboolean list(Visibility *v, const struct visibility_scene *s, GError **e
 
 static gboolean need(Visibility *v, const struct visibility_part *part, GError **error) {
     guint *programs = v->all_programs[part_variant(part)];
-    if (programs[BACK] != 0 ||
-        make_programs(programs, mdf_texture_is_maps(part->mdf), part->volume, &part->places, error))
+    if (programs[BACK] != 0 || make_programs(programs, form_of(part), &part->places, error))
         return TRUE;
     glDeleteProgram(programs[BACK]);
     programs[BACK] = 0;

@@ -32,6 +32,7 @@ struct visibility_options {
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
     /* Distances are read from volumes, as in that paper, for each part that has a volume. */
     gboolean volume;
+    gboolean shell; /* rays are marched through the shell of the MDF; not with straight or volume */
 };
 
 #define VISIBILITY_MAX_PARTS 64
@@ -44,6 +45,7 @@ struct visibility_part {
     float tiles[2];
     guint first_index, n_indices;
     gboolean volume; /* mdf_texture_make_volume() has made the volume of mdf */
+    gboolean shell;  /* mdf_texture_make_shell() has made the shell of mdf */
     int material;    /* see relief_set_mdf() */
 };
 

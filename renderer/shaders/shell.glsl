@@ -1,0 +1,135 @@
+// The distance that a viewing ray travels below the mesh until it meets the material's structure,
+// by marching through the shell; see mdf/mdf_shell.h.
+uniform sampler2DArray mdf_shell; // g; the layers lie one below the other from the reference plane
+uniform float mdf_most_per_mm;    // σ = mdf_most_per_mm · g⁴
+uniform float mdf_top;            // depth above which σ is 0, mm
+in vec4 stretching;
+
+const float OPAQUE = 0.69314718; // ln 2
+const float STEP = 1.5;          // in voxels along the texture or in layers
+const float BACK_STEP = 3.0;
+const int MIN_STEPS = 4, MAX_STEPS = 96;
+const float MIN_GROWN = 0.25, MAX_GROWN = 4.0;
+
+// Returns the mip level for that axis of the texture which is less compressed, as in relief.glsl.
+float level_of_detail() {
+    vec2 size = vec2(textureSize(mdf_shell, 0).xy);
+    vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;
+    return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
+}
+
+// Returns g at a place in the texture and a share of the shell's depth. Mip levels are coarser
+// along the texture only.
+float shell_value(vec2 x, float depth, float level) {
+    float layers = float(textureSize(mdf_shell, 0).z);
+    float w = clamp(depth * layers - 0.5, 0.0, layers - 1.0), upper = floor(w);
+    return mix(textureLod(mdf_shell, vec3(x, upper), level).r,
+               textureLod(mdf_shell, vec3(x, min(upper + 1.0, layers - 1.0)), level).r, w - upper);
+}
+
+vec2 shell_place(vec2 x) {
+#if PLACES == 1
+    vec2 p = x * index_sample;
+    return (p + index_shift(ivec2(floor(p)), 0)) / index_sample;
+#elif PLACES == 2
+    return nearest_place(x).x[0];
+#else
+    return x;
+#endif
+}
+
+// Under a mesh of normal curvature k, a ray that enters with the cosine slope is at the depth d
+// after this distance; −1 if it never is.
+float distance_to_depth(float d, float slope, float k) {
+    float c = 2.0 * d - k * d * d, root = slope * slope - k * c;
+    return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : -1.0;
+}
+
+// The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
+// the foot, which is the nearest point of the mesh.
+struct marched {
+    vec2 along;  // direction of the ray in the tangent plane
+    float down;  // and towards the depth
+    float depth; // below the mesh
+    vec2 foot;   // way of the foot on the mesh, from where the ray entered
+    vec2 x;      // way of the foot in the texture, in tiles
+    float mm;    // way of the ray in the flat sample
+};
+
+// Parallel surfaces: where the ray goes by w dt in the tangent plane, the foot goes by
+// (1 − depth · B)⁻¹ w dt, with the second fundamental form B of the mesh.
+vec2 foot_step(mat2 b, vec2 w, float depth) {
+    float trace = b[0][0] + b[1][1];
+    float det = 1.0 - depth * trace + depth * depth * (b[0][0] * b[1][1] - b[0][1] * b[1][0]);
+    return det > 0.05 ? ((1.0 - depth * trace) * w + depth * (b * w)) / det : w;
+}
+
+vec2 grown_at(vec2 foot) {
+    return clamp(1.0 + vec2(dot(stretching.xy, foot), dot(stretching.zw, foot)), MIN_GROWN,
+                 MAX_GROWN);
+}
+
+// Goes further by dt, by the midpoint rule. The direction in the frame changes because the frame
+// turns: about an axis in the tangent plane by B, and about the normal because the lines of the
+// texture bend.
+void march(inout marched m, mat2 b, vec3 mm, float dt) {
+    vec2 turn = b * foot_step(b, m.along, m.depth);
+    vec2 along = m.along + 0.5 * dt * m.down * turn;
+    float down = m.down - 0.5 * dt * dot(m.along, turn);
+    vec2 foot = foot_step(b, along, m.depth + 0.5 * dt * m.down);
+    vec2 grown = grown_at(m.foot + 0.5 * dt * foot), way = dt * foot / (tile_size * grown);
+    float scale = mm.z * sqrt(grown.x * grown.y);
+    turn = b * foot;
+    m.foot += dt * foot;
+    m.x += vec2(way.x, -way.y);
+    m.depth += dt * down;
+    m.mm = length(vec3(way * mdf_size, dt * down / scale));
+    float about = dt * (foot.y * stretching.z / grown.y - foot.x * stretching.y / grown.x);
+    vec3 next = vec3(m.along + dt * down * turn, m.down - dt * dot(along, turn));
+    next.xy += about * vec2(next.y, -next.x);
+    next *= inversesqrt(dot(next, next));
+    m.along = next.xy;
+    m.down = next.z;
+}
+
+// v is the unit vector outwards along the ray, in the frame of the mesh. The ray is marched to its
+// deepest point, or to the base. The other half of a ray that leaves again is marched from its
+// other end.
+below below_mesh(vec3 v, float level) {
+    mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
+    vec3 mm = vec3(tile_size / mdf_size, 0.0);
+    mm.z = sqrt(mm.x * mm.y);
+    float slope = max(v.z, MIN_SLOPE), flat2 = max(dot(v.xy, v.xy), 1e-6);
+    float k = dot(v.xy, b * v.xy) / flat2, deepest = mdf_deepest * mm.z;
+    float base = distance_to_depth(deepest, slope, k);
+    float middle = base >= 0.0 ? base : k > 0.0 ? slope / k : 1e30;
+    base = base >= 0.0 ? base : 2.0 * middle;
+    float from = distance_to_depth(mdf_top * mm.z, slope, k);
+    if (from < 0.0 || middle >= 1e30)
+        return below(1e30, base);
+    vec3 size = vec3(textureSize(mdf_shell, 0));
+    vec3 voxels = vec3(size.xy / tile_size * abs(v.xy), size.z / deepest * slope);
+    float longest = max(max(voxels.x, voxels.y), voxels.z) * (middle - from);
+    // Far from an edge of the mesh, a ray that goes to the base from one side also goes there from
+    // the other, and what its back face finds does not matter.
+    float step = !gl_FrontFacing && base == middle ? BACK_STEP : STEP;
+    int n = clamp(int(ceil(longest / step)), MIN_STEPS, MAX_STEPS);
+    float dt = (middle - from) / float(n), hit = base == middle ? base : 1e30, sum = 0.0;
+    marched m = marched(-v.xy, slope, 0.0, vec2(0.0), texel, 0.0);
+    for (int i = 0; i < n; i++) {
+        float go = i == 0 ? from + 0.5 * dt : dt; // to the middle of step i
+        march(m, b, mm, go);
+        vec2 grown = grown_at(m.foot);
+        float depth = m.depth / (mm.z * sqrt(grown.x * grown.y) * mdf_deepest);
+        float g = shell_value(shell_place(m.x), depth, level);
+        float more = mdf_most_per_mm * g * g * g * g * m.mm * dt / go;
+        if (sum + more >= OPAQUE || depth >= 1.0) {
+            hit = from + dt * (float(i) + (depth >= 1.0 ? 0.5 : (OPAQUE - sum) / more));
+            break;
+        }
+        if (depth < 0.0)
+            break;
+        sum += more;
+    }
+    return below(max(hit, 1e-9), base);
+}
