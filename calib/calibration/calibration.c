@@ -9,7 +9,7 @@
 #include <string.h>
 
 #define MAX_BYTES (16 << 20)
-#define STEP      0.1 /* step of a difference, in standard errors */
+#define STEP      0.1 /* step of the numerical derivatives, in standard errors */
 
 const char *calibration_part_name(enum calibration_kind kind) {
     static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};
@@ -176,8 +176,8 @@ struct calibration *calibration_read(const char *path, GError **error) {
     return NULL;
 }
 
-/* Says how a lamp or laser differs from the rig file: its name, or whether the arc carries it; NULL
- * if it does not differ. */
+/* Compares the name of a lamp or laser, and whether the arc carries it, with the rig file. Returns
+ * a text that describes the difference, or NULL if there is none. */
 static char *differ(const char *what, int index, const char *name, int fixed,
                     const char *nominal_name, int nominal_fixed) {
     static const char *const stands[] = {"is carried by the arc", "stands by itself"};
@@ -191,8 +191,8 @@ static char *differ(const char *what, int index, const char *name, int fixed,
     return NULL;
 }
 
-/* The devices are compared by index, because both have the order of the rig file. Names and sizes
- * identify them. */
+/* The devices are compared by index, because the calibration lists them in the order of the rig
+ * file. Names and sizes are then compared. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
@@ -231,8 +231,9 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     return !why;
 }
 
-/* Returns the camera with one parameter changed by a step. For a small rotation ω about the rig's
- * axes, moves the point to p + ω × p and does not change the camera. */
+/* Returns the camera with one parameter changed by a step. A small rotation ω of the camera has the
+ * same effect as moving the point p to p + ω × p. For such a parameter, the point is therefore
+ * moved and the camera is not changed. */
 static struct rig_camera camera_changed(const struct rig_camera *camera, int parameter, double step,
                                         struct vec3 *point_mm) {
     struct rig_camera c = *camera;

@@ -273,7 +273,8 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
-/* Does the same for all parameters of a camera together. */
+/* Returns whether the covariance of all parameters of a camera, including k4, k5 and k6, is
+ * valid. */
 static gboolean calibration_text_is_camera(const struct calibration_camera *camera) {
     enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };
     double c[ALL][ALL];

@@ -21,9 +21,12 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
     return FALSE;
 }
 
-/* Returns the number of white squares above a row. These squares have the markers. */
+/* Returns the number of white squares above a row, which is also the number of markers there. */
 static int whites_before(const struct board *board, int row) {
-    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* if rows have an odd length */
+    const int more =
+        board->white_first
+            ? (row + 1) / 2
+            : row / 2; /* rows with an additional white square, if the number of columns is odd */
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 
@@ -62,7 +65,8 @@ static gboolean board_check(const struct board *board, double gap_mm, const char
     return TRUE;
 }
 
-/* Takes a key whose values are words. Returns FALSE if there is no such key or word. */
+/* Sets the value of a key that takes words, such as grid=kalibr. Returns FALSE if the key or the
+ * word is unknown. */
 static gboolean board_take_word(struct board *to, const char *key, const char *value) {
     static const struct {
         const char *value;

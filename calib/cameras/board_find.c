@@ -14,7 +14,7 @@
 #define TOLERANCE_PX   3.0  /* largest deviation of a marker from a homography */
 #define TOLERANCE      0.15 /* the same in marker sides; the larger value applies */
 #define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
-#define BESIDE_OFF     0.25 /* its largest deviation from the prediction, in its sides */
+#define BESIDE_OFF     0.25 /* largest deviation of a neighbour from its prediction, in sides */
 #define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Smallest correlation with the print at which a board counts as found. */
@@ -509,7 +509,7 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
                              "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
-    if (fine) { /* once more from all corners found, which are more accurate than the detector's */
+    if (fine) { /* fits again, from all corners found, because they are more accurate */
         g_array_set_size(from, 2 * corners->len);
         g_array_set_size(seen, 2 * corners->len);
         for (guint i = 0; i < corners->len; i++) {

@@ -11,18 +11,19 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_EXAMINED 8 /* largest number of pictures */
+#define MAX_EXAMINED 8 /* largest number of pictures that are examined */
 /* number of pictures that must show the other size of a board of squares */
 #define AGREE       2
 #define AGREE_GRIDS 3 /* the same for grids of markers or circles, which have no edge */
-#define AGREE_MORE                                                                                 \
-    2 /* additional agreeing pictures that each picture of yet another size demands */
+/* number of additional agreeing pictures that are needed for each picture of a third size */
+#define AGREE_MORE 2
 #define MAX_PX     1000 /* longer side of the pictures that are examined */
 #define MARKERS_PX 2000 /* the same for markers, whose cells are small */
 #define LARGE      1.5  /* times MAX_PX: above, a failed search takes seconds */
 
-#define OUTSIDE    0.2  /* distance of tested places from the edge of the squares, in squares */
-#define NEAR_EDGE  0.6  /* the same for circles, in radii within the next circle */
+#define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
+/* the same for circles: distance from the centre of the next circle, in radii of a circle */
+#define NEAR_EDGE  0.6
 #define NEAR       1.1  /* reach of the comparison of black and white, in squares */
 #define EDGE_REACH 0.35 /* half the length in which an edge is searched, in squares */
 #define EDGE_STEPS 35
@@ -35,9 +36,10 @@
 #define CONTINUED  0.85 /* share of dark places on a side from which the board goes on there */
 #define MIN_SPOTS  8    /* smallest number of markers that can show a size */
 #define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */
-#define ALONE      0.7  /* largest number that fit another size, relative to those */
-#define TOLERANCE  0.12 /* tolerance of the homography, in marker sides */
-#define ANY_PX     1e6  /* no bound */
+/* largest number of markers that fit another size, relative to those that fit the size found */
+#define ALONE     0.7
+#define TOLERANCE 0.12 /* tolerance of the homography, in marker sides */
+#define ANY_PX    1e6  /* no bound */
 
 /* A place next to the board where the next column or row would be dark. */
 struct outside {

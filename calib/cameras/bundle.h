@@ -12,9 +12,9 @@
  *
  * Rotations are R = R₀ exp([ω]×). Covariances are those of ω at R = R₀.
  *
- * The residuals of one picture are not independent. A board that is bent in it, compression, or a
- * lens that deviates from its model moves neighbouring corners together. Covariances therefore
- * contain the scatter between pictures (bundle_covariance()).
+ * The residuals of one picture are not independent. If the board is bent in one picture, if the
+ * picture is compressed, or if the lens deviates from its model, neighbouring corners move
+ * together. Covariances therefore contain the scatter between pictures (bundle_covariance()).
  */
 #pragma once
 
@@ -81,8 +81,8 @@ struct bundle {
     gboolean coarse;         /* stops when a step lowers the cost by less than a share of 1e-5 */
 };
 
-/* Minimises, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if it does not
- * converge. */
+/* Minimises the cost, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if it
+ * does not converge. */
 #define BUNDLE_ERROR bundle_error_quark()
 GQuark bundle_error_quark(void);
 enum bundle_error {

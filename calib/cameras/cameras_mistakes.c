@@ -1,6 +1,7 @@
 /* Finds mistakes in the notes on the pictures: the turntable turns the other way, its angles are in
  * radians, or cameras are exchanged. Each mistake is tried on the corners of the boards that were
- * found. A mistake is named only if the boards fit with it, and fit much better than as noted. */
+ * found. A mistake is named only if the boards fit when it is corrected, and fit much better than
+ * without the correction. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -10,7 +11,7 @@
 /* mistakes are tried if the typical residual of the first fit is at least this */
 #define SUSPICIOUS_PX 2.0
 #define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
-#define BETTER        5.0 /* and smaller than as noted by this factor */
+#define BETTER        5.0 /* and smaller than without the correction by this factor */
 #define MAX_PAIRED    8   /* with more cameras, only neighbours in the rig file are exchanged */
 #define REFINED       3   /* number of mistakes that are refined, those with the best start */
 /* factor by which an exchanged camera is nearer to another camera's place than to its own */
@@ -126,15 +127,16 @@ static void tell_cameras(const struct rig *rig, const struct mistake *mistake, c
     if (changed == 2)
         cameras_refuse(
             error, CAMERAS_ERROR_FIT,
-            "cameras %s and %s are exchanged: exchanged back, %s; " CAMERAS_EXCHANGE_THEM, one,
+            "cameras %s and %s are exchanged: in the right order %s; " CAMERAS_EXCHANGE_THEM, one,
             other, fit, one, other);
     else
-        cameras_refuse(error, CAMERAS_ERROR_FIT,
-                       "the cameras are in another order: what was noted as %s is %s, and so on; "
-                       "in that order %s; correct the device of every [camera …] in the rig file, "
-                       "or for imported pictures the names in the table, and capture or import "
-                       "again",
-                       one, other, fit);
+        cameras_refuse(
+            error, CAMERAS_ERROR_FIT,
+            "the cameras are in another order: the pictures of %s are in truth of %s, and so on; "
+            "in that order %s; correct the device of every [camera …] in the rig file, "
+            "or for imported pictures the names in the table, and capture or import "
+            "again",
+            one, other, fit);
 }
 
 static void tell_mistake(const struct rig *rig, const struct mistake *mistake, double as_noted_px,
@@ -142,22 +144,23 @@ static void tell_mistake(const struct rig *rig, const struct mistake *mistake, d
     g_autofree char *fit =
         as_noted_px < 1e5
             ? g_strdup_printf("the board fits to %.2g px instead of %.3g px", with_px, as_noted_px)
-            : g_strdup_printf("the board fits to %.2g px, and not at all as noted", with_px);
+            : g_strdup_printf("the board fits to %.2g px, and otherwise not at all", with_px);
     if (mistake->turntable == 1)
         tell_cameras(rig, mistake, fit, error);
     else if (mistake->turntable == -1)
         cameras_refuse(error, CAMERAS_ERROR_FIT,
-                       "the turntable turns against the angles that were noted, clockwise seen "
+                       "the turntable turns the wrong way, clockwise seen "
                        "from above: with the other sign %s; correct the sign of steps_per_deg of "
                        "[axis turntable] in the rig file, or for imported pictures turntable_deg "
                        "in the table, and capture or import again",
                        fit);
     else
-        cameras_refuse(error, CAMERAS_ERROR_FIT,
-                       "the turntable's angles seem to be in radians%s: taken as such, %s; correct "
-                       "turntable_deg in the table (imported pictures) or steps_per_deg of [axis "
-                       "turntable] in the rig file, and capture or import again",
-                       mistake->turntable < 0 ? " and of the opposite sign" : "", fit);
+        cameras_refuse(
+            error, CAMERAS_ERROR_FIT,
+            "the turntable's angles seem to be in radians%s: read as radians, %s; correct "
+            "turntable_deg in the table (imported pictures) or steps_per_deg of [axis "
+            "turntable] in the rig file, and capture or import again",
+            mistake->turntable < 0 ? " and of the opposite sign" : "", fit);
 }
 
 static int by_start(gconstpointer a, gconstpointer b) {

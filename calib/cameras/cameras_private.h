@@ -112,9 +112,10 @@ double cameras_expected_px(const struct cameras_work *work, int camera);
 /* cameras.c: one bundle adjustment with the corners found so far. */
 gboolean cameras_solve(struct cameras_work *work, GError **error);
 
-/* cameras_mistakes.c: if the boards do not fit as noted, but fit with one mistake, sets an error
- * that names the mistake and returns TRUE. fitted says that the first fit has succeeded. Otherwise
- * returns FALSE, after the fit without a mistake was repeated and unexplained_px was set. */
+/* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
+ * error that names the mistake and returns TRUE. fitted says that the first fit has succeeded.
+ * Otherwise returns FALSE, after the fit without a mistake was repeated and unexplained_px was
+ * set. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
 /* Refuses cameras that stand at each other's places. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);

@@ -4,7 +4,7 @@
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
 #define ROUNDS    4                   /* rounds of fit and estimate */
-#define WORTH     4 /* weight of the prior, in angles, because few angles give a poor estimate */
+#define WORTH     4                   /* The prior counts as much as this number of angles. */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};

@@ -16,7 +16,8 @@ struct field {
     gboolean integer;
     double min, max;
     gboolean optional; /* a file may lack the field; its value is then 0 */
-    /* The field is not written if all its values are 0. Files of earlier versions lack it. */
+    /* The field is not written if all its values are 0, so that such files equal those of earlier
+     * versions, which did not have the field. */
     gboolean sparing;
 };
 

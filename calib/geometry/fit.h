@@ -52,8 +52,9 @@ struct fit_result {
 };
 
 /* Minimises from the given parameters, which must be close to the solution, and writes the solution
- * into them. Returns FALSE if the observations and priors together are not more than the
- * parameters, or if an initial residual is not finite; ret must then not be cleared. */
+ * into them. Returns FALSE if an initial residual is not finite, or if the numbers of observations
+ * and priors together do not exceed the number of parameters. In both cases ret must not be
+ * cleared. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

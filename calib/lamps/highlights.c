@@ -21,17 +21,19 @@
 /* the same for a saturated spot, which is located only by its border */
 #define CLIPPED_PX 0.1
 /* values from which photographs, whose white is 1, count as clipped */
-#define WHITE            0.98
-#define SMALL_PX         0.25 /* the same for a small spot, divided by its number of pixels */
-#define SMALL_CLIPPED_PX 2.0  /* the same for a small clipped spot */
-#define SPECK            4    /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest */
-#define MIN_PIXELS       2    /* smaller spots are always dust or hot pixels */
-#define STREAK           4.0  /* aspect ratio from which a spot is a hair or a scratch */
+#define WHITE 0.98
+#define SMALL_PX                                                                                   \
+    0.25 /* standard deviation of the centroid of a small spot, times the number of its pixels */
+#define SMALL_CLIPPED_PX 2.0 /* the same for a small saturated spot */
+#define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest */
+#define MIN_PIXELS       2   /* smaller spots are always dust or hot pixels */
+#define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch */
 /* share of the peak above which the spot of a brushed ball is round and thus no streak */
 #define CORE 0.8
 /* share of the best spot's energy from which another may be the lamp */
 #define COMPARABLE 0.3
-/* share of energy and of height below both of which it cannot be the lamp */
+/* a spot cannot be the lamp if both its energy and its height are below this share of the best
+ * spot's */
 #define LOWER     0.67
 #define MAX_SPOTS 256 /* number of spots that are examined, brightest first */
 /* smallest cosine of the normal; below it, a highlight is too near the rim */
@@ -302,11 +304,12 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
         return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
                         "enough?");
     if (!best)
-        return g_strdup(spots->len == 0 ? "shows no lamp: nothing in it is brighter than the rest"
-                        : any_stays(spots)
-                            ? "shows no lamp: its bright spots are specks or streaks, or other "
-                              "photographs show them, too; light each from another direction"
-                            : "shows no lamp: its bright spots are specks or streaks");
+        return g_strdup(
+            spots->len == 0 ? "shows no lamp: nothing in it is brighter than the rest"
+            : any_stays(spots)
+                ? "shows no lamp: its bright spots are specks or streaks, or other "
+                  "photographs also show them; light each photograph from another direction"
+                : "shows no lamp: its bright spots are specks or streaks");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
     if (best->cut)
         return g_strdup_printf("shows the lamp at the edge of where it is looked for, at %.1f, "

@@ -472,8 +472,9 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MAX_LAMP_MM && fit->undetermined < 0)
             continue;
-        /* The errors include the residuals, and sights that do not fit are left out. If that is the
-         * cause, another arrangement of the target does not help. */
+        /* The errors grow with the residuals, and with the number of sights that are left out
+         * because they do not fit. If sights that contradict each other cause the large error,
+         * another arrangement of the target does not help. */
         if (fit->undetermined < 0 && is_misfit(ret, problem->n))
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                         "lamp %s: its position has a standard error of %.3g mm, because the sights "

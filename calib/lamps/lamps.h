@@ -114,10 +114,10 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    GError **error);
 
 /* If the sights disagree by more than noise, tests whether the marks have other sizes than the
- * target says. It estimates once more with sizes that are hardly known. as_said is the result of
- * lamps_fit() on the same sights, or its rest after LAMPS_ERROR_DEGENERATE. Returns FALSE with
- * LAMPS_ERROR_MISTAKE if the sights fit at least three times better with other sizes. The message
- * names them. */
+ * target says. For this it repeats the estimate with weak priors of the sizes. as_said is what
+ * lamps_fit() has written for the same sights, on success or with LAMPS_ERROR_DEGENERATE. Returns
+ * FALSE with LAMPS_ERROR_MISTAKE if the sights fit at least three times better with other sizes.
+ * The message names them. */
 gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
                            const struct lamp_sight *sights, int n,
                            const struct lamps_result *as_said, GError **error);

@@ -5,9 +5,8 @@
  *   of each laser                      7, see below
  *   offset of each camera              2, with the prior σ = LASER_CAMERA_PX
  *   error of each angle of the arc     1, with σ estimated by drive.h
- * If lines fit badly, the height of each plane in
- * turn is one more parameter. This shows whether the plane has another height than the given
- * one. */
+ * If lines fit badly, the height of each plane in turn is one more parameter. This shows whether
+ * the plane has another height than the given one. */
 #include "laser.h"
 
 #include "base/residual.h"

@@ -87,11 +87,11 @@ struct laser_arc {
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error);
-/* Returns whether the sweeps agree with the rig file about as well as unadjusted devices do.
- * Returns FALSE if one mistake explains them five times better: the arc turns the other way, its
- * angles are in radians, or two lasers or two planes are exchanged. laser_fit() calls this
- * function. After the fit it also compares positions, because only these distinguish lasers at
- * nearly the same angle. */
+/* Looks for a mistake in the description of the sweeps: the arc turns the other way, its angles are
+ * in radians, or two lasers or two planes are exchanged. Returns FALSE with an error if the sweeps
+ * agree with the rig file at least five times better without one of these mistakes. laser_fit()
+ * calls this function before its fit. After the fit, laser_fit() also compares the positions of the
+ * lasers with the rig file, because only positions distinguish lasers at nearly the same angle. */
 gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);

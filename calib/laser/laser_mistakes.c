@@ -67,8 +67,8 @@ static struct laser_point undo(const struct rig *rig, const struct planes *plane
     return p;
 }
 
-/* Returns infinity if a laser turns in the wrong direction, or by an angle far from the commanded
- * one. */
+/* Returns the spread of the sweep angles after a mistake was undone. The spread is infinite if a
+ * laser turns in the wrong direction, or by an angle far from the commanded one. */
 static double spread_rad(const struct rig *rig, const struct laser_point *points, int n,
                          const struct planes *planes, const struct mistake *mistake) {
     struct line {
@@ -104,11 +104,11 @@ static void tell(const struct rig *rig, const struct planes *planes, const struc
                  GError **error) {
     const int a = mistake->a, b = mistake->b;
     g_autofree char *fit = g_strdup_printf(
-        "the lines lie %.3g° from where the sheets should be, and %.3g° from it otherwise",
+        "the lines lie %.3g° from where the sheets should be; with this corrected, %.3g°",
         is_rad * DEG, would_be_rad * DEG);
     if (mistake->kind == ARC_REVERSED)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                    "the arc turns against the angles that were noted, clockwise seen from above "
+                    "the arc turns the wrong way, clockwise seen from above "
                     "(%s); change the sign of steps_per_deg of [axis arc] in the rig file, or the "
                     "motor's direction in its controller, or for imported pictures the sign of "
                     "arc_deg in the table, and capture or import again",

@@ -145,7 +145,8 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
     return TRUE;
 }
 
-/* start is a view with nearly the same camera parameters, or NULL. */
+/* Measures the line in a photograph. start is a view with nearly the same camera parameters, or
+ * NULL. */
 static gboolean view_of(const struct rig_camera *camera, const struct board *board,
                         const struct laser_photograph *photograph, const struct view *start,
                         struct view *ret) {
@@ -579,7 +580,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     for (int i = 0; i < 9; i++)
         own[i / 3][i % 3] *= scale;
     to->rms_mm = sqrt(squares / (2 * to->used));
-    /* frame stays the frame of the parameters. */
+    /* frame must stay the frame of the parameters, so frame_of() writes to another one. */
     struct frame scratch;
     frame_of(views, to->left_out, n, &scratch, &to->spread_mm, &length);
     if (to->spread_mm < MIN_SPREAD * length) {

@@ -51,7 +51,8 @@ static void on_error(png_structp png, png_const_charp text) {
 static void on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Everything between setjmp() and a longjmp(). What it allocates is in reading. */
+/* Decodes the rows. libpng may leave this function with longjmp(), so all memory is owned by
+ * `reading`. */
 static gboolean decode_rows(png_structp png, png_infop info, struct part_reading *reading) {
     const struct picture_part *part = reading->part;
     if (setjmp(png_jmpbuf(png)))
@@ -106,7 +107,7 @@ static void take_numbers(const struct part_reading *from, struct picture_codes *
     }
 }
 
-/* Reads what the chunks before the pixels say of the picture. */
+/* Reads the tone curve and the other facts about the picture from the chunks before the pixels. */
 static void read_says(const char *path, int fd, guint64 length, struct picture_says *ret) {
     const gsize n = (gsize)MIN(length, SAID);
     g_autofree guint8 *bytes = g_malloc(n);

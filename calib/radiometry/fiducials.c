@@ -23,8 +23,8 @@
  * as uneven as the ring. It is (WINDOW³ − 1) · 2/3. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* largest distance from the expected position, in radii */
-/* Bounds of a lamp's relative output. Outside of them, the fiducial is in shadow, or it is not the
- * fiducial that was found. */
+/* Bounds of a lamp's relative output. Outside of these bounds, the fiducial is in shadow, or
+ * something else was taken for the fiducial. */
 #define MIN_OUTPUT 0.2
 #define MAX_OUTPUT 5
 

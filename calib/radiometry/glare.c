@@ -27,7 +27,8 @@
 #define FEW_SHOTS 4    /* smallest number of shots of a group */
 #define OUTLIER   4.0  /* standard deviations */
 #define MAX_ERROR 0.002
-/* a glare that is not well known is certain from this number of standard errors on */
+/* if the error of a glare is too large for a correction, the glare is reported as an error if it
+ * exceeds this number of standard errors */
 #define PLAIN 3.0
 
 struct glare_sums {

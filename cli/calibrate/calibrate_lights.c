@@ -380,9 +380,8 @@ static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
 
 static void tell_mistake(const struct job *job, const struct mistake *mistake, double is,
                          double would_be, GError **error) {
-    static const char sign[] =
-        "turns against the angles that were noted, clockwise seen from above";
-    static const char radians[] = "has its angles noted in radians, not in degrees";
+    static const char sign[] = "turns the wrong way, clockwise seen from above";
+    static const char radians[] = "has its angles in radians, not in degrees";
     const struct rig *rig = &job->base.calibration->rig;
     const gboolean turntable = mistake->turntable != 1, arc = mistake->arc != 1;
     g_autofree char *fit =
@@ -421,7 +420,7 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
     else
         g_set_error(
             error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-            "%s: the lamps are in another order than was noted: the lamp noted as %s is in "
+            "%s: the lamps are in another order: the lamp recorded as %s is in "
             "truth %s, and so on (%s); correct the index of every [lamp …] in the rig file, "
             "or, for imported pictures, the names in the table, and capture or import again",
             job->base.sessions[0], rig->lamps[a].name, rig->lamps[mistake->lamps[a]].name, fit);

@@ -161,10 +161,7 @@ static const struct noted {
     double turntable; /* factor of the angles */
     int cameras[3];
 } noted[] = {
-    {"/cameras/noted/reversed",
-     "the turntable turns against the angles that were noted",
-     -1,
-     {0, 1, 2}},
+    {"/cameras/noted/reversed", "the turntable turns the wrong way", -1, {0, 1, 2}},
     {"/cameras/noted/radians", "angles seem to be in radians", G_PI / 180, {0, 1, 2}},
     {"/cameras/noted/exchanged", "that of camera cam1: they are exchanged", 1, {1, 0, 2}},
     {"/cameras/noted/order", "mm from that of camera cam", 1, {1, 2, 0}},

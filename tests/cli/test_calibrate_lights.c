@@ -256,7 +256,7 @@ static void incomplete(void) {
  * again after the same change. */
 TEST(mistakes_of_posts) {
     static const char *const wrong[][2] = {
-        {TURN_BACK, "the turntable turns against the angles that were noted"},
+        {TURN_BACK, "the turntable turns the wrong way"},
         {ARC_BACK, "correct the sign of steps_per_deg of [axis arc] in the rig file"},
         {LAMPS(0, 1), "lamps l20 and l40 are exchanged"},
     };
@@ -313,8 +313,8 @@ TEST(mistakes_of_sweeps) {
                "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], ARC_BACK);
-    g_free(RUN(1, "the arc turns against the angles that were noted", "calibrate", "laser",
-               "low.session", "high.session", "-c", "one.conf", "-o", "no.conf"));
+    g_free(RUN(1, "the arc turns the wrong way", "calibrate", "laser", "low.session",
+               "high.session", "-c", "one.conf", "-o", "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], "UPDATE shot SET arc_deg = -arc_deg * 0.017453292519943295");
     g_free(RUN(1, "the angles of the arc are in radians", "calibrate", "laser", "low.session",
