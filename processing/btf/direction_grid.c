@@ -181,7 +181,8 @@ static void equations_clear(struct equations *equations) {
     g_free(equations->right);
 }
 
-/* Terms that pull the bilinear grid to the smooth interpolant all over the hemisphere. */
+/* Makes the terms that fit the bilinear grid to the smooth interpolant over the whole
+ * hemisphere. */
 static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
     struct equations ret = equations_new(n_grid, smooth->n);
     g_autofree float *dense = g_new(float, 3 * DENSE), *grid = grid_directions(n_grid);
@@ -206,7 +207,7 @@ static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
     return ret;
 }
 
-/* Terms that pull the bilinear grid to the measured values in their own directions. */
+/* Makes the terms that fit the bilinear grid to the measured values in the measured directions. */
 static struct equations follow_measured(const struct smooth *smooth, int n_grid) {
     struct equations ret = equations_new(n_grid, smooth->n);
     g_autofree double *one = g_new0(double, ret.n);
@@ -219,7 +220,7 @@ static struct equations follow_measured(const struct smooth *smooth, int n_grid)
     return ret;
 }
 
-/* X (samples × n) of (A + w B) X = R_A + w R_B, by Cholesky decomposition. */
+/* Solves (A + w B) X = R_A + w R_B for X (samples × n) by Cholesky decomposition. */
 static double *solve(const struct equations *smooth, const struct equations *measured,
                      double weight) {
     const gsize samples = smooth->samples, n = smooth->n;

@@ -8,11 +8,11 @@
 
 struct energy {
     int n_views, n_lights;
-    /* Reflectance fields (Meseth et al. 2003 §4.1) of f(v, l) = B(v, l) / cos θ_l in luminance,
-     * Y = 0.2126 R + 0.7152 G + 0.0722 B. E_r(v) is the mean of f over lights, E_i(l) its mean
-     * over views. If f is reciprocal and views and lights have the same directions, both are
-     * equal. For a diffuser they are constant. Lights with cos θ_l ≤ 0.05 are left out of E_r,
-     * and their E_i is 0. The first two arrays are of the mean over all texels. */
+    /* Reflectance fields (Meseth et al. 2003 §4.1) of f(v, l) = B(v, l) / cos θ_l in luminance, Y =
+     * 0.2126 R + 0.7152 G + 0.0722 B. E_r(v) is the mean of f over lights, E_i(l) its mean over
+     * views. If f is reciprocal and views and lights have the same directions, E_r and E_i are
+     * equal. For a diffuser E_r and E_i are constant. Lights with cos θ_l ≤ 0.05 are left out of
+     * E_r, and their E_i is 0. The first two arrays are of the mean over all texels. */
     double *e_r, *e_i;             /* n_views, n_lights */
     double *texel_e_r, *texel_e_i; /* of one texel */
     int texel;

@@ -221,8 +221,9 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Returns the polar angle, in degrees, at which the measured directions end. Within them, returns
- * an angle beyond theta. */
+/* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. Returns the polar
+ * angle at which the measured directions end if the direction is outside of them. Otherwise the
+ * returned angle is at least *ret_theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

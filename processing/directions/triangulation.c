@@ -158,7 +158,8 @@ static void make_grid(Triangulation *t) {
                     else
                         t->first[j * t->n_cells + i + 1]++;
         }
-        /* Counts become beginnings. After filling, ends become beginnings again. */
+        /* After counting, the counts are summed to the position at which each cell begins. Filling
+         * moves these positions to the ends of the cells, and the shift restores them. */
         for (int cell = 0; !fill && cell < n; cell++)
             t->first[cell + 1] += t->first[cell];
         if (!fill)

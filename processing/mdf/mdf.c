@@ -458,8 +458,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     double along_mm;
     const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
     const double texel_mm = TEXEL_SHARE * view->texel_mm;
-    /* Not the depth along the ray: sweeps with a low height resolution would then put points far
-     * outside of the sample. */
+    /* The height follows from the distance by which the sheet moves in a frame. The depth of a
+     * frame along the ray is not used, because for sweeps with a low height resolution it would
+     * accept points far outside of the sample. */
     struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
     struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;

@@ -10,18 +10,18 @@
 char *mdf_lines_warning(double width, double scatter) {
     if (scatter > SCATTER)
         return g_strdup_printf(
-            "the laser's line is found at times that scatter from sweep to sweep by %.2f of the "
-            "line's width, where noise and structure explain less than %.2f; causes that fit: "
-            "speckle (a laser of less contrast, or cameras with a larger aperture, make less of "
-            "it)%s, gloss or structure finer than the line, a calibration that is off; the MDF's "
-            "error bars follow the scatter",
+            "the times of the laser's line scatter from sweep to sweep by %.2f of the line's "
+            "width, "
+            "but noise and structure explain less than %.2f; possible causes: speckle (use less "
+            "coherent laser light, or a larger aperture of the cameras)%s, gloss or structure "
+            "finer than the line, a wrong calibration; the MDF's error bars contain the scatter",
             scatter, SCATTER, width > WIDE ? ", light that enters the material" : "");
     if (width > WIDE)
         return g_strdup_printf(
-            "the laser's line is %.2f times as wide on the sample as on the plates that it was "
-            "calibrated with; causes that fit: light that enters the material and comes out beside "
-            "the line, steep structure, cameras out of focus; the surface that the MDF shows may "
-            "lie deeper than the true one, which its error bars do not contain",
+            "the laser's line is %.2f times as wide on the sample as on the plates of its "
+            "calibration; possible causes: light that enters the material and comes out next to "
+            "the line, steep structure, cameras out of focus; the surface in the MDF may lie "
+            "deeper than the true one, and its error bars do not contain this error",
             width);
     return NULL;
 }

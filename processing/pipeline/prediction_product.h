@@ -1,5 +1,5 @@
 /* Pictures of a BTF that were left out on purpose ([lights] sampling = adaptive). They are
- * predicted from all pictures that were taken (prediction/prediction.h). When all views exist, the
+ * predicted from all pictures that were taken (selection/prediction.h). When all views exist, the
  * parts of the left-out pictures in the views' files are made again. Until then these parts hold
  * the values that btf_make_view() interpolates from the lights around them.
  *

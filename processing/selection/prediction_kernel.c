@@ -16,7 +16,8 @@
 
 /* maximum number of pairs of a group that are left out together; larger groups are divided */
 #define MAX_GROUP 64
-#define MAX_ALONE 1000000 /* maximum number of covariances that one thread computes only */
+/* up to this number of covariances are computed in the calling thread */
+#define MAX_ALONE 1000000
 
 static double distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));

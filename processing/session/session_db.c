@@ -283,7 +283,8 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
-/* With only, the index of the WAL is kept in memory, for this process only. */
+/* If alone is TRUE, the index of the WAL is kept in memory, and only this process can use the
+ * database. */
 static gboolean connect(Session *session, const char *name, int flags, gboolean alone,
                         GError **error) {
     int rc = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_URI, NULL);

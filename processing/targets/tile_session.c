@@ -164,9 +164,9 @@ static void light_fit_set(const struct run *run, const struct rig *found, double
     ret->aside_rad = sqrt(sum / MAX(run->tile_shots->len, 1));
 }
 
-/* Fits under the assumption that the lamp noted as i was in truth lamps[i], and that the arc stood
- * at `arc` times the noted angles. Cells are small, so that the expected value of a cell changes
- * like the light at its centre. Returns FALSE if the fit fails. */
+/* Fits under the assumption that the lamp recorded as i was in truth lamps[i], and that the arc
+ * stood at `arc` times the recorded angles. Cells are small, so that the expected value of a cell
+ * changes like the light at its centre. Returns FALSE if the fit fails. */
 static gboolean try_light(const struct run *run, const int *lamps, double arc,
                           struct light_fit *ret) {
     const guint n_shots = run->tile_shots->len, n_cells = run->cells->len;
@@ -193,9 +193,9 @@ static gboolean try_light(const struct run *run, const int *lamps, double arc,
     return TRUE;
 }
 
-/* Checks whether two lamps are exchanged in the notes. Their light then falls on the tile from
- * another side, and a fit finds lamps that point elsewhere. `is` is the fit with the noted lamps,
- * or NULL if that fit failed. Returns FALSE with an error that names the exchanged lamps. */
+/* Checks whether two lamps are exchanged. Their light then falls on the tile from another side, and
+ * a fit finds lamps that point elsewhere. `is` is the fit with the recorded lamps, or NULL if that
+ * fit failed. Returns FALSE with an error that names the exchanged lamps. */
 static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
     const struct rig *rig = &run->calibration->rig;
     const int n = rig->n_lamps;
@@ -222,11 +222,11 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     if (a < 0)
         return TRUE;
     g_autofree char *fit =
-        is ? g_strdup_printf(
-                 "as noted, lamps would point up to %.0f° away from their aim; exchanged, %.1f°",
-                 is->most_aside_rad * 180 / G_PI, best.most_aside_rad * 180 / G_PI)
+        is ? g_strdup_printf("the fitted lamps point up to %.0f° away from their aim; with the two "
+                             "exchanged, %.1f°",
+                             is->most_aside_rad * 180 / G_PI, best.most_aside_rad * 180 / G_PI)
            : g_strdup_printf(
-                 "as noted, the pictures show no tile; exchanged, they fit a tile to %.2g %%",
+                 "the pictures do not fit a tile; with the two exchanged, they fit it to %.2g %%",
                  100 * best.residual);
     g_clear_error(error);
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
@@ -244,18 +244,18 @@ static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
         const char *what, *fix;
-    } all[] = {
-        {1, -1, "the arc turns against the angles that were noted",
-         "the sign of steps_per_deg of [axis arc]"},
-        {1, 180 / G_PI, "the arc's angles were noted in radians", "steps_per_deg of [axis arc]"},
-        {-1, 1, "the turntable turns against the angles that were noted",
-         "the sign of steps_per_deg of [axis turntable]"},
-        {-1, -1, "turntable and arc turn against the angles that were noted",
-         "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
-        {180 / G_PI, 1, "the turntable's angles were noted in radians",
-         "steps_per_deg of [axis turntable]"},
-        {180 / G_PI, 180 / G_PI, "the angles of turntable and arc were noted in radians",
-         "steps_per_deg of [axis turntable] and [axis arc]"}};
+    } all[] = {{1, -1, "the arc turns the wrong way", "the sign of steps_per_deg of [axis arc]"},
+               {1, 180 / G_PI, "the arc's angles are in radians, not in degrees",
+                "steps_per_deg of [axis arc]"},
+               {-1, 1, "the turntable turns the wrong way",
+                "the sign of steps_per_deg of [axis turntable]"},
+               {-1, -1, "turntable and arc turn the wrong way",
+                "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
+               {180 / G_PI, 1, "the turntable's angles are in radians, not in degrees",
+                "steps_per_deg of [axis turntable]"},
+               {180 / G_PI, 180 / G_PI,
+                "the angles of turntable and arc are in radians, not in degrees",
+                "steps_per_deg of [axis turntable] and [axis arc]"}};
     struct tile_shot *shots = (struct tile_shot *)(void *)run->tile_shots->data;
     const gsize n = run->tile_shots->len;
     g_autofree struct tile_shot *noted = g_memdup2(shots, n * sizeof *shots);
@@ -279,7 +279,7 @@ static void find_mistake(struct run *run, GError **error) {
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s; only with this corrected do the pictures fit a tile, to %.2g %%. "
+                    "%s: %s; the pictures fit a tile, to %.2g %%, only if this is corrected. "
                     "Correct %s in the rig file or, for imported pictures, the angles in the "
                     "table, and capture or import again",
                     session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);

@@ -20,7 +20,8 @@ struct compare_totals {
 struct compare_block {
     struct compare_totals *totals; /* n_views, then n_lights */
     double largest;                /* |a − b| */
-    /* NULL, or the material that gives infinite values or no numbers, first at texel */
+    /* the material with values that are infinite or NaN, of which the first is at `texel`;
+     * otherwise NULL */
     const Material *damaged;
     int texel;
 };
@@ -162,7 +163,7 @@ static struct comparison *summarise(const struct compare_run *run, GError **erro
         if (!block->damaged)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: the values that its numbers give at texel (%d, %d) are not finite; make "
+                    "%s: its values at texel (%d, %d) are not finite; make "
                     "or compress it again",
                     material_info(block->damaged)->label, block->texel % width,
                     block->texel / width);

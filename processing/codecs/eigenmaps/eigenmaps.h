@@ -41,8 +41,9 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
 
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
  * eigenvalues of the Gram matrix are the squares of the singular values, so that singular values
- * down to 1e-8 of the largest are found. The half floats of the file need only 5e-4. If the columns
- * do not fit into memory, each is requested about n_views/fit/2 + 2 times.
+ * down to 1e-8 of the largest are found. The half floats of the file have a relative precision of
+ * only 5e-4. If the columns do not fit into memory, each is requested about n_views/fit/2 + 2
+ * times.
  *
  * Randomised method: each column is requested twice, or with a target sometimes three times. The
  * range of Aᵀ is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson

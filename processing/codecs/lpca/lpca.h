@@ -64,7 +64,7 @@ struct lpca {
     char *name;
     struct btf_layout layout;
     int n_clusters, n_components;
-    /* if not 0, views and lights are the n_grid² samples of resample.h instead of measured
+    /* if not 0, views and lights are the n_grid² samples of lpca_resample.h instead of measured
      * directions */
     int n_grid;
     int *clusters;  /* height × width: k(x) */
@@ -116,8 +116,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
  * smallest error reached.
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
- * btf->values, and all ranks get the whole result. Clusters do not depend on the number of ranks.
- * Other numbers do, because the sums of the ranks are rounded differently. */
+ * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
+ * ranks. The other numbers of the result depend on it, because the sums of the ranks are rounded
+ * differently. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 

@@ -9,7 +9,7 @@ struct lpca_target {
     gint64 bytes;     /* maximum of lpca_bytes() after rounding; 0 if not limited */
     int n_components; /* maximum number of components */
     enum lpca_quantise quantise;
-    int n_grid; /* grid of the eigen-BRDFs whose size counts, see resample.h; or 0 */
+    int n_grid; /* grid of the eigen-BRDFs whose size counts, see lpca_resample.h; or 0 */
 };
 
 /* Tries 1, 2, 4, … clusters, as long as more clusters improve the result. options gives everything

@@ -17,7 +17,7 @@
 #define CURVE_MAX      16 /* maximum number of components of a curve */
 /* coarsest step of packed models, relative to the mean of the values */
 #define COARSEST         4.0
-#define FINEST           (1.0 / 32) /* finest step, likewise */
+#define FINEST           (1.0 / 32) /* finest step, in the same unit */
 #define TEXELS_A_CLUSTER 16         /* minimum number of texels per cluster of a curve */
 
 struct lpca_codec_options {

@@ -318,7 +318,7 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
 }
 
 /* Finds by bisection the smallest number of components of this clustering that reaches the target.
- * few components do not reach it, enough components do. */
+ * state->few components do not reach the target, and state->enough components reach it. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
@@ -401,7 +401,8 @@ static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_opt
     const gint64 least = lpca_memory(btf, options);
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
-    /* With that limit, a smaller BTF would be read into memory completely. */
+    /* If the values of the BTF are smaller than this limit, they are read into memory, and the
+     * limit must contain them as well. */
     const gint64 values = btf_matrix_bytes(&btf->layout);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
@@ -423,11 +424,11 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     if (texels < 1 || values < 1 || texels > G_MAXINT / 2 || values > G_MAXINT / 2)
         what = "there are no texels, views or lights, or far too many";
     else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
-        what = "there can be 1 to 1024 clusters, and no more than texels";
+        what = "there can be 1 to 1024 clusters, at most one per texel";
     else if (options->n_components < 1 || options->n_components > MIN(values, most))
         what = options->to_pack
-                   ? "there can be 1 to 512 components, and no more than values of a texel"
-                   : "there can be 1 to 64 components, and no more than values of a texel";
+                   ? "there can be 1 to 512 components, at most one per value of a texel"
+                   : "there can be 1 to 64 components, at most one per value of a texel";
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
     if (what)

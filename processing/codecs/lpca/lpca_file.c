@@ -133,7 +133,7 @@ struct exr_file *lpca_to_exr(const struct lpca *lpca) {
 
 gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
     struct exr_file *file = lpca_to_exr(lpca);
-    /* PIZ rounds nothing, and ZIP is smaller for the integers of 8 bits. */
+    /* Both methods are lossless. ZIP gives the smaller file for integers of 8 bits. */
     gboolean ok =
         exr_write(path, file, lpca->quantise >= LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
     exr_file_free(file);

@@ -351,7 +351,8 @@ static gboolean make(struct refine *refine, GError **error) {
         if (!refine->weigh) {
             work_for_each(threads, blocks(run), rotate_weights, refine);
             sum_error(refine);
-            /* blocks of weights that are done are saved, because they read everything once more */
+            /* The finished blocks of weights are saved, because each of them reads its texels of
+             * the BTF again. */
         } else {
             lpca_enter(run, LPCA_WEIGHING);
             lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);

@@ -11,8 +11,9 @@ struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **
     const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
     floats->quantise = LPCA_FLOAT; /* values of all kinds of files are floats in memory */
-    /* The weights of a pyramid are those of level 0, of which there are fewer than the numbers of
-     * clusters and components imply. They are not needed here. */
+    /* The weights are not needed here. lpca_resample() must not copy them, because the local PCA of
+     * all mip levels together has fewer weights than its numbers of clusters and components
+     * imply. */
     floats->weights = floats->weight_scales = NULL;
     if (lpca->n_grid == 0)
         return lpca_resample(floats, n_grid, error);

@@ -5,9 +5,10 @@
  * On disk, an MDF of such views is one EXR file:
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
  * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
- * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, min_mm,
- * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth min_mm, a
- * value of 1 is deepest_mm. Texels that no laser saw have the depths of their neighbours. */
+ * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
+ * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth least_mm
+ * (member min_mm), a value of 1 is deepest_mm. Texels that no laser saw have the depths of their
+ * neighbours. */
 #pragma once
 
 #include <gio/gio.h>

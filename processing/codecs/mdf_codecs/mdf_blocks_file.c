@@ -119,7 +119,8 @@ static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *f
     return NULL;
 }
 
-/* The same for a view: its directions, and its blocks as channels B0 … B7. */
+/* Reads a view: its direction, and its blocks from the channels B0 … B7. Returns a description of a
+ * defect like read_head(). */
 static const char *read_view(struct mdf_blocks *blocks, int view, const struct exr_part *part) {
     guint8 *to = view_of(blocks, view);
     double theta, phi;

@@ -53,7 +53,7 @@ static gboolean maps_encode(const struct mdf_codec_job *job, struct mdf_codec_re
 }
 
 static char *maps_describe(const struct mdf_codec_job *job, const struct mdf_codec_result *result) {
-    return g_strdup_printf("%d maps for %d %s, and %d traced ones along the surface",
+    return g_strdup_printf("%d maps for %d %s and %d views traced along the surface",
                            result->n_terms, PLURAL(job->n_measured, "view"), result->n_traced);
 }
 

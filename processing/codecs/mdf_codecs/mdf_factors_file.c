@@ -79,7 +79,7 @@ static const char *read_head(struct mdf_factors *factors, const struct exr_file 
     return NULL;
 }
 
-/* The same for directions, weights and maps. */
+/* Reads directions, weights and maps. Returns a description of a defect like read_head(). */
 static const char *read_values(struct mdf_factors *factors, const struct exr_file *file) {
     const gsize texels = (gsize)factors->width * (gsize)factors->height;
     const float *theta = exr_part_plane(exr_file_part(file, "views"), "theta_deg");

@@ -45,7 +45,8 @@ enum bonn_kind { BONN_BDI, BONN_BDI_SPARSE, BONN_FMF, BONN_DFMF };
 
 struct bonn_header {
     enum bonn_kind kind;
-    char *setup, *sensor, *light_source, *xml; /* converted to UTF-8; when written, NULL is empty */
+    char *setup, *sensor, *light_source,
+        *xml; /* converted to UTF-8; the writer writes NULL as "" */
     double texels_a_mm;
     double rgb_scale[BONN_CHANNELS]; /* as in the file; not applied */
     gboolean cosine;                 /* whether values contain n·l */

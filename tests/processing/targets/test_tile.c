@@ -87,11 +87,11 @@ TEST(wrong_tile) {
         const char *sql, *undo, *says;
     } wrong[] = {
         {"UPDATE shot SET turntable_deg = -turntable_deg", NULL,
-         "the turntable turns against the angles"},
+         "the turntable turns the wrong way"},
         {"UPDATE shot SET arc_deg = -arc_deg", NULL, "the sign of steps_per_deg of [axis arc]"},
         {RADIANS("turntable_deg"), DEGREES("turntable_deg"),
-         "the turntable's angles were noted in radians"},
-        {RADIANS("arc_deg"), DEGREES("arc_deg"), "the arc's angles were noted in radians"},
+         "the turntable's angles are in radians"},
+        {RADIANS("arc_deg"), DEGREES("arc_deg"), "the arc's angles are in radians"},
         {SWAP(0, 1), NULL, "lamps lamp0 and lamp1 are exchanged"},
         {SWAP(0, 2), NULL, "lamps lamp0 and lamp2 are exchanged"},
         {SWAP(1, 2), NULL, "Exchange the indexes of [lamp lamp1] and [lamp lamp2]"},
