@@ -26,7 +26,7 @@ void window_set_environment(struct window *w, struct environment *environment, c
     w->now.environment = name != NULL ? g_string_chunk_insert_const(w->texts, name) : NULL;
     if (name != NULL && !g_strv_contains(environment_names, name))
         w->own_environment = w->now.environment;
-    if (first) { /* the options contain it */
+    if (first) { /* this environment is from the command line, which also gives its light */
         s->lamp = w->start->settings.lamp;
         s->ambient = w->start->settings.ambient;
     } else if (had != (environment != NULL)) {

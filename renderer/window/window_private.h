@@ -57,8 +57,9 @@ struct window {
     struct eigenmaps *live_maps; /* the last that were computed; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    const char *asked_argument; /* MATERIAL that is being opened; NULL means the MATERIAL of now */
-    gboolean first_open;        /* the material given at the start was opened, or has failed */
+    const char
+        *asked_argument; /* MATERIAL that is being opened; NULL means the MATERIAL of `now` */
+    gboolean first_open; /* the material given at the start was opened, or has failed */
     enum compose_mode second_mode; /* mode that is set when the second material has been opened */
     gboolean outlines;             /* silhouettes are switched on when the MDF has been opened */
     struct mdf_source *mdf;        /* NULL if none was opened */
