@@ -264,8 +264,8 @@ static struct rig_camera camera_changed(const struct rig_camera *camera, int par
     return c;
 }
 
-/* Computes J C Jᵀ. The derivatives J of the projection are differences over STEP standard
- * errors. */
+/* Computes J C Jᵀ, where C is the covariance of the camera. The derivatives J of the projection are
+ * differences over STEP standard errors. */
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]) {
     enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };

@@ -45,6 +45,7 @@ struct bundle_camera {
     double covariance[BUNDLE_CAMERA][BUNDLE_CAMERA];
 };
 
+/* A lay is one position of the board on the turntable. */
 struct bundle_lay {
     double rotation[9], place[3]; /* t_x, t_y, h */
     gboolean fixed_height;

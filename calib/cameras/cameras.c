@@ -1,7 +1,8 @@
 /* Calibrates cameras from pictures of a board on the turntable. The steps are: find the boards,
- * estimate the poses of the lays from single pictures (cameras_start.c), make a first bundle
- * adjustment, search again for all corners where the geometry predicts them, and adjust in rounds
- * with outlier rejection (cameras_refine.c). */
+ * estimate from single pictures how the board lay at each of its positions on the turntable
+ * (cameras_start.c; such a position is called a lay), make a first bundle adjustment, search again
+ * for all corners where the geometry predicts them, and adjust in rounds with outlier rejection
+ * (cameras_refine.c). */
 #include "cameras_private.h"
 
 #include "base/work.h"
@@ -339,10 +340,11 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
     struct cameras_result *result = cameras_new_result(work);
     GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
     g_autofree char *spec = board_spec(&work->task->board);
-    g_autofree char *method = g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
-                                              work->free_boards          ? "photographs"
-                                              : work->task->no_turntable ? "positions, no turntable"
-                                                                         : "lays on the turntable");
+    g_autofree char *method =
+        g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
+                        work->free_boards          ? "photographs"
+                        : work->task->no_turntable ? "positions, no turntable"
+                                                   : "positions on the turntable");
     g_autoptr(GPtrArray) sums = g_ptr_array_new();
     for (int i = 0; i < work->task->n_pictures; i++)
         if (work->seen[i].corners)

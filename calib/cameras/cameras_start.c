@@ -133,8 +133,8 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
     }
     return cameras_refuse(
         error, CAMERAS_ERROR_PICTURES,
-        "lay %d: the board was found in %d of %d pictures, in none well enough%s%s", lay + 1, found,
-        all, why ? "; for one, " : "", why ? why : "");
+        "position %d of the board: it was found in %d of %d pictures, but in none well enough%s%s",
+        lay + 1, found, all, why ? "; for one, " : "", why ? why : "");
 }
 
 gboolean cameras_start_lays(struct cameras_work *work, GError **error) {

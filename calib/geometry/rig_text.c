@@ -155,8 +155,8 @@ static gboolean refuse_device(const char *path, const char *kind, int i, const c
     return fields_refuse(path, group, key, error, why);
 }
 
-/* Refuses sections of devices beyond the counts, because somebody has then edited the sections or
- * the counts. Other sections are ignored. */
+/* Refuses a section of a device whose number is not below the count of such devices in [rig]. Such
+ * a file was edited by hand. Other sections are ignored. */
 static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const struct rig *rig,
                                       GError **error) {
     g_auto(GStrv) groups = g_key_file_get_groups(file, NULL);

@@ -312,8 +312,8 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
                 : "shows no lamp: its bright spots are specks or streaks");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
     if (best->cut)
-        return g_strdup_printf("shows the lamp at the edge of where it is looked for, at %.1f, "
-                               "%.1f px; is the ball where it is said to be?",
+        return g_strdup_printf("shows the lamp at the edge of the searched area, at %.1f, %.1f px; "
+                               "check the given position of the ball",
                                x, y);
     if (other && alike(best, other))
         return g_strdup_printf("shows two highlights, at %.1f, %.1f and at %.1f, %.1f px, either "

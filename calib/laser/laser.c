@@ -711,16 +711,19 @@ static gboolean check_heights(const struct problem *problem, const struct laser_
     const double plane_mm = best.of->point_mm.z;
     g_autofree char * or
         = second.of && second.rms_mm < HEIGHT_AS_GOOD * best.rms_mm
-              ? g_strdup_printf(", or that of %s, said to be %g mm high, %.3f ± %.3f mm",
-                                sweep_names[second.of->sweep], second.of->point_mm.z,
-                                second.of->point_mm.z + second.by_mm, second.error_mm)
+              ? g_strdup_printf(
+                    "; or the plate of %s, given as %g mm high, is in truth %.3f ± %.3f mm high",
+                    sweep_names[second.of->sweep], second.of->point_mm.z,
+                    second.of->point_mm.z + second.by_mm, second.error_mm)
               : g_strdup("");
-    g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                "%s: its plate is said to be %g mm high, and the lines tell %.3f ± %.3f mm%s (they "
-                "lie %.3g mm from the sheets, and %.3g mm otherwise); measure it, and correct its "
-                "height in --planes, or reference_mm in [sample] of its session file",
-                sweep_names[best.of->sweep], plane_mm, plane_mm + best.by_mm, best.error_mm, or,
-                is_mm, best.rms_mm);
+    g_set_error(
+        error, LASER_ERROR, LASER_ERROR_MISTAKE,
+        "%s: its plate is given as %g mm high, but the lines show %.3f ± %.3f mm%s (they lie "
+        "%.3g mm from the sheets, and %.3g mm with the height corrected); measure it, and correct "
+        "its "
+        "height in --planes, or reference_mm in [sample] of its session file",
+        sweep_names[best.of->sweep], plane_mm, plane_mm + best.by_mm, best.error_mm, or, is_mm,
+        best.rms_mm);
     return FALSE;
 }
 

@@ -104,7 +104,7 @@ struct laser_plate_sweep {
     double plane_mm;  /* height of the plane */
     double radius_mm; /* radius of the used part of the plane about the turntable's axis */
     const float *peak, *width;
-    gsize most; /* number of points to take; they are spread over the picture */
+    gsize most; /* maximum number of points to take; they are spread over the picture */
 };
 
 /* Appends a struct laser_point for each point. Returns the number of points. */

@@ -580,10 +580,11 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
                       BRIGHT);
     const double share = share_of(samples, &line, within_mm, BRIGHT * look.noise);
     if (share < MIN_SHARE)
-        return refuse(error,
-                      "what is bright on the board is no line across it: it covers %.0f %% of the "
-                      "white print on its way",
-                      100 * share);
+        return refuse(
+            error,
+            "the bright spots on the board do not form a line across it: only %.0f %% of the "
+            "white print along the best line is bright",
+            100 * share);
     g_autoptr(GArray) first = dots_along(&look, &line, FIRST_HALF_PX, 0, &width);
     const double half = CLAMP(WIDE * width, MIN_HALF_PX, HALF_PX);
     GArray *dots =

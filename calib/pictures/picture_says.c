@@ -300,8 +300,9 @@ char *picture_tone_describe(const struct picture_tone *said, int bits, enum pict
                           : g_strdup_printf("%s, as asked for", name);
     if (said->said)
         return g_strdup_printf("%s, as the file says (%s)", name, said->said);
-    return bits ? g_strdup_printf("%s, assumed of %d bits: the file does not say", name, bits)
-                : g_strdup_printf("%s, assumed of floating-point numbers", name);
+    return bits ? g_strdup_printf("%s, assumed for %d bits because the file does not say", name,
+                                  bits)
+                : g_strdup_printf("%s, assumed for floating-point numbers", name);
 }
 
 void picture_tone_apply(const struct picture_tone *tone, int bits, float *numbers, gsize n) {

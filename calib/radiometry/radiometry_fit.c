@@ -9,8 +9,8 @@
 #define STEPS          5
 #define GAUGE          1e8   /* weight of gauge constraints */
 #define EXPONENT_SD    1.0   /* standard deviation of the prior of a lamp's exponent */
-#define AIM_SD_RAD     0.035 /* prior of a lamp's aim */
-#define DRIFT_SD       0.05  /* prior of the drift between shots, which is weak */
+#define AIM_SD_RAD     0.035 /* standard deviation of the prior of a lamp's aim */
+#define DRIFT_SD       0.05  /* standard deviation of the prior of the drift between shots */
 #define MAX_GAIN_ERROR 0.01
 #define OUTLIER        5.0 /* standard deviations */
 #define MAX_OUTLIERS   0.05

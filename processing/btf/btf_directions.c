@@ -63,7 +63,7 @@ static gboolean read_row(const TextTable *table, int row, const int columns[3],
     double theta, phi;
     if (!view && !light)
         return data_error_fail(text_table_path(table), text_table_line(table, row), error,
-                               "“%s” is none of view, light, both", of);
+                               "“%s” is not view, light or both", of);
     if (!text_table_number(table, row, columns[1], NAN, &theta, error) ||
         !text_table_number(table, row, columns[2], NAN, &phi, error))
         return FALSE;

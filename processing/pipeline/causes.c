@@ -300,11 +300,12 @@ static void explain_response(const struct texts *texts, GPtrArray *ret) {
     }
     if (first)
         g_ptr_array_add(
-            ret, g_strdup_printf("brightness is right up to a factor: response of [camera %s] = %g "
-                                 "is the default (%d of %d cameras); measure a white tile (mesorig "
-                                 "calibrate radiometry), or set response in %s",
-                                 first, value, n, calibration->rig.n_cameras,
-                                 texts->imported ? "the file of nominal values" : "the rig file"));
+            ret, g_strdup_printf(
+                     "all values may be wrong by a common factor: response of [camera %s] = %g "
+                     "is the default (%d of %d cameras); measure a white tile (mesorig "
+                     "calibrate radiometry), or set response in %s",
+                     first, value, n, calibration->rig.n_cameras,
+                     texts->imported ? "the file of nominal values" : "the rig file"));
 }
 
 gboolean pipeline_causes(const char *directory, const char *calibration,

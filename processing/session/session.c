@@ -156,7 +156,8 @@ gboolean session_is_relative(const char *path) {
 
 gboolean session_may(const Session *session, enum session_mode least, GError **error) {
     return session->mode >= least ||
-           session_fail(error, SESSION_ERROR_IO, "%s: open for %s only", session->path,
+           session_fail(error, SESSION_ERROR_IO, "%s: the session is open for %s only",
+                        session->path,
                         session->mode == SESSION_READ ? "reading" : "writing products");
 }
 

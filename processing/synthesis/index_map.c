@@ -99,7 +99,7 @@ static struct index_map *of_head(const struct exr_part *part, const char **ret_w
     const char *kind = NULL, *method = NULL;
     int width = 0, height = 0;
     double texel_mm = 0;
-    *ret_what = "there is no part \"index\" of that kind";
+    *ret_what = "its part \"index\" is missing, or its kind or method";
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0 ||
         !exr_get_string(part, "mesorig.method", &method, NULL))
         return NULL;

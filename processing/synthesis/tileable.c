@@ -15,7 +15,8 @@
 struct tileable {
     const struct texel_features *features;
     const guint16 *places;
-    /* texels along the seam, and texels across it, from which the period is cut */
+    /* number of texels along the seam; number of texels across it, out of which the period is
+     * cut */
     int length, across;
     gboolean cyclic;
 };

@@ -308,9 +308,8 @@ TEST(mistakes_of_sweeps) {
         RUN(1, "their planes of 16 and 1 mm are exchanged", "calibrate", "laser", "low.session",
             "high.session", "--planes", "16;1", "-c", "one.conf", "-o", "no.conf");
     assert_has(planes, "exchange the heights in --planes");
-    g_free(RUN(1, "said to be 15.5 mm high, and the lines tell ", "calibrate", "laser",
-               "low.session", "high.session", "--planes", "1;15.5", "-c", "one.conf", "-o",
-               "no.conf"));
+    g_free(RUN(1, "given as 15.5 mm high, but the lines show ", "calibrate", "laser", "low.session",
+               "high.session", "--planes", "1;15.5", "-c", "one.conf", "-o", "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], ARC_BACK);
     g_free(RUN(1, "the arc turns the wrong way", "calibrate", "laser", "low.session",

@@ -42,7 +42,7 @@ TEST(dark) {
     assert_has(run->out, "at 16000 µs; set longer exposures_us in [capture] of the session file, "
                          "and look whether the lens of camera cam60 is open");
     g_assert_null(strstr(run->out, "saturated: "));
-    g_assert_null(strstr(run->out, "up to a factor"));
+    g_assert_null(strstr(run->out, "by a common factor"));
     operator_does(run, 0, "process", run->session, "--json", NULL); /* nothing is made again */
     assert_has(run->out, "\"causes\": [\"2 of 4 views");
     sql(run, "UPDATE grid SET depth_mm = 0, reference_mm = reference_mm + 5; DELETE FROM product");
@@ -75,7 +75,7 @@ TEST(large_response) {
     g_autoptr(GError) error = NULL;
     struct rig rig;
     g_assert_false(strstr(run->out, "dark: ") || strstr(run->out, "saturated: ") ||
-                   strstr(run->out, "seen by a laser") || strstr(run->out, "up to a factor"));
+                   strstr(run->out, "seen by a laser") || strstr(run->out, "by a common factor"));
     g_assert_true(devices_read_geometry(run->rig, &rig, &error));
     rig.cameras[1].response *= 1e5;
     g_autoptr(Calibration) calibration = calibration_new(&rig);

@@ -92,7 +92,8 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
     const char *kind = NULL, *name = NULL;
     if (!plane || !exr_get_string(weights, "mesorig.kind", &kind, NULL) ||
         strcmp(kind, "eigenmaps") != 0)
-        return format_error(path, error, "there is no part \"weights\" of that kind");
+        return format_error(path, error,
+                            "its part \"weights\" is missing or has another mesorig.kind");
     if (!exr_get_string(weights, "mesorig.name", &name, error))
         return FALSE;
     maps->name = g_strdup(name);

@@ -234,8 +234,9 @@ static void take(struct eigenmaps_randomised *r) {
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 
-/* Searches first with the singular values of the sketch, then with those of A in the directions
- * that were found. */
+/* Searches the smallest number of terms that reaches the target. The first guess follows from the
+ * singular values of the sketch. Each trial computes the singular values of A in that many
+ * directions of the sketch. */
 static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;

@@ -172,7 +172,8 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     const struct exr_part *part = exr_file_part(file, "clusters");
     const char *kind = NULL, *name = NULL, *quantise = NULL;
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
-        return format_error(path, error, "there is no part \"clusters\" of that kind");
+        return format_error(path, error,
+                            "its part \"clusters\" is missing or has another mesorig.kind");
     if (!exr_get_string(part, "mesorig.name", &name, error) ||
         !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
         !exr_get_double(part, "mesorig.error", &lpca->error, error))

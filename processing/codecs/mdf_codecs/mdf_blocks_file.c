@@ -96,7 +96,7 @@ static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *f
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const char *kind = NULL;
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0)
-        return "its first part is not of that kind";
+        return "its first part is missing or has another mesorig.kind";
     if (!exr_get_int(part, "mesorig.width", &blocks->width, NULL) ||
         !exr_get_int(part, "mesorig.height", &blocks->height, NULL) || blocks->width < 1 ||
         blocks->height < 1 || blocks->width > G_MAXINT - MDF_BLOCK_SIDE ||

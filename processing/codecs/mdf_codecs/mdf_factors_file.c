@@ -53,7 +53,7 @@ static const char *read_head(struct mdf_factors *factors, const struct exr_file 
     const char *kind = NULL;
     if (!maps || !exr_get_string(maps, "mesorig.kind", &kind, NULL) ||
         strcmp(kind, MDF_FACTORS_KIND) != 0)
-        return "there is no part \"maps\" of that kind";
+        return "its part \"maps\" is missing or has another mesorig.kind";
     if (!views || !weights)
         return "weights or views are missing";
     factors->width = maps->width;

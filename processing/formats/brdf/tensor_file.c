@@ -108,9 +108,10 @@ static gboolean read_field(struct reader *reader, struct tensor_file *file, GErr
         return data_error_fail(reader->path, 0, error, "the name of field %u is not UTF-8",
                                file->fields->len + 1);
     if (type < TENSOR_UINT8 || type > TENSOR_FLOAT64 || n_dimensions > TENSOR_FILE_DIMENSIONS)
-        return data_error_fail(reader->path, 0, error,
-                               "its field “%s” has type %u and %u dimensions, which is not known",
-                               name, type, n_dimensions);
+        return data_error_fail(
+            reader->path, 0, error,
+            "its field “%s” has type %u and %u dimensions; such fields cannot be read", name, type,
+            n_dimensions);
     if (tensor_file_field(file, name))
         return data_error_fail(reader->path, 0, error, "it has two fields “%s”", name);
     if (!take(reader, sizes, n_dimensions * sizeof sizes[0], error))

@@ -210,7 +210,7 @@ TEST(maps__file) {
         {"weights", "W", NAN, .says = "weight"},
         {"weights", "W", INFINITY, .says = "weight"},
         {"views", "theta_deg", 120, .says = "direction"},
-        {"maps", .attribute = "mesorig.kind", .says = "of that kind"},
+        {"maps", .attribute = "mesorig.kind", .says = "has another mesorig.kind"},
         {"maps", .attribute = "mesorig.measured", .number = N_VIEWS + 1, .says = "measured"},
         {"maps", .attribute = "texel_mm", .number = -1, .says = "texel_mm"},
         {"maps", .attribute = "deepest_mm", .number = NAN, .says = "deepest_mm"},
@@ -237,7 +237,7 @@ TEST(blocks__file) {
     static const struct change changes[] = {
         {"view_0003", "B2", 256, .says = "not a byte"},
         {"view_0003", "B7", NAN, .says = "not a byte"},
-        {"view_0000", .attribute = "mesorig.kind", .says = "of that kind"},
+        {"view_0000", .attribute = "mesorig.kind", .says = "has another mesorig.kind"},
         {"view_0000", .attribute = "mesorig.width", .number = SIDE + 8, .says = "blocks"},
         {"view_0000", .attribute = "mesorig.height", .number = G_MAXINT, .says = "mesorig.height"},
         {"view_0000", .attribute = "least_mm", .number = 100, .says = "least_mm"},

@@ -150,17 +150,17 @@ TEST(ball) {
         const char *warns;
         double most_deg, least_deg;
     } sets[] = {
-        {{12, 0, 8, TRUE, .told = &untold}, "sRGB, assumed of 8 bits", NULL, 0.5, 0},
+        {{12, 0, 8, TRUE, .told = &untold}, "sRGB, assumed for 8 bits", NULL, 0.5, 0},
         {{12, 0, 8, TRUE, .told = &srgb}, "sRGB, as the file says (PNG sRGB)", NULL, 0.5, 0},
         {{12, 0, 8, FALSE, .told = &gama}, "linear, as the file says (PNG gAMA 1)", NULL, 0.5, 0},
-        {{12, 0, 8, FALSE, .told = &untold}, "sRGB, assumed of 8 bits", "read as linear", 30, 5},
+        {{12, 0, 8, FALSE, .told = &untold}, "sRGB, assumed for 8 bits", "read as linear", 30, 5},
         {{12, 0, 8, FALSE, .told = &untold, .transfer = PICTURE_TONES_LINEAR},
          "linear, as asked for",
          NULL,
          0.5,
          0},
-        {{12, 0, 16, FALSE, .told = &untold}, "linear, assumed of 16 bits", NULL, 0.5, 0},
-        {{12, 0, 16, TRUE, .told = &untold}, "linear, assumed of 16 bits", "read as sRGB", 30, 3},
+        {{12, 0, 16, FALSE, .told = &untold}, "linear, assumed for 16 bits", NULL, 0.5, 0},
+        {{12, 0, 16, TRUE, .told = &untold}, "linear, assumed for 16 bits", "read as sRGB", 30, 3},
         {{12, 0, 16, TRUE, .told = &srgb}, "sRGB, as the file says (PNG sRGB)", NULL, 0.5, 0},
         {{18, 6, 16, FALSE, .told = &untold}, "linear", "6 of 18 lights are dark", 90, 0},
         {{12, 0, 16, FALSE, .level = 0.0625, .told = &untold}, "linear", "a level of 0.062", 30, 1},
@@ -245,7 +245,7 @@ TEST(tones) {
         double light; /* of 0.5; NAN: refused */
         const char *says;
     } files[] = {
-        {"png", {0}, -1, "sRGB, assumed of 8 bits"},
+        {"png", {0}, -1, "sRGB, assumed for 8 bits"},
         {"png", {.png_chunk = "gAMA", .chunk = gama, .chunk_bytes = 4}, 2.2, "PNG gAMA 0.45455"},
         {"png", {.png_chunk = "cICP", .chunk = cicp[0], .chunk_bytes = 4}, -1, "PNG cICP 13"},
         {"png", {.png_chunk = "cICP", .chunk = cicp[1], .chunk_bytes = 4}, 1, "PNG cICP 8"},
@@ -256,11 +256,11 @@ TEST(tones) {
          "its tone curve (PNG cICP 16) is not one that can be undone"},
         {"png", {.icc_gamma = 1}, 1, "linear, as the file says (ICC profile"},
         {"png", {.icc_gamma = 1.8}, 1.8, "by a curve, as the file says (ICC profile"},
-        {"jpg", {0}, -1, "sRGB, assumed of 8 bits"},
+        {"jpg", {0}, -1, "sRGB, assumed for 8 bits"},
         {"jpg", {.colour_space = 1}, -1, "sRGB, as the file says (EXIF sRGB)"},
         {"jpg", {.colour_space = 2}, 2.19921875, "EXIF Adobe RGB"},
         {"jpg", {.icc_gamma = 1.8, .colour_space = 1}, 1.8, "by a curve, as the file says (ICC"},
-        {"tif", {0}, -1, "sRGB, assumed of 8 bits"},
+        {"tif", {0}, -1, "sRGB, assumed for 8 bits"},
         {"tif", {.icc_gamma = 1}, 1, "linear, as the file says (ICC profile"},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {

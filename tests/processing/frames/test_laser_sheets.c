@@ -258,8 +258,8 @@ static void heights(void) {
         double is_mm, said_mm;
         const char *what, * or ; /* NULL: it is not told */
     } cases[] = {
-        {2, FALSE, 20, 20.4, "said to be 20.4 mm high, and the lines tell ", NULL},
-        {1, FALSE, 20, 23, "said to be 23 mm high, ", "said to be 1 mm high, "},
+        {2, FALSE, 20, 20.4, "given as 20.4 mm high, but the lines show ", NULL},
+        {1, FALSE, 20, 23, "given as 23 mm high, ", "given as 1 mm high, "},
         {1, TRUE, 20, 23, NULL, NULL},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
@@ -281,7 +281,7 @@ static void heights(void) {
         if (cases[i].what && !cases[i].or)
             assert_height(error->message, cases[i].what, cases[i].is_mm);
         if (cases[i].or) {
-            g_assert_nonnull(strstr(error->message, ", or that of a.exr, "));
+            g_assert_nonnull(strstr(error->message, "; or the plate of a.exr, "));
             g_assert_nonnull(strstr(error->message, cases[i].what));
             g_assert_nonnull(strstr(error->message, cases[i].or));
         }
