@@ -10,9 +10,10 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_CORNERS    4
-#define TOLERANCE_PX   3.0  /* largest deviation of a marker from a homography */
-#define TOLERANCE      0.15 /* the same in marker sides; the larger value applies */
+#define MIN_CORNERS  4
+#define TOLERANCE_PX 3.0 /* largest deviation of a marker from a homography */
+/* largest deviation in sides of a marker; the larger of the two limits applies */
+#define TOLERANCE      0.15
 #define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
 #define BESIDE_OFF     0.25 /* largest deviation of a neighbour from its prediction, in sides */
 #define ANY_PX         1e6  /* no bound */

@@ -14,15 +14,15 @@
 #define MAX_EXAMINED 8 /* largest number of pictures that are examined */
 /* number of pictures that must show the other size of a board of squares */
 #define AGREE       2
-#define AGREE_GRIDS 3 /* the same for grids of markers or circles, which have no edge */
+#define AGREE_GRIDS 3 /* number of pictures for grids of markers or circles, which have no edge */
 /* number of additional agreeing pictures that are needed for each picture of a third size */
 #define AGREE_MORE 2
 #define MAX_PX     1000 /* longer side of the pictures that are examined */
-#define MARKERS_PX 2000 /* the same for markers, whose cells are small */
+#define MARKERS_PX 2000 /* longer side for boards with markers, whose cells are small */
 #define LARGE      1.5  /* times MAX_PX: above, a failed search takes seconds */
 
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
-/* the same for circles: distance from the centre of the next circle, in radii of a circle */
+/* distance of tested places from the centre of the next circle, in radii of a circle */
 #define NEAR_EDGE  0.6
 #define NEAR       1.1  /* reach of the comparison of black and white, in squares */
 #define EDGE_REACH 0.35 /* half the length in which an edge is searched, in squares */

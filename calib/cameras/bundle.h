@@ -33,8 +33,8 @@ G_BEGIN_DECLS
 struct bundle_camera {
     enum rig_lens lens; /* parameters that this model does not have are not changed */
     double intrinsics[BUNDLE_INTRINSICS];
-    double prior[BUNDLE_INTRINSICS];       /* prior values */
-    double prior_sigma[BUNDLE_INTRINSICS]; /* standard deviations of these; 0: no prior */
+    double prior[BUNDLE_INTRINSICS];       /* means of the priors */
+    double prior_sigma[BUNDLE_INTRINSICS]; /* standard deviations of the priors; 0: no prior */
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
     double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;

@@ -14,12 +14,13 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* standard deviation of the turntable's angle from the commanded angle */
 #define ANGLE_SIGMA_DEG 0.1
-#define NEAR_PX         3   /* search radius once the geometry is known */
-#define FAR             0.2 /* the same before it is known, as a share of the picture's width */
-#define MIN_CORNERS     6   /* smallest number of corners in a usable picture */
-#define MIN_PICTURES    3   /* smallest number of pictures that refine a camera */
-#define SIZE_PICTURES   8   /* number of pictures that are examined for another size of the board */
-#define HALF_TURN_DEG   10  /* an x axis within this angle of half a turn points the wrong way */
+#define NEAR_PX         3 /* search radius once the geometry is known */
+/* search radius before the geometry is known, as a share of the picture's width */
+#define FAR           0.2
+#define MIN_CORNERS   6  /* smallest number of corners in a usable picture */
+#define MIN_PICTURES  3  /* smallest number of pictures that refine a camera */
+#define SIZE_PICTURES 8  /* number of pictures that are examined for another size of the board */
+#define HALF_TURN_DEG 10 /* an x axis within this angle of half a turn points the wrong way */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 

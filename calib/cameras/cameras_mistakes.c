@@ -11,7 +11,7 @@
 /* mistakes are tried if the typical residual of the first fit is at least this */
 #define SUSPICIOUS_PX 2.0
 #define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
-#define BETTER        5.0 /* and smaller than without the correction by this factor */
+#define BETTER        5.0 /* factor by which the correction must also reduce the residual */
 #define MAX_PAIRED    8   /* with more cameras, only neighbours in the rig file are exchanged */
 #define REFINED       3   /* number of mistakes that are refined, those with the best start */
 /* factor by which an exchanged camera is nearer to another camera's place than to its own */

@@ -12,7 +12,8 @@
 #define FARTHEST 1.3
 #define STEP_PX  0.5
 #define REACH    4 /* number of steps on each side that an edge compares */
-/* the same for its exact place; a wider range would include what the ball mirrors */
+/* number of steps on each side that give the exact place of an edge; a wider range would include
+ * what the ball mirrors */
 #define CLOSE  2
 #define ABOVE  2.0   /* smallest edge above the ray's median change, in robust deviations */
 #define LEAST  0.002 /* smallest edge, in the square root of light */
@@ -38,7 +39,7 @@ struct edges {
 struct BallEdges {
     struct ball_outline given;
     int n;                     /* places on a ray */
-    int pictures;              /* that were added */
+    int pictures;              /* number of pictures that were added */
     double *changes, *squared; /* RAYS × n, sums over the pictures */
 };
 

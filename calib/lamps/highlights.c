@@ -13,18 +13,20 @@
 #define EDGE        0.2  /* share of the peak that bounds a spot, the first of shares[] */
 #define ABOVE_NOISE 12.0 /* smallest peak, in robust standard deviations of the darker half */
 /* smallest peak, in heights of the brightest tenth of the other pixels */
-#define ABOVE_REST  4.0
-#define FAR_ABOVE   10.0  /* the same for a spot as small as a speck */
+#define ABOVE_REST 4.0
+/* smallest peak of a spot as small as a speck, in heights of the brightest tenth */
+#define FAR_ABOVE   10.0
 #define FLAT        0.998 /* share of the maximum that counts as equal to it */
 #define FLAT_PIXELS 7     /* number of equal pixels from which a spot counts as saturated */
-#define SIGHT_PX    0.03  /* standard deviation of a centroid */
-/* the same for a saturated spot, which is located only by its border */
+#define SIGHT_PX    0.03  /* standard deviation of the centroid of a spot */
+/* standard deviation of the centroid of a saturated spot, which is located only by its border */
 #define CLIPPED_PX 0.1
 /* values from which photographs, whose white is 1, count as clipped */
 #define WHITE 0.98
-#define SMALL_PX                                                                                   \
-    0.25 /* standard deviation of the centroid of a small spot, times the number of its pixels */
-#define SMALL_CLIPPED_PX 2.0 /* the same for a small saturated spot */
+/* standard deviation of the centroid of a small spot, times the number of its pixels */
+#define SMALL_PX 0.25
+/* standard deviation of the centroid of a small saturated spot, times the number of its pixels */
+#define SMALL_CLIPPED_PX 2.0
 #define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest */
 #define MIN_PIXELS       2   /* smaller spots are always dust or hot pixels */
 #define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch */

@@ -423,7 +423,7 @@ static struct rig_camera changed(const struct rig_camera *camera,
     to.k4 += by[CALIBRATION_K4];
     to.k5 += by[CALIBRATION_K5];
     to.k6 += by[CALIBRATION_K6];
-    /* R (1 + [ω]×). Its rows are orthogonal to second order. */
+    /* The rotation R becomes R (1 + [ω]×). Its rows stay orthogonal up to terms of second order. */
     const struct vec3 omega =
         vec3(by[CALIBRATION_TURN_X], by[CALIBRATION_TURN_Y], by[CALIBRATION_TURN_Z]);
     for (int i = 0; i < 3; i++) {

@@ -29,7 +29,7 @@ struct energy {
      * divided by the RMS of the mean of the two values. */
     int pairs;
     double asymmetry;
-    double texel_asymmetry; /* the same for single texels; this includes parallax and shadows */
+    double texel_asymmetry; /* asymmetry of single texels, which includes parallax and shadows */
 };
 
 /* Computes the energies. texel is an index; −1 means the central texel. The error is

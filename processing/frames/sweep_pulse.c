@@ -10,7 +10,7 @@
 #define MAX_LOG 20   /* upper bound of ln(height in DN) */
 /* share of the margin: the fit leaves out samples whose fitted value is smaller than this */
 #define DOUBT 1.3
-#define KNOWN 0.4 /* the same limit if the adjacent samples are known as well */
+#define KNOWN 0.4 /* that share if the adjacent samples are known as well */
 
 /* The samples of one pulse, first … last. top is the first one of the brightest samples. */
 struct span {

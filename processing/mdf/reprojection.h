@@ -51,7 +51,7 @@
 struct reprojection_view { /* a measured view */
     double centre_mm[3];   /* position of its camera, sample frame */
     const float *distance; /* n_texels, mm; −1 if not known */
-    /* the same shape, standard errors, −1 if not known; NULL if none is known */
+    /* standard errors of the distances, n_texels; −1 if not known; NULL if none is known */
     const float *error_mm;
 };
 

@@ -67,7 +67,8 @@ struct pipeline_result {
     int n_predicted;
     /* number of pictures that the capture left out because they can be predicted */
     int n_left_out;
-    /* their expected error, relative to the whole BTF; NAN if there are none */
+    /* expected error of the predicted pictures, relative to the whole BTF; NAN if no picture is
+     * predicted */
     double prediction_error;
     int n_mdf_views;
     /* number of products that were damaged or missing, and are made again */

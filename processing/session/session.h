@@ -68,8 +68,7 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
  * It is not stored, because it follows from the session file and the shots
  * (daemon/plan/passes.h). */
 struct session_pass {
-    /* the same number for all shots of a pass, which follow each other; 0 if the table stands
-     * still */
+    /* number of the pass; the shots of a pass follow each other; 0 if the turntable stands still */
     int number;
     double from_deg, by_deg, speed_deg_s; /* of the turntable */
 };

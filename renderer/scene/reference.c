@@ -57,7 +57,7 @@ struct shading {
     struct along *along; /* one for each sample; NULL if views are mixed texel by texel */
     guint n_samples;
     const float *texel, *view; /* values of viewer_render_geometry() */
-    const float *light, *lit;  /* the same values, for the lamp that is added */
+    const float *light, *lit;  /* values of viewer_render_geometry() for the lamp that is added */
     /* colour of that lamp, and brightness of an even sky that is added with it */
     double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one

@@ -38,7 +38,7 @@ struct codec_result {
     GPtrArray *levels;
     int clusters, components, grid; /* the numbers that were used; components are terms, lobes, … */
     double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
-    double exact_error;     /* the same before the numbers were rounded for the file */
+    double exact_error;     /* error before the numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ|; −1 if the codec does not compute it */
     gboolean packed;        /* bytes are counted in the file, not in a renderer's memory */
 };

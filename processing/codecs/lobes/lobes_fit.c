@@ -350,9 +350,9 @@ LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret
     if (i < 2) {
         *ret_low = -4, *ret_high = 4;
     } else if (model == LOBES_WARD) {
-        *ret_low = -3.5F, *ret_high = 0.7F; /* U: 0.03 … 2 */
+        *ret_low = -3.5F, *ret_high = 0.7F; /* logarithms: U is 0.03 … 2 */
     } else {
-        *ret_low = -1.5F, *ret_high = 6.9F; /* U: 0.22 … 1000 */
+        *ret_low = -1.5F, *ret_high = 6.9F; /* logarithms: U is 0.22 … 1000 */
     }
     return TRUE;
 }

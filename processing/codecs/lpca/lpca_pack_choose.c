@@ -20,7 +20,7 @@ struct packing {
     struct lpca_target target;
     /* present number of components, and whether they are computed (unrounded) */
     gint32 n, made;
-    double exact;        /* their error */
+    double exact;        /* error of these components without rounding */
     double found[TRIES]; /* error for each step that was tried; 0 if not tried yet */
 };
 

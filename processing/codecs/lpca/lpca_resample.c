@@ -79,7 +79,7 @@ struct comparison {
     const struct lpca *lpca;
     const struct btf_matrix *btf;
     int *view_index, *light_index;     /* views × 4, lights × 4: samples around each direction */
-    float *view_weight, *light_weight; /* their weights */
+    float *view_weight, *light_weight; /* weights of these samples */
     double *sums;                      /* two per block: ‖X − X̂‖² and ‖X‖² */
 };
 
