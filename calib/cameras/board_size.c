@@ -32,7 +32,7 @@
 #define LEAST      0.5  /* smallest local contrast, relative to the contrast in the whole board */
 #define WHITE      0.6  /* smallest level of a light place; 0: local black, 1: local white */
 #define MAX_WHITE  1.6  /* largest level of a light place */
-#define CLOSED     0.9  /* smallest share of light places on each side of a board that ends */
+#define CLOSED     0.9  /* smallest share of light places on each side if the board ends there */
 #define CONTINUED  0.85 /* share of dark places on a side from which the board goes on there */
 #define MIN_SPOTS  8    /* smallest number of markers that can show a size */
 #define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */

@@ -118,7 +118,7 @@ static double take_edge(double *changes, const double *squared, int n, double le
     if (!(changes[best] > least))
         return 0;
     const int root = best;
-    for (int from = -1; from != best;) { /* uphill */
+    for (int from = -1; from != best;) { /* climbs to the largest change of light nearby */
         from = best;
         for (int i = MAX(from - REACH, 1); i <= MIN(from + REACH, n - 2); i++)
             if (squared[i] > squared[best])

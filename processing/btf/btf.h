@@ -37,7 +37,8 @@ struct btf_light {
     const struct rig_lamp *lamp;
     const struct radiometry_lamp *radiometry; /* may be unknown */
     double arc_rad;
-    double turntable_rad; /* in the middle of the exposure; for a missing light, of the view */
+    double turntable_rad; /* angle in the middle of the exposure; for a missing light, the angle of
+                             the view */
     double output;        /* of the lamp in this shot, relative to its calibration */
     double output_error;  /* its standard error; 0 if it was not measured in this shot */
     gboolean missing;     /* the light was not captured; input is empty */

@@ -276,8 +276,8 @@ static gboolean learn(Prediction *prediction, const float *probes, const struct 
     const gboolean ok = rows.n > 0 && learn_rows(prediction, &rows, at_mm, work, error);
     if (rows.n == 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "none of %d rows of probes has a value for each of %d measured pairs of "
-                    "directions",
+                    "none of the %d sampled texels and colours has a value for each of the %d "
+                    "measured pairs of directions",
                     3 * n_probes, prediction->n_measured);
     rows_clear(&rows);
     return ok;

@@ -138,7 +138,7 @@ static gboolean read_maps(struct eigenmaps *maps, const struct exr_file *file, c
     maps->layout.height = (gsize)first->height;
     maps->maps = g_try_new(float, n_maps *btf_layout_texels(&maps->layout) * COLOURS);
     if (!maps->maps)
-        return format_error(path, error, "they are larger than memory");
+        return format_error(path, error, "its maps are larger than memory");
     for (int term = 0; term < maps->n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++)
             if (!read_map(maps, file, term, light, path, error))
