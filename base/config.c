@@ -21,9 +21,9 @@ struct entry {
 
 struct Config {
     char *path, *text;
-    GArray *sections;   /* of struct config_section */
-    GHashTable *lines;  /* maps "class name" to the line of that section; keys are owned */
-    GArray *problems;   /* of struct config_problem; NULL if mistakes has them */
+    GArray *sections;  /* of struct config_section */
+    GHashTable *lines; /* maps "class name" to the line of that section; keys are owned */
+    GArray *problems; /* of struct config_problem; NULL if problems are added to mistakes instead */
     Mistakes *mistakes; /* the loader's mistakes; NULL after loading */
     gboolean broken;    /* a section heading could not be parsed */
 };

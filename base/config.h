@@ -37,7 +37,7 @@ struct config_section {
     gboolean broken;     /* its heading could not be parsed: skip the keys below it */
     gboolean incomplete; /* one of its lines could not be parsed: keys may be missing */
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
-    GHashTable *entries; /* the entries; private to the Config */
+    GHashTable *entries; /* maps a key to its value and line; private to config.c */
 };
 
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. The error lists
@@ -62,9 +62,10 @@ struct config_problem {
 
 /* Loads a file that may contain errors, for code that must work in any case (the safe state). A
  * line that cannot be understood is left out and listed in config_problems(). A heading that is
- * broken or repeated begins a new section, which is named after its line. A second "driver" in a
- * section also begins a new section. Its class is CONFIG_NO_HEADING, and its first keys may be
- * missing. The function fails only if the file cannot be read. */
+ * broken or repeated begins a new section, whose name contains the number of the line. A second
+ * "driver" in a section also begins a new section. The class of that section is CONFIG_NO_HEADING,
+ * and keys that stand above "driver" are not in it. The function fails only if the file cannot be
+ * read. */
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 

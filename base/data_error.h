@@ -11,7 +11,7 @@ enum data_error {
     DATA_ERROR_INVALID,
     DATA_ERROR_INCOMPLETE, /* frames or products are missing */
     DATA_ERROR_EXISTS,     /* the file or session to be made already exists */
-    DATA_ERROR_IO,
+    DATA_ERROR_IO,         /* the system could not read or write a file */
 };
 
 /* Sets DATA_ERROR_INVALID with the text "FILE: …" or "FILE:LINE: …". Lines are counted from 1; line

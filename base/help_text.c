@@ -102,6 +102,6 @@ void help_text_answer(GOptionContext *context, int argc, char **argv) {
     for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++)
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
             print_help(context);
-            exit(0); /* main() may have registered a check of the output */
+            exit(0); /* not _exit(): main() may have registered a function that checks stdout */
         }
 }

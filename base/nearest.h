@@ -6,7 +6,8 @@
 struct nearest {
     const char *key;  /* the misspelt name; borrowed */
     const char *name; /* the nearest name so far, or NULL if none is near enough; borrowed */
-    /* Its Levenshtein distance from key; without a name, the first distance that is too large. */
+    /* Levenshtein distance of name from key. If name is NULL, the smallest distance that is too
+     * large. */
     int distance;
 };
 

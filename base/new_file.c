@@ -13,8 +13,8 @@
 #define MAX_NAME 200 /* bytes of the final name that are used in the name of the .part file */
 #define TRIES    100
 
-/* Opens the folder of relative, or relative itself if all is TRUE. Returns −1 and sets errno on
- * failure. */
+/* Opens the folder that contains relative, a path below directory. If all is TRUE, opens relative
+ * itself, which is then a folder. Returns −1 and sets errno on failure. */
 static int open_folder(const char *directory, const char *relative, gboolean all) {
     g_auto(GStrv) parts = g_strsplit(relative, "/", -1);
     int folder = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);

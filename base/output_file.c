@@ -15,7 +15,7 @@
 #include "new_file.h"
 
 #define KIND "mesorig.kind"
-/* number of bytes at the begin and at the end of a file in which its kind is searched */
+/* The kind of a file is searched in this number of bytes at its beginning and at its end. */
 #define LOOKED_AT ((gsize)1 << 20)
 #define MAX_MARK  ((goffset)1 << 30) /* a larger file is not marked */
 #define TRIES     100
@@ -317,8 +317,8 @@ static GByteArray *mark_png(const guint8 *png, gsize n, const GByteArray *chunk)
     return ret;
 }
 
-/* Returns the file with its kind. Returns NULL if the file already has it, or if this module cannot
- * add it to the format. */
+/* Returns the content of the file with the mark of its kind added. Returns NULL if the file already
+ * has the mark, or if this module cannot add it to a file of that format. */
 static GByteArray *output_file_marked(const guint8 *bytes, gsize n, const char *kind) {
     const GByteArray all = {(guint8 *)bytes, (guint)n};
     g_autoptr(GByteArray) mark = output_file_mark(&all, kind);

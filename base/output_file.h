@@ -11,9 +11,10 @@
  *   refused. None of them is ever replaced.
  * - A symbolic link is followed and kept.
  *
- * Programs decide before they work: output_file_new() refuses, and output_file_end() delivers. A
- * file is written in a separate folder next to its place, NAME.XXXXXXXX.part, and renamed when it
- * is complete. If it cannot be renamed, it is kept next to its place, and the error names it.
+ * A program calls output_file_new() before its long work, so that a name is refused early. It calls
+ * output_file_end() when the file is complete. Until then the file is in a separate folder next to
+ * its final place, NAME.XXXXXXXX.part. If it cannot be moved to its place, it is kept next to that
+ * place, and the error names it.
  *
  * A file is of a kind if it contains "mesorig.kind" and the kind: as an attribute of an EXR, as a
  * text chunk of a PNG, or as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or

@@ -47,8 +47,9 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->rig.guardian, TRUE);
     bus->rig.devices = devices_open(path, &failed);
     if (!bus->rig.devices) {
-        /* A device that has not answered may give light, unless another process has it open: that
-         * process is then responsible. Wrong sections are found before any device is opened. */
+        /* A device that has not answered may give light. If another process has the device open,
+         * that process is responsible for it. Errors of other domains are mistakes in the rig file,
+         * which are found before any device is opened. */
         const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->rig.guardian,
                      failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);

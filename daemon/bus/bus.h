@@ -36,7 +36,7 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 /* Does the same as the method OpenRig. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
-/* Keeps a queue of sessions in this file (queue/queue.h), and captures them while a rig is open. It
+/* Keeps a queue of sessions in this file (queue.h), and captures them while a rig is open. It
  * is called once, before any client calls. If the file cannot be used, there is no queue. The log
  * and the answers to calls about the queue then say so, and the rig serves all other calls. */
 void bus_keep_queue(Bus *bus, const char *path);
@@ -47,8 +47,8 @@ gboolean bus_has_rig(const Bus *bus); /* whether a rig is open */
  * g_free(). */
 char *bus_status(Bus *bus);
 
-/* Sets a function that is called when a client has closed its connection. The client is the first
- * that opened a rig or began with a session. Clients that only watch do not count. */
+/* Sets a function that is called when a client has closed its connection. Only the first client
+ * that opened a rig or began a session counts. Clients that only watch do not count. */
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
 /* A server for clients of the same user. Only the kernel authenticates them (EXTERNAL). address is

@@ -66,8 +66,8 @@ const char *bus_authority_action(const char *method, gboolean *ret_known) {
     return NULL;
 }
 
-/* Returns whether a call only switches a light off. Such a call is as free as SafeState, because it
- * must not wait for a polkit that hangs. */
+/* Returns whether a call only switches a light off. Such a call is always allowed, because it must
+ * not wait for an answer of polkit, which may hang. */
 static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     gboolean on = TRUE;

@@ -14,8 +14,8 @@
 /* Returns the value of BUS_CLIENT_VARIABLE, or NULL if it is not set or empty. */
 const char *bus_client_address(void);
 
-/* Returns whether the value of --bus names a bus: "system" or "session". The error of a value that
- * does not is BUS_CLIENT_NO_BUS. */
+/* Returns whether the value of --bus names a bus: "system" or "session". For any other value,
+ * BUS_CLIENT_NO_BUS is the format of the error message. */
 gboolean bus_client_is_bus(const char *value);
 #define BUS_CLIENT_NO_BUS "there is no --bus=%s; choose from: system, session"
 

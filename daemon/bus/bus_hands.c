@@ -28,15 +28,15 @@ struct hand {
     Axis *axis;
     const char *name;                  /* name of the device */
     GDBusMethodInvocation *invocation; /* the call that waits; NULL if there is none */
-    BusParked parked;                  /* instead of a call, for an axis that is parked */
+    BusParked parked;                  /* called instead of an answer, if an axis is being parked */
     gpointer parked_data;
     GDBusConnection *connection; /* connection of the client */
     char *sender;                /* name of the client on a message bus, or NULL */
     guint watch;                 /* watch of that name */
-    gboolean off_asked;          /* it has to go off or stop, finally */
+    gboolean off_asked;          /* the device was commanded off or to stop; then the use ends */
     guint lease;                 /* source that ends the time for which the light is on */
     gboolean homing;
-    guint warming; /* call of the clock at the time when the light is stable */
+    guint warming; /* timer of the clock for the time when the light is stable */
     guint64 picture;
     int retakes;
 };

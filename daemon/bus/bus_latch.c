@@ -26,7 +26,8 @@ struct bus_latch {
     struct bus_rig *rig;
     void (*make_safe)(gpointer data);
     gpointer data;
-    /* Used only by the main loop: the devices were commanded, and not released since. */
+    /* Used only by the main loop: the devices were commanded off, and there was no Release since.
+     */
     gboolean told;
     /* Used only by the main loop: checks whether the devices have answered. NULL if there is
      * none. */

@@ -8,8 +8,9 @@
  * - bus_hands.h: devices by hand
  * - bus_run.h: the session that is being captured
  * - bus_unattended.h: the queue of sessions
- * bus.c, bus_calls.c (answers of the methods of org.mesorig.Rig1) and bus_sessions.c (of those
- * about sessions) see the whole Bus. All functions belong to the main loop's thread.
+ * bus.c, bus_calls.c (which answers the methods of org.mesorig.Rig1) and bus_sessions.c (which
+ * answers the methods about sessions) see the whole Bus. All functions belong to the main loop's
+ * thread.
  */
 #pragma once
 

@@ -54,7 +54,7 @@ static void show_thumbnails(struct bus_run *run) {
     const gint64 now_us = g_get_monotonic_time();
     for (int i = 0; i < run->rig->devices->geometry.n_cameras; i++) {
         if (now_us < run->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
-            continue; /* before the thumbnail is made, which costs most */
+            continue; /* making a thumbnail takes time, so this is tested first */
         const struct capture_thumbnail *thumbnail = capture_thumbnail(run->capture, i);
         if (!thumbnail || thumbnail->time_s == run->thumbnail_time_s[i])
             continue;

@@ -22,8 +22,8 @@
 #define RESERVED_PART 8  /* clients leave 1/8 of the descriptors to devices and files */
 #define MAX_CLIENTS   64 /* largest number of connections of one process */
 #define JOIN_S        10 /* time within which a client must have authenticated itself */
-/* Descriptors that a client needs at most while it authenticates itself. GLib aborts the program if
- * it cannot get one. */
+/* Maximum number of descriptors that GLib opens for a client while the client authenticates itself.
+ * GLib aborts the program if it cannot open one. */
 #define JOIN_FILES   4
 #define AGAIN_MS     500
 #define SAY_AGAIN_US (60 * G_USEC_PER_SEC)
@@ -77,7 +77,8 @@ static void on_closed(GDBusConnection *connection, gboolean vanished, GError *er
     client_free(client);
 }
 
-/* Messages are held until the objects exist. */
+/* Runs in the thread of the client. The connection handles no messages until bus_export() has made
+ * the objects. */
 static gpointer authenticate(gpointer data) {
     const GDBusConnectionFlags flags = G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
                                        G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER |

@@ -325,7 +325,7 @@ static void park(struct bus_unattended *at) {
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(at->rig->devices, &error))
         bus_rig_report(at->rig, "error", "queue", error->message);
-    at->n_parking = 1; /* counts one until all axes have started */
+    at->n_parking = 1; /* one more, so that it does not become 0 before all axes have started */
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(at->rig->devices, i);
         g_autoptr(GError) why = NULL;

@@ -1,5 +1,5 @@
 /*
- * Captures the sessions of the queue (queue/queue.h) one after the other while a rig is open and
+ * Captures the sessions of the queue (queue.h) one after the other while a rig is open and
  * free. Reports what happens to captures (the signal Milestone).
  *
  * Before a session, its prompt is shown until Continue. Then a child process takes test shots and

@@ -38,9 +38,8 @@ struct preparer_request {
     /* PREPARER_BEGIN: lines for session_conf_choose(); NULL if no exposure is auto. */
     const char *chosen;
     const char *calibration_text; /* contents of that file; NULL if it has to be read */
-    const struct bus_caller
-        /* The user who must have the right to write in directory. NULL if this is not checked. */
-        *caller;
+    /* The user who must have the right to write in directory. NULL if this is not checked. */
+    const struct bus_caller *caller;
 };
 
 /* Starts the work. If it is cancelled, the child is killed. */

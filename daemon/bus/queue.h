@@ -1,6 +1,6 @@
 /*
  * The sessions that a rig is to capture one after the other without supervision: a list, and the
- * file that keeps it. This room knows no device; daemon/bus/bus_unattended.c captures the sessions.
+ * file that keeps it. This module knows no device. bus_unattended.c captures the sessions.
  *
  * When a function that changes the list returns, the change is on disk and synced. If it could not
  * be written, the list is as it was before. The file belongs only to the user of this program (mode
@@ -30,7 +30,7 @@ extern const char *const queue_state_names[QUEUE_STATES];
 
 /* A session of the queue. Its strings are never NULL. */
 struct queue_item {
-    guint id; /* never given twice in the life of a file */
+    guint id; /* number of the item; a file never uses a number twice */
     enum queue_state state;
     char *name;                        /* name of the session, from its file */
     char *session_path, *session_text; /* path and contents of the session file that was added */
@@ -45,7 +45,7 @@ struct queue_item {
     char *message; /* reason why it has stopped */
     double predicted_s;
     guint64 bytes;                 /* predicted */
-    int starts;                    /* how often it has begun without ending in order */
+    int starts;                    /* number of times that it began and the program was killed */
     gboolean process;              /* make the products during the capture */
     gboolean yes;                  /* continue even if the test shots give warnings */
     gint64 begun_at_s, ended_at_s; /* since 1970; 0 if this has not happened */

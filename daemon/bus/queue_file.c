@@ -178,7 +178,8 @@ static gboolean take_text(Queue *queue, const char *text, gsize length, GError *
     return TRUE;
 }
 
-/* Returns −1 with an error, or with *none set if there is no file. */
+/* Opens the file if no other user could have written it. Returns −1 without an error if there is no
+ * file, and −1 with an error if the file cannot be used. */
 static int open_own(const char *path, gsize *ret_length, GError **error) {
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     struct stat info;

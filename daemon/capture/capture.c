@@ -132,8 +132,7 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         capture_session_save(session, "predicted_bytes", (double)plan->bytes);
         note(session, "info", "plan", plan->notes);
         if (conf->chosen) {
-            g_autofree char *said =
-                g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
+            g_autofree char *said = g_strdup_printf("chosen from test shots: %s", conf->chosen);
             session_add_event(session, 0, "info", "exposures", said, NULL);
         }
         session_add_event(session, 0, "info", "calibration", line, NULL);
@@ -347,7 +346,7 @@ static double time_left_s(const Capture *capture) {
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         guint n;
         const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
-        /* A run that resumes an aborted one begins to learn anew. */
+        /* After an abort, the shots are taken by a new run, which has learnt nothing yet. */
         return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
     return time_left_at_s(left, capture_session_now_s(session));

@@ -22,5 +22,5 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
  * the rig file names. g_free() */
 char *capture_calibration_line(const char *rig_path, const char *path, GError **error);
 
-/* Tells how to give a calibration to a capture; for calibration_line(). */
+/* Tells how to give a calibration to a capture; for capture_calibration_line(). */
 #define CAPTURE_CALIBRATION_HOW "mesorig calibrate makes one, -c FILE gives it"

@@ -186,8 +186,8 @@ char *capture_check_devices(Session *session, const struct devices *devices) {
     if (changes->len == 0)
         return NULL;
     return g_strdup_printf("Other devices answer than when the session was begun: %s. Frames from "
-                           "before and after may not fit together: put the device of then back, "
-                           "or begin a new session.",
+                           "before and after may not fit together: put the earlier device "
+                           "back, or begin a new session.",
                            changes->str);
 }
 

@@ -55,9 +55,9 @@ static void report_first_check(struct capture_marks *marks, const struct capture
     marks->reported = TRUE;
     g_autofree char *text =
         check->n_seen > 0
-            ? g_strdup_printf(
-                  "quick check: fiducials seen %d times, %.3f px off where calibration has them",
-                  check->n_seen, check->rms_px)
+            ? g_strdup_printf("fiducials were seen %d times, %.3f px (RMS) from where the "
+                              "calibration expects them",
+                              check->n_seen, check->rms_px)
             : g_strdup("no camera sees a mark: are the marks covered? It is not known whether the "
                        "rig has moved, nor how bright the lamps are");
     capture_session_add_event(session, check->n_seen > 0 ? "info" : "warning", "fiducials", text);

@@ -9,7 +9,7 @@
 struct capture_marks {
     guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
     guint32 suspected; /* bits of the movements that the previous shot seemed to show */
-    GQueue *window;    /* of GArray of struct fiducial_seen: of the last shots */
+    GQueue *window;    /* one GArray of struct fiducial_seen for each of the last shots */
     gboolean reported; /* the first check of the fiducials has been reported */
 };
 

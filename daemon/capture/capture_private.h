@@ -25,7 +25,7 @@ struct Capture {
     enum capture_state state;
     enum capture_fault fault; /* of the pause */
     char *reason, *doing;
-    gboolean all_taken; /* the sequencer has finished the leg, or has paused */
+    gboolean all_taken; /* the sequencer has finished the leg (run_shots.h), or has paused */
     guint starter;      /* call of the clock that starts a run */
     guint changed_source;
     gint64 changed_at_us;

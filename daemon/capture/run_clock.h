@@ -8,8 +8,8 @@
 
 struct run_clock {
     Clock *clock;    /* of the rig; borrowed */
-    double base_s;   /* its value at since_us, or its value while it is stopped */
-    gint64 since_us; /* −1 while the clock is stopped */
+    double base_s;   /* value of the session's clock at since_us, or while it is stopped */
+    gint64 since_us; /* time of the rig's clock; −1 while the session's clock is stopped */
 };
 
 void run_clock_start(struct run_clock *clock);

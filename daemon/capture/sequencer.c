@@ -33,7 +33,7 @@ void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboo
     g_autofree char *text = g_strdup(reason);
     const gboolean safe = sequencer_stop(seq, &error);
     rig = rig || !safe;
-    /* The reason may only be that a light did not go off. */
+    /* If reason already contains this error, the error is not repeated. */
     if (!safe && !strstr(reason, error->message)) {
         g_free(text);
         text = g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand first. %s",
@@ -94,8 +94,9 @@ static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
     if (seq->next < seq->shots->len && !seq->pausing) {
-        /* The laser waits for the last frame. If that frame has to be repeated, a laser that stays
-         * on would light it. Only the end of the sweep shows such a laser. */
+        /* The next laser is not switched on before the last frame of this shot has arrived. If the
+         * next laser were one that cannot be switched off again, it would light a repetition of
+         * this frame, and that would be noticed only at the end of its own sweep. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
         goal.laser = seq->waiting ? -1 : goal.laser;
         return goal;

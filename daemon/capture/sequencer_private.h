@@ -1,5 +1,5 @@
 /* Shared by sequencer.c, which takes pictures while the turntable stands, and sequencer_pass.c,
- * which takes the pictures of a pass (passes/passes.h). */
+ * which takes the pictures of a pass (plan/passes.h). */
 #pragma once
 
 #include "sequencer.h"
@@ -57,7 +57,7 @@ struct Sequencer {
     guint32 exposing; /* bits of cameras that were triggered; the lamp must stay on */
     guint32 waiting;  /* bits of cameras that were triggered and have delivered no frame yet */
     struct sequencer_unit units[RIG_MAX_CAMERAS];
-    /* in the shot, unless the shot belongs to a pass */
+    /* state of each camera in the shot under way; in a pass, pass.shots has these states */
     struct sequencer_camera cameras[RIG_MAX_CAMERAS];
     struct sequencer_pass pass;
     guint timer;

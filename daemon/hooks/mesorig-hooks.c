@@ -95,8 +95,8 @@ static void stay_away(struct program *program, GError *why) {
     program->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, program);
 }
 
-/* A daemon with its own socket comes and goes. A bus that ends takes all its services with it, and
- * the program that started this one starts it again. */
+/* A daemon with its own socket may start again, so this program waits for it. If a bus has ended,
+ * this program also ends. The program that started it, such as systemd, starts it again. */
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
     struct program *program = data;
     if (program->address) {
@@ -233,7 +233,7 @@ static int run(const struct hooks_conf *conf, GError **error) {
 
 static const struct command_line command_line = {
     .name = "mesorig-hooks",
-    .summary = "Tells others of captures.",
+    .summary = "Reports events of captures and of the rig to other programs and to the desktop.",
     .options = entries,
 };
 

@@ -30,7 +30,7 @@ static const GOptionEntry entries[] = {
      "BUS"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
      "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
-    {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at once", "FILE"},
+    {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at the start", "FILE"},
     {"queue", 0, 0, G_OPTION_ARG_FILENAME, &queue_path,
      "Keep a queue of sessions in this file, and capture them", "FILE"},
     {"exit-with-client", 0, 0, G_OPTION_ARG_NONE, &exit_with_client,

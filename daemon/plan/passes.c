@@ -39,7 +39,7 @@ static double exposure_s_of(const struct session_conf *conf) {
     return conf->exposures_us[conf->n_exposures - 1] * 1e-6;
 }
 
-/* Rounds down to two digits. */
+/* Rounds down to two significant digits. */
 static double passes_round(double deg_s) {
     const double unit = pow(10, floor(log10(deg_s)) - 1);
     return floor(deg_s / unit + 1e-9) * unit;

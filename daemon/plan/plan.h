@@ -29,7 +29,7 @@
  * for each lamp.
  *
  * With [capture] motion = continuous, the turntable passes poses that differ only in τ without a
- * stop (passes/passes.h). The lower bound assumes the given passes in any order.
+ * stop (passes.h). The lower bound assumes the given passes in any order.
  *
  * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
  * positions. The block of the present position comes first, which needs the fewest mountings.

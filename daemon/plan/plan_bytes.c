@@ -19,7 +19,7 @@
 
 #define RAD(deg) ((deg) * (G_PI / 180))
 
-#define HALF_BITS 11 /* integers that a half holds exactly */
+#define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
 
 /* Files with more pixels are compressed with PIZ (intake_write.c). Each block of 32 rows has a
  * separate table of codes, and the size of its values depends on their noise. The size of a file is
@@ -36,7 +36,7 @@
 struct packing {              /* disk space of a compressed part */
     double surroundings, lit; /* bytes per pixel */
     double table;             /* bytes of a block */
-    double bit;               /* reduction of the bytes for each bit that a camera has fewer */
+    double bit;               /* reduction of lit and surroundings for each bit below NOISE_BITS */
 };
 static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
                             packed_sweep = {0.60, 10.14, 2430, 0},

@@ -28,7 +28,7 @@ struct spread {
     int step; /* every step-th pair is a target */
     /* views × lights: d² to the nearest pair that is taken; −1 if the pair is not a target */
     float *nearest;
-    float *widest; /* views: the maximum of these */
+    float *widest; /* for each view: the maximum of nearest */
 };
 
 static gboolean plan_lamps_wanted(const struct session_shot *shot) {

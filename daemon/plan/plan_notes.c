@@ -89,12 +89,11 @@ static void note_motion(const struct plan_build *b, const struct plan *plan, GPt
                                  "because a stop at each angle is quicker than any pass"));
     else
         g_ptr_array_add(
-            notes, g_strdup_printf("motion = continuous: the speed of passes is that which %s",
-                                   speed->by_axis   ? "the turntable has at most"
-                                   : speed->by_pose ? "the time stamps of camera and axis, and "
-                                                      "blur_texels, allow: the pose is worse "
-                                                      "than the blur"
-                                                    : "blur_texels allows with this exposure"));
+            notes, g_strdup_printf("motion = continuous: the speed of passes is limited by %s",
+                                   speed->by_axis   ? "the maximum speed of the turntable"
+                                   : speed->by_pose ? "blur_texels and the accuracy of the time "
+                                                      "stamps of camera and turntable"
+                                                    : "blur_texels and the exposure"));
     if (plan->n_passes > 0 && plan->predicted_s >= plan->standing_s)
         g_ptr_array_add(notes, g_strdup("motion = continuous is no quicker here than motion = "
                                         "standing, which has no blur"));

@@ -163,7 +163,7 @@ void plan_path_improve(struct plan_path *path, gint64 budget);
  * shorter than floor_s costs floor_s, because something else takes that long during the move. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Orders the shots. Shots of a group of lamps follow each other. On entry shots[i].pose is an index
+/* Orders the shots. On entry shots[i].pose is an index
  * into poses; on return it is the number of the visit. Returns the number of visits. SHOT_DARK come
  * first. Skipped shots come last and have visits that contain no other shots. Sweeps of a laser
  * unit that is mounted by hand come in blocks, one for each of its places.
@@ -192,7 +192,7 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
                    const struct rig_timing *timing);
 
 /* Returns the minimum time between the last exposure of a shot and the first exposure of the next
- * shot in the same pose: warm-up, the way back of the sweep, read-out. previous may be NULL. */
+ * shot in the same pose: warm-up, return of the sweep axis, read-out. previous may be NULL. */
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
                    const struct rig *rig, const struct rig_timing *timing);
 

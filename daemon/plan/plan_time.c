@@ -50,8 +50,8 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     return sum_s;
 }
 
-/* The laser's previous sweep is assumed to have ended where this sweep ends. The way back is the
- * same. */
+/* Returns the time in which the light of a shot becomes ready. For a sweep, the sweep axis is
+ * assumed to stand where this sweep ends, because the laser's previous sweep ended there. */
 static double light_s(const struct session_shot *previous, const struct session_shot *shot,
                       const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
@@ -226,7 +226,8 @@ struct pose_bound {
     double into_s; /* M */
 };
 
-/* Considers only poses with a count. Returns none if there is no other pose. */
+/* Returns the time of the quickest move into a pose from another pose whose count is not 0. Returns
+ * the value of none if there is no such pose. */
 static double quickest_into(const struct plan_moves *moves, int pose, const int *counts,
                             double none) {
     double quickest = G_MAXDOUBLE;
@@ -237,7 +238,7 @@ static double quickest_into(const struct plan_moves *moves, int pose, const int 
     return quickest < G_MAXDOUBLE ? quickest : none;
 }
 
-/* l of a shot. */
+/* Returns l of a shot, in seconds (see struct pose_bound). */
 static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
                          const struct rig *rig, const struct rig_timing *timing,
                          const int *with_lamp, double into_s, double readout_s) {

@@ -111,11 +111,11 @@ static void add_passes(GVariant *report, GString *text) {
     g_string_append_printf(
         text,
         "turning         %d pass%s at %.3g°/s for %d %s: blur at most %.2f texels "
-        "(%.2g mm), pose off by %.2f at most\n",
+        "(%.2g mm), pose error at most %.2f texels\n",
         passes, passes == 1 ? "" : "es", get_double(report, "pass_deg_s"), PLURAL(passing, "shot"),
         get_double(report, "blur_texels"), get_double(report, "blur_mm"),
         get_double(report, "pose_texels"));
-    g_string_append_printf(text, "if it stood     %s\n", standing);
+    g_string_append_printf(text, "with standing   %s\n", standing);
 }
 
 char *report_text(GVariant *report) {

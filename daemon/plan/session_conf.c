@@ -42,8 +42,8 @@ static const struct option session_options[] = {
     {"license", OPTION_STRING, .fallback = "", .offset = FIELD(license),
      .help = "Address (URL) of the licence of the data; for the report"},
     {"prompt", OPTION_STRING, .fallback = "", .offset = FIELD(prompt),
-     .help = "What somebody has to do before it begins, for instance lay the sample on the "
-             "turntable; the queue of sessions shows it and waits for mesorig continue"},
+     .help = "What an operator must do before the session begins, for instance lay the sample on "
+             "the turntable; the queue of sessions shows this text and waits for mesorig continue"},
     {NULL},
 };
 
@@ -53,18 +53,19 @@ static const struct option sample_options[] = {
     {"height_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = CONF(grid.height_mm),
      .help = "Height of the sample, along y at turntable 0"},
     {"texels", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels),
-     .help = "Texels across and along; or give texels_x and texels_y"},
+     .help = "Number of texels across the width and along the height; give this key, or texels_x "
+             "and texels_y"},
     {"texels_x", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels_x),
-     .help = "Texels across the width"},
+     .help = "Number of texels across the width"},
     {"texels_y", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels_y),
-     .help = "Texels along the height"},
+     .help = "Number of texels along the height"},
     {"reference_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = CONF(grid.reference_mm),
      .help = "Height of the reference plane, just above the structure, over the turntable's top"},
     {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = CONF(grid.depth_mm),
-     .help = "Depth of the structure below the reference plane, at most"},
+     .help = "Maximum depth of the structure below the reference plane"},
     {"flat_radius_mm", OPTION_DOUBLE, "mm", 0, 2000, "0", .offset = FIELD(flat_radius_mm),
-     .help = "Radius of a flat, level face around the sample, on which the laser's line shows "
-             "where its sheet truly is; 0: there is none"},
+     .help = "Radius of a flat, level face around the sample, on which the laser's line is "
+             "measured to correct the calibrated light sheet; 0: there is no such face"},
     {"flat_hole_mm", OPTION_DOUBLES, "mm", 0, 2000, "", .offset = FIELD(flat_hole_mm),
      .help = "Width and height of the box in the middle of that face that holds the sample"},
     {"flat_mm", OPTION_DOUBLE, "mm", 0, 500, "0", .offset = FIELD(flat_mm),
@@ -86,9 +87,9 @@ const char *const auto_key_names[AUTO_KEYS] = {
 
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
-     .help =
-         "Exposures of one bracket under a lamp, ascending, at most twelve; auto (here and for "
-         "laser_exposure_us and laser_short_us): chosen by pictures on trial before the capture"},
+     .help = "Exposures of one bracket under a lamp, ascending, at most twelve; auto, which "
+             "laser_exposure_us and laser_short_us also accept: chosen from test shots before the "
+             "capture"},
     {"auto_longest_us", OPTION_DOUBLE, "us", 100, 60e6, "100000", .offset = CONF(auto_longest_us),
      .help = "The longest exposure that auto may choose"},
     {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = CONF(gain_db),
@@ -105,12 +106,12 @@ static const struct option capture_options[] = {
     {"dark_frames", OPTION_INT, NULL, 1, 1000, "4", .offset = CONF(dark_frames),
      .help = "Dark frames averaged for each exposure"},
     {"retries", OPTION_INT, NULL, 0, 100, "3", .offset = CONF(retries),
-     .help = "How often a shot is taken again before the session is paused"},
+     .help = "Number of times that a picture is taken again before the session is paused"},
     {"saturated_pct", OPTION_DOUBLE, "%", 0, 100, "0.1", .offset = CONF(saturated_pct),
-     .help = "Pixels that may be saturated in the shortest exposure before a picture is taken "
-             "again with a quarter of it"},
+     .help = "Share of pixels that may be saturated in the shortest exposure; with more, the "
+             "picture is taken again with a quarter of that exposure"},
     {"laser_threshold_dn", OPTION_DOUBLE, "DN", 0, 65535, "40", .offset = CONF(laser_threshold_dn),
-     .help = "How far a laser's peak must stand above the background to count"},
+     .help = "Minimum height of a laser's peak above the background"},
     {"on_blocked", OPTION_CHOICE, .fallback = "shift", .choices = blocked_choices,
      .offset = CONF(on_blocked),
      .help = "What to do where the light arc stands in a camera's picture"},
@@ -120,9 +121,9 @@ static const struct option capture_options[] = {
              "at while it is captured"},
     {"motion", OPTION_CHOICE, .fallback = "standing", .choices = motion_choices,
      .offset = CONF(motion),
-     .help = "Whether the turntable stands for each picture under a lamp, or turns by without a "
-             "stop; that takes an axis that tells where it is at which time, and one exposure in "
-             "exposures_us"},
+     .help = "standing: the turntable stands still for each picture under a lamp; continuous: it "
+             "turns without a stop, which needs an axis that reports its positions with their "
+             "times, and a single exposure in exposures_us"},
     {"blur_texels", OPTION_DOUBLE, "texels", 0.001, 100, "0.25", .offset = CONF(blur_texels),
      .help =
          "With motion = continuous: part of a texel by which the sample's corner may move in an "
@@ -131,7 +132,7 @@ static const struct option capture_options[] = {
      .help = "Keep every frame of the laser sweeps as well"},
     {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_exposures),
      .help = "Keep every dark frame and every exposure of a bracket as well; an exposure may then "
-             "be given twice, for calibration measures noise from such pairs"},
+             "be given twice, because a calibration measures the noise from such pairs"},
     {NULL},
 };
 
@@ -177,8 +178,9 @@ static const struct option light_options[] = {
     RING_OPTIONS,
     {"sampling", OPTION_CHOICE, .fallback = "all", .choices = sampling_choices,
      .offset = RING(sampling),
-     .help = "All views under all lights, or, in rounds, those pairs that tell most for the time "
-             "that they take, until what is left can be predicted; predicted pictures are marked"},
+     .help = "all: every view under every light; adaptive: in rounds, the pictures that are most "
+             "informative for their time, until the others can be predicted; predicted pictures "
+             "are marked"},
     {"first", OPTION_INT, NULL, 1, MAX_DIRECTIONS, "4", .offset = RING(first),
      .help = "With sampling = adaptive: lights of the first round for each angle of the "
              "turntable, on average"},
@@ -186,24 +188,25 @@ static const struct option light_options[] = {
      .help = "With sampling = adaptive: no further round if the expected error of the pictures, "
              "all together, is below this part of their root mean square"},
     {"budget_min", OPTION_DOUBLE, "min", 0, 100000, "0", .offset = RING(budget_min),
-     .help = "With sampling = adaptive: minutes that the lamps' shots may take, moves between them "
-             "counted and laser sweeps not; 0: as many as they need"},
+     .help = "With sampling = adaptive: maximum time of the lamps' shots, including the moves "
+             "between them, without laser sweeps; 0: no limit"},
     {NULL},
 };
 
 static const struct option laser_options[] = {
     RING_OPTIONS,
     {"stop", OPTION_CHOICE, .fallback = "all", .choices = stop_choices, .offset = RING(stop),
-     .help = "All sweeps, or, in rounds, those that are expected to add something to what the "
-             "cameras have seen, until the surface is covered; what is left out is listed"},
+     .help = "all: every sweep; covered: in rounds, only the sweeps that are expected to show more "
+             "of the surface, until it is covered; sweeps that are left out are listed"},
     {"first", OPTION_INT, NULL, 1, COVERAGE_MAX_SWEEPS, "6", .offset = RING(first),
      .help = "With stop = covered: sweeps of the first round at each angle of the turntable"},
     {"gain_pct", OPTION_DOUBLE, "%", 0, 100, "0.3", .offset = RING(gain_pct),
-     .help = "With stop = covered: part of the texels of its views that a further sweep must be "
-             "expected to make known"},
+     .help = "With stop = covered: minimum share of the texels of its views that a further sweep "
+             "is expected to measure for the first time"},
     {"line_mm", OPTION_DOUBLE, "mm", 0, 100, "0", .offset = RING(line_mm),
-     .help = "Full width at half maximum of the lines at the rig's origin: sweeps have no more "
-             "steps than tell something, sweep_steps at most; 0: sweep_steps in all of them"},
+     .help = "Full width at half maximum of the lines at the rig's origin; a sweep then has only "
+             "as many steps as a line of this width needs, at most sweep_steps; 0: every sweep has "
+             "sweep_steps"},
     {NULL},
 };
 
@@ -437,8 +440,8 @@ static gboolean take_sample(const struct config_section *section, struct fields 
     return good;
 }
 
-/* Sets the values that stand for "auto" until they are chosen. A plan with them takes the longest.
- */
+/* Sets the values that stand for "auto" until they are chosen. A plan with these values has the
+ * maximum predicted time. */
 static void take_bounds(struct session_conf *conf) {
     if (conf->is_auto[AUTO_EXPOSURES]) {
         conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MAX_EXPOSURES;
@@ -616,8 +619,9 @@ gboolean session_conf_check_chosen(const struct session_conf *conf, GError **err
     for (int key = 0; key < AUTO_KEYS; key++)
         if (conf->is_auto[key]) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-                        "%s: [capture] %s is auto: `mesorig capture` chooses it by pictures on "
-                        "trial; another program gives what it has chosen in Start's option chosen",
+                        "%s: [capture] %s is auto: `mesorig capture` chooses it from test shots; "
+                        "another program must pass its choice in the option “chosen” of the method "
+                        "Start",
                         conf->path, auto_key_names[key]);
             return FALSE;
         }

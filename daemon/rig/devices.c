@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* Longer than the time that any class waits for a device to answer or to stop. */
+/* Time limit of devices_secure(). It is longer than the time for which any class waits until a
+ * device answers or stops. */
 #define SECURE_MS 20000
 
 /*

@@ -552,7 +552,8 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                          needed[i].what);
 }
 
-/* Reports only the first thing of each section that an earlier section also needs. */
+/* Reports a conflict if the device needs something that an earlier section also needs. Reports only
+ * the first conflict of a section. */
 static void check_needs_of(const struct layout_device *device, GHashTable *owners,
                            Mistakes *mistakes) {
     g_autoptr(GPtrArray) needs = g_ptr_array_new_with_free_func(g_free);

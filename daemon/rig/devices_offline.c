@@ -10,7 +10,7 @@
 #define ASSUMED_STAMP_US   1000 /* for a camera whose time stamps are the time of the exposure */
 #define MOST_EXPOSURE_US   60000000
 
-/* Returns FALSE if its driver has no such option. */
+/* Gets a number from the options of a device. Returns FALSE if the driver has no such option. */
 static gboolean number_of(const struct layout_device *device, const char *name, double *ret) {
     const struct option *option = options_find(device->info->options, name);
 
@@ -52,7 +52,7 @@ static void read_axis(const struct layout *layout, const struct config_section *
         return;
     const struct layout_device *device = layout_device(layout, section);
     const struct option *first = options_find(device->info->options, "wraps");
-    if (first) /* the whole struct, because the driver's table has it from AXIS_MOTION_OPTIONS */
+    if (first) /* AXIS_MOTION_OPTIONS has put all members of the struct into the driver's table */
         *ret = *(const struct axis_motion *)G_STRUCT_MEMBER_P(
             device->fields, (goffset)first->offset - G_STRUCT_OFFSET(struct axis_motion, wraps));
     else {

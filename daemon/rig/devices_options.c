@@ -60,7 +60,8 @@ const struct option devices_rig_options[] = {
 
 const struct option devices_axis_options[] = {
     {LAYOUT_PARK_KEY, OPTION_DOUBLE, "degrees", -36000, 36000, "0", .offset = PLACE(park_deg),
-     .help = "Position when the queue of sessions is empty; default: its reference"},
+     .help = "Position to which the axis moves when the queue of sessions is empty; default: the "
+             "reference position"},
     {NULL},
 };
 

@@ -1,7 +1,7 @@
 /*
  * The guardian: a small process that makes the rig safe when the daemon cannot. It acts when the
- * daemon has died without saying goodbye, or when the daemon's main loop hangs; in that case it
- * kills the daemon. It continues until every device is safe.
+ * daemon has died without reporting that the rig is safe. It also acts when the daemon's main loop
+ * hangs. In that case it kills the daemon first. It continues until every device is safe.
  *
  * A timer of the default main context sends the guardian a heartbeat four times a second. The timer
  * uses real time, even if the rig has another clock. The guardian answers each heartbeat. A

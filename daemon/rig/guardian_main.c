@@ -17,7 +17,7 @@
 #include <unistd.h>
 
 #define HANG_US                                                                                    \
-    (4500 * 1000)    /* the rig is dark within five seconds after the daemon has begun to hang */
+    (4500 * 1000)    /* all lights are off within five seconds after the daemon has begun to hang */
 #define LOOK_MS  250 /* time between two looks at the clock */
 #define LOOK_US  (2 * LOOK_MS * 1000) /* longest silence that one look may add */
 #define END_MS   5000                 /* time that a killed daemon gets to end */

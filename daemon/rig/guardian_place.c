@@ -141,8 +141,8 @@ gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_
             return FALSE;
         g_usleep(RETRY_US);
     }
-    g_printerr(
-        "mesorigd: guardian: another process holds this rig's place; continuing without it\n");
+    g_printerr("mesorigd: guardian: another process holds the socket that marks the guardian of "
+               "this rig; continuing without the socket\n");
     return TRUE;
 }
 
@@ -161,7 +161,8 @@ static void place_greet(struct place *place, pid_t daemon) {
         return;
     if (place->n_askers < PLACE_MAX_ASKERS && peer_of(fd) != 0 &&
         send(fd, &hello, sizeof hello, MSG_NOSIGNAL) == sizeof hello)
-        place->askers[place->n_askers++] = fd; /* it notices the end of this process */
+        place->askers[place->n_askers++] =
+            fd; /* kept open: the asker notices when this process ends */
     else
         close(fd);
 }

@@ -32,7 +32,7 @@ struct WebVisitor {
     GSocket *socket;
     SoupServerMessage *message; /* not owned; NULL before the message begins and after it ends */
     enum web_phase phase;
-    gint64 since_us; /* begin of the phase */
+    gint64 since_us; /* beginning of the phase */
     gsize read;      /* bytes of the request's body */
     gboolean answering, closing;
     GSource *watch;    /* waits for the request's head or for the end of a stream; or NULL */

@@ -13,8 +13,8 @@
 #define AGAIN_S           2    /* pause between two searches for a daemon that does not answer */
 #define MAX_SAMPLES       2000 /* of the progress; if there are more, every second one is removed */
 #define STEPS             64   /* steps of a histogram */
-#define WHITE             250  /* of 255 */
-#define BLACK             5
+#define WHITE             250  /* from this sRGB value on, a pixel counts as white */
+#define BLACK             5    /* up to this sRGB value, a pixel counts as black */
 #define COLOURS           3
 
 struct waiting { /* a request that waits for a picture */

@@ -13,7 +13,7 @@ static const char *const marked_channels[] = {"Y", "saturated", NULL};
 static const char *const sweep_channels[] = {"intensity",   "peak",  "second_intensity",
                                              "second_peak", "width", NULL};
 
-#define HALF_BITS 11 /* integers that a half holds exactly */
+#define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
 
 /* Below this size, compression saves little and takes longer than all other work on a frame. */
 #define SMALL_PIXELS (256 * 256)
@@ -62,7 +62,7 @@ static void fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
-/* Frees exr. */
+/* Writes exr to the file of the shot, and frees exr. */
 static gboolean intake_write_frame(const struct intake_file *file, struct exr_file *exr,
                                    struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);

@@ -11,10 +11,10 @@ struct intake_file {
     const char *camera_name;
     const char *source_name; /* name of the lamp or laser; NULL for dark */
     const struct session_conf *conf;
-    const struct rig *rig; /* nominal, for the angles of arm and probe */
-    const Frame *last;     /* the last frame of the file */
-    double turntable_deg;  /* angle of the turntable, if it turned in the middle of last */
-    gboolean turned;
+    const struct rig *rig;       /* nominal, for the angles of arm and probe */
+    const Frame *last;           /* the last frame of the file */
+    double turntable_deg;        /* angle of the turntable, in the middle of last if it turned */
+    gboolean turned;             /* the turntable turned during the exposure */
     const Frame *const *bracket; /* SHOT_LAMP: all frames */
     double dark_dn;
     gint64 saturated;    /* SHOT_LAMP: number of pixels that are saturated in every exposure */

@@ -8,8 +8,8 @@
 #define SAME_DIRECTION 1e-4 /* distance of unit vectors */
 #define MORE           0.5  /* number of shots between two points, relative to those before */
 /* The choice sums the error over at most PREDICTION_TARGETS pairs. If there are more pairs, the
- * pairs of the first shots are used. If nothing is measured, the error is therefore too small
- * beyond this part of the shots. */
+ * pairs of the first shots are used. If nothing is measured, the computed error is therefore too
+ * small after more than 1 / MAX_OF_MANY of the shots, and the curve ends there. */
 #define MAX_OF_MANY 8
 
 /* An earlier session and the reflectances of its probes. */

@@ -47,11 +47,11 @@ enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 struct lamps_choice {
     GArray *shots;               /* of int: numbers of shots, from 0; owned by the caller */
     double error_pct, after_pct; /* expected error now, and after those shots */
-    int n_taken, n_pictures;     /* of the BTF */
+    int n_taken, n_pictures;     /* pictures of the BTF: those that are taken, and all */
     enum lamps_end end;
 };
-/* Any thread may call it while the readers have no jobs and the main loop calls no function of
- * this header. rounds contains the earlier rounds. The same measured values give the same choice.
- * Returns FALSE if it was cancelled. */
+/* Any thread may call lamps_choose() while the readers have no jobs and the main loop calls no
+ * function of this header. rounds contains the earlier rounds. The same measured values give the
+ * same choice. Returns FALSE if it was cancelled. */
 gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error);

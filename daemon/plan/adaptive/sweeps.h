@@ -23,9 +23,9 @@ void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
 void sweeps_note_done(Sweeps *sweeps);
 
 struct sweeps_choice {
-    GArray *shots; /* of int: numbers of shots, from 0; owned by the caller */
-    double known_pct, worst_pct;
+    GArray *shots;               /* of int: numbers of shots, from 0; owned by the caller */
+    double known_pct, worst_pct; /* as ADAPTIVE_KNOWN_PCT and ADAPTIVE_WORST_PCT */
 };
-/* Any thread may call it while the readers have no jobs and the main loop calls no function of this
- * header. */
+/* Any thread may call sweeps_choose() while the readers have no jobs and the main loop calls no
+ * function of this header. */
 struct sweeps_choice sweeps_choose(const Sweeps *sweeps);

@@ -1,4 +1,4 @@
-/* Exposures that are "auto" in a session file: chosen by pictures on trial, stored, said, and kept
+/* Exposures that are "auto" in a session file: chosen from test shots, stored, reported, and kept
  * by a session that is resumed; what no exposure can serve is an error that names the key. */
 #include <glib/gstdio.h>
 #include <math.h>
@@ -46,7 +46,7 @@ static struct session_conf stored(const struct operation *run) {
 TEST(chosen) {
     struct operation *run = new_auto(NULL, NULL), *again = new_auto(NULL, NULL);
     operator_captures(run, 0);
-    assert_has(run->out, "exposures: chosen by pictures on trial: exposures_us = ");
+    assert_has(run->out, "exposures: chosen from test shots: exposures_us = ");
     g_auto(SessionConf) conf = stored(run);
     g_test_message("%g; %g µs, lasers %g and %g µs", conf.exposures_us[0], conf.exposures_us[1],
                    conf.laser_exposure_us, conf.laser_short_us);
