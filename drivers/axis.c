@@ -12,7 +12,8 @@
 #define DEADLINE_EXTRA_S 4.0
 #define HOMING_FACTOR    10.0
 
-/* Below the resolution of any drive, above the rounding error of sums of angles. */
+/* Angles that differ by at most this are the same. It is less than the resolution of any drive, and
+ * more than the rounding error of sums of angles. */
 #define SAME_DEG 1e-9
 
 /* Pauses between two attempts to stop an axis that has not confirmed that it stands. */
@@ -395,8 +396,9 @@ static const struct passed *axis_passed(const struct axis_state *state, guint ba
                : NULL;
 }
 
-/* Rounds at 0.27 µs. No time that is a round number falls there, so the same turn gives the same
- * time even if its positions were rounded differently. */
+/* A fraction of at least 0.27 µs is rounded up, and a smaller one down. Angles and speeds that are
+ * round numbers do not give times with this fraction. Rounding errors of the positions therefore do
+ * not change the result. */
 gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us) {
     const struct axis_state *state = axis->state;
     const struct passed *last = axis_passed(state, 0);

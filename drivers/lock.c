@@ -11,9 +11,9 @@
 
 #define PREFIX      "mesorig "
 #define RESCUE      " rescue" /* suffix of the key while a program makes the device safe */
-#define RESCUE_US   (5 * G_USEC_PER_SEC) /* limit of the time that their attempts take */
+#define RESCUE_US   (5 * G_USEC_PER_SEC) /* for this time an owner waits for such a program */
 #define LOOK_US     20000
-#define DRAIN_S     10  /* in this time, at most SOMAXCONN processes may ask */
+#define DRAIN_S     10  /* time between two drains; up to SOMAXCONN processes may ask meanwhile */
 #define MAX_COMMAND 120 /* largest number of bytes of a command line that are shown */
 
 struct Lock {

@@ -7,7 +7,8 @@
 #define DRIFT       100e-6
 #define ROUNDING_US 20
 
-/* Block ids of GigE Vision have 16 bits, and 0 is left out. */
+/* Block ids of GigE Vision have 16 bits, and 0 is left out: 1 follows ID_TURN. An id below ID_EARLY
+ * after an id above ID_LATE shows that the camera has begun again with 1. */
 #define ID_TURN  65535
 #define ID_LATE  60000
 #define ID_EARLY 5000

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Limit of the positions of a selector that are tried. */
+/* Maximum number of positions of a selector that are tried. */
 #define MAX_POSITIONS 64
 
 enum effect { UNSTEADY, SCALED, CURVED, NEIGHBOURS, MIXED, INVENTED, UNEVEN, OTHER, PACKED };
@@ -104,8 +104,8 @@ static void raw_free(struct aravis_raw *raw) {
     g_free(raw);
 }
 
-/* Distinguishes a protected register from the loss of control, because cameras refuse both with the
- * same code. */
+/* Returns whether an error means that the camera is lost. Any other error is a refusal, for example
+ * of a protected register. */
 static gboolean lost(const GError *why) {
     return why && why->domain == ARV_DEVICE_ERROR &&
            (why->code == ARV_DEVICE_ERROR_TIMEOUT || why->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||
@@ -113,7 +113,7 @@ static gboolean lost(const GError *why) {
             why->code == ARV_DEVICE_ERROR_NOT_CONTROLLER);
 }
 
-/* Categories */
+/* Listing the features of all categories, and their selectors. */
 
 static void collect(struct survey *survey, const char *name, GHashTable *seen) {
     ArvGcNode *node = arv_gc_get_node(survey->gc, name);
@@ -159,7 +159,7 @@ static void survey_end(struct survey *survey) {
     g_hash_table_unref(survey->selectors);
 }
 
-/* One feature at the present position of its selectors */
+/* Examining one feature at the present position of its selectors. */
 
 /* Accepts "Off", "OFF", "Disabled", and "ContrastMode_Off" for the feature ContrastMode. */
 static gboolean means_off(const char *feature, const char *entry) {
@@ -362,7 +362,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
                : NULL;
 }
 
-/* Features that the table lacks */
+/* Finding features that the table lacks. */
 
 static gboolean in_table(const char *feature) {
     gsize n = strlen(feature);

@@ -33,8 +33,9 @@ struct relays {
 #define PULSE_OPTION                                                                               \
     {                                                                                              \
         "pulse_coil", OPTION_INT, NULL, -1, 65535, "-1", NULL, RELAYS(pulse_coil),                 \
-            "Address for function 5 that sets repeatedly how long the (first) relay stays on, "    \
-            "watchdog_after_s × watchdog_scale; −1: its coil stays on"                          \
+            "Address to which function 5 repeatedly writes the time for which the (first) relay "  \
+            "stays on, watchdog_after_s × watchdog_scale; −1: the relay stays on until it is "  \
+            "switched off"                                                                         \
     }
 
 static GList *all_relays; /* all open relays, because sections may share a board */

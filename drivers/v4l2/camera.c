@@ -453,7 +453,7 @@ static void camera_close_camera(Camera *camera) {
 
 const struct camera_driver v4l2_camera_driver = {
     .info = {"camera", "v4l2-camera",
-             "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
+             "A USB (UVC) or other camera that the kernel serves through V4L2", options,
              sizeof(struct v4l2_camera), NULL, camera_needs},
     .open = camera_open_camera,
     .close = camera_close_camera,
