@@ -126,7 +126,7 @@ void imager_xml_command(struct imager_xml *xml, const char *name, const char *re
 
 /* imager_pixels.c */
 
-/* Appends elements EnumEntry. */
+/* Appends an element EnumEntry for each format that the colour filter array allows. */
 void imager_append_formats(GString *xml, enum cfa cfa);
 guint32 imager_first_format(enum cfa cfa); /* the first format of 8 bits */
 

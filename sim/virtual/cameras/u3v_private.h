@@ -100,6 +100,6 @@ int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN if no ans
 
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
-/* -EAGAIN if there is nothing to send */
+/* Fills data with the next transfer. Returns its length, or -EAGAIN if there is nothing to send. */
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
 void u3v_drop(VirtualU3v *camera); /* discards data that was not sent */

@@ -62,7 +62,8 @@ gsize virtual_pixels_size(guint32 fourcc, int width, int height) {
     return virtual_pixels_stride(fourcc, width) * (gsize)height;
 }
 
-/* Packs bits from the lowest up, as on the bus of the sensor. */
+/* Packs a row as bytes, as words, or in groups: the upper eight bits of each pixel of a group, then
+ * the lower bits of all of them. */
 static void pack_row(const struct layout *layout, const guint16 *from, int width, int shift,
                      guint8 *to) {
     int low = layout->bits - 8, per = layout->pixels;
@@ -81,7 +82,8 @@ static void pack_row(const struct layout *layout, const guint16 *from, int width
     }
 }
 
-/* Luma of limited range: the mean of the four pixels that make a colour. */
+/* Writes the luma of a row, of limited range. Each value is the mean of the four pixels of a tile
+ * of the colour filters. */
 static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
                       const guint16 *pixels, int y, guint8 *to) {
     int first = fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, most = (1 << config->bits) - 1;

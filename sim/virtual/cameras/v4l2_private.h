@@ -66,9 +66,9 @@ void virtual_stream_stop(VirtualV4l2 *camera);
 /* Waits until no thread uses the camera any more; unlocks it. */
 void virtual_stream_wait(VirtualV4l2 *camera);
 
-/* NULL if there is none */
+/* Returns the control with this id, or NULL if the camera lacks it. */
 struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id);
-/* Bytes of the node that one buffer occupies. */
+/* Returns the number of bytes of the node that one buffer occupies. */
 gsize virtual_buffer_room(const VirtualV4l2 *camera);
 
 /* Returns the oldest buffer in a state, or NULL if there is none. */
