@@ -151,7 +151,7 @@ static void offer_options(const struct command *command, const char *typed) {
     for (const GOptionEntry *const *table = tables; *table; table++)
         for (const GOptionEntry *entry = *table; entry->long_name; entry++)
             offer("--", entry->long_name, name, entry->description);
-    offer("--", "help", name, "What it does and takes");
+    offer("--", "help", name, "Print the help");
 }
 
 /* The last of n words is to be completed. Bash treats "=" as a separate word. */
@@ -197,7 +197,7 @@ void complete_words(const struct command *const *commands, char *const *words, i
             arguments(*at, words + 1, n - 1);
     }
     if (n == 1 && *words[0] == '-')
-        offer("", "--help", words[0], "What it does and takes");
+        offer("", "--help", words[0], "Print the help");
     if (n == 1 && *words[0] == '-' && commands == cli_commands())
         offer("", "--version", words[0], "Print the version");
 }

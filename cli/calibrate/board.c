@@ -25,8 +25,8 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command, "no board is given: give --board");
     if (!(margin_mm >= 0 && margin_mm <= 1000) || !(pixels_a_mm > 0 && pixels_a_mm <= 1000))
         return cli_usage(call->command,
-                         "--margin=%g or --pixels=%g is out of range: a margin is 0 to "
-                         "1000 mm, with up to 1000 pixels a mm",
+                         "--margin=%g or --pixels=%g is out of range: --margin must be from 0 to "
+                         "1000 mm, --pixels above 0 and at most 1000 per mm",
                          margin_mm, pixels_a_mm);
     if (!board_parse(&board, board_option, &bad))
         return cli_usage(call->command, "%s", bad->message);

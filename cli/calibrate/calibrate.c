@@ -31,7 +31,7 @@ const char *calibrate_left_out(enum calibration_kind kind) {
     return words[kind];
 }
 
-/* Notes in the calibration which sessions lacked shots; removes the notes of an earlier run. */
+/* Records in the calibration which sessions lacked shots. Removes the records of an earlier run. */
 static void keep_incomplete(const struct calibrate_job *job) {
     GKeyFile *to = job->calibration->extra;
     if (job->incomplete->len > 0)
@@ -169,7 +169,7 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
     if (part->rejected->len)
         record_say(to, "  %u %s left out, %s; mesorig calibrate show --all %s lists them\n",
                    part->rejected->len, what,
-                   calibrate_left_out_most(part, kind) ? "more than were used: look at why"
+                   calibrate_left_out_most(part, kind) ? "more than were used: find out why"
                    : kind == CALIBRATION_LIGHTS        ? "which is usual: up to a half"
                                                        : "fewer than were used",
                    calibrate_output);
@@ -329,7 +329,7 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
         if (!picture_balance(picture, cfa)) {
             g_set_error(
                 error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: its colour filter “%s” is not known; mono, rggb, bggr, grbg, gbrg and rgb are",
+                "%s: its colour filter “%s” is not one of mono, rggb, bggr, grbg, gbrg and rgb",
                 frame->path, cfa);
             g_clear_pointer(&picture, picture_free);
         }
@@ -338,10 +338,9 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
     return g_steal_pointer(&picture);
 }
 
-const struct command cli_calibrate = {
-    .name = "calibrate",
-    .arguments = "WHAT …",
-    .examples = "  mesorig calibrate show rig.calibration\n",
-    .help = "Find out where cameras, lamps and lasers are, from pictures.",
-    .run_arguments = cli_run_child,
-    .children = commands};
+const struct command cli_calibrate = {.name = "calibrate",
+                                      .arguments = "WHAT …",
+                                      .examples = "  mesorig calibrate show rig.calibration\n",
+                                      .help = "Calibrate cameras, lamps and lasers from pictures.",
+                                      .run_arguments = cli_run_child,
+                                      .children = commands};

@@ -11,7 +11,7 @@
 
 extern const struct command cli_calibrate;
 
-/* Their names are "calibrate NAME", so that usage and help show the full command. */
+/* The subcommands. Each is named "calibrate NAME", so that usage and help show the full command. */
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
     calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 
@@ -20,7 +20,7 @@ extern gboolean calibrate_incomplete;           /* --incomplete */
 #define CALIBRATE_INCOMPLETE                                                                       \
     {                                                                                              \
         "incomplete", 0, 0, G_OPTION_ARG_NONE, &calibrate_incomplete,                              \
-            "Use sessions that lack shots, too; the calibration says so", NULL                     \
+            "Also use sessions that lack shots; the calibration lists them", NULL                  \
     }
 #define CALIBRATE_OUTPUT(what)                                                                     \
     { "output", 'o', 0, G_OPTION_ARG_FILENAME, &calibrate_output, what, "FILE" }

@@ -16,22 +16,22 @@ static const GOptionEntry entries[] = {
      "The board, as measured, in mm; mesorig board draws one",
      "8x8,square=9,marker=6.75,thickness=3"},
     CALIBRATE_OUTPUT("Write the calibration here"),
-    CALIBRATE_FROM("Start from this calibration, and keep what it says of lamps and lasers"),
+    CALIBRATE_FROM("Start from this calibration, and keep its lamps and lasers"),
     CALIBRATE_INCOMPLETE,
     {"board-azimuth", 0, 0, G_OPTION_ARG_NONE, &azimuth_option,
      "Azimuth 0 is the x axis of the board that lies flat, with the turntable at 0; default: the "
      "cameras keep their mean azimuth",
      NULL},
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &images_option,
-     "No sessions: a folder of photographs (JPEG, PNG, TIFF, BMP, PGM, EXR, camera raw) that one "
-     "camera took of a board held at different tilts, or a video of it",
+     "Instead of sessions: a folder of photographs (JPEG, PNG, TIFF, BMP, PGM, EXR, camera raw) "
+     "that one camera took of a board held at different tilts, or a video of it",
      "DIR|VIDEO"},
     {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
      "Also write the corners that were used to this file, as mrcal reads them", "FILE"},
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
-     "The lens model: polynomial, rational or fisheye (default: by evidence with --images, else as "
-     "in the rig file or of -c)",
+     "The lens model: polynomial, rational or fisheye (default: with --images the model that fits "
+     "best, otherwise the model of -c or of the rig file)",
      "MODEL"},
     {NULL},
 };
@@ -250,7 +250,7 @@ static void tell_lenses(Record *to, const struct calibration *calibration,
     if (!images_option)
         return;
     record_say(to, "\n  %s lens%s", rig_lens_name((enum rig_lens)rig->cameras[0].lens),
-               lens_option ? ", as told" : "; corners of photographs left out are predicted to");
+               lens_option ? ", as given" : "; corners of left-out photographs are predicted to");
     record_begin(to, "held_out_px");
     for (int i = 0; i < RIG_LENSES; i++) {
         if (!(result->held_out_px[i] > 0))
@@ -321,12 +321,12 @@ static void tell(Record *to, const struct calibrate_job *base) {
     record_add(to, "%g{expected_px} %g{real_s}", result->expected_px, base->seconds);
     if (video) {
         record_begin(to, "video");
-        record_say(to,
-                   "\n  %d{frames} frames; the %u{searched} sharpest of their neighbours were "
-                   "searched, %d{seen} show the board, and in %u{chosen} it lies apart from the "
-                   "others",
-                   video->video->n_frames, video->video->frames->len, video->n_seen,
-                   video->chosen->len);
+        record_say(
+            to,
+            "\n  %d{frames} frames; %u{searched} that are sharper than their neighbours were "
+            "searched, %d{seen} of these show the board, and %u{chosen} with the board at "
+            "different places were chosen",
+            video->video->n_frames, video->video->frames->len, video->n_seen, video->chosen->len);
         record_end(to);
     }
     tell_lenses(to, base->calibration, result);
@@ -405,9 +405,9 @@ const struct command calibrate_cameras = {
     .examples = "  mesorig calibrate cameras flat.session leaning.session -b "
                 "8x8,square=9,marker=6.75,thickness=3 -o rig.calibration\n",
     .help =
-        "Find out where cameras and the axes of turntable and camera arm are, from sessions of a "
-        "board: one flat on the turntable, others leaning. Without a turntable: one session for "
-        "each position of the board, one of them flat.",
+        "Calibrate the cameras and the axes of turntable and camera arm, from sessions of a board: "
+        "one with the board flat on the turntable, others with the board leaning. Without a "
+        "turntable: one session for each position of the board, one of them flat.",
     .options = entries,
     .writes = TRUE,
     .max = 64,

@@ -13,8 +13,8 @@ static const GOptionEntry entries[] = {
     {"chart", 0, 0, G_OPTION_ARG_FILENAME, &chart_option,
      "The chart's patches: lines x_mm,y_mm,radius_mm,X,Y,Z with Y = 1 for white", "FILE"},
     CALIBRATE_OUTPUT("Write the calibration here"),
-    CALIBRATE_FROM("Add to this calibration. Default: the file that is written, if it is there; "
-                   "else that of the session"),
+    CALIBRATE_FROM("Add to this calibration. Default: the output file if it exists, otherwise the "
+                   "calibration of the session"),
     CALIBRATE_INCOMPLETE,
     {NULL},
 };

@@ -20,14 +20,15 @@
 static char *planes_option;
 static const GOptionEntry entries[] = {
     CALIBRATE_OUTPUT("Write the calibration here"),
-    CALIBRATE_FROM("Start from this calibration, which knows cameras and arc"),
+    CALIBRATE_FROM("Start from this calibration, in which cameras and arc are calibrated"),
     CALIBRATE_INCOMPLETE,
     {"planes", 0, 0, G_OPTION_ARG_STRING, &planes_option,
-     "Heights of the plates' tops above the turntable, one a session; default: each session's "
-     "reference plane",
+     "Heights of the plates' tops above the turntable, one for each session; default: each "
+     "session's reference plane",
      "MM;MM…"},
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &laser_images_folder,
-     "No sessions: a folder of photographs of a board with the line of a laser that stands still",
+     "Instead of sessions: a folder of photographs of a board with the line of a laser that stands "
+     "still",
      "DIR"},
     {"board", 'b', 0, G_OPTION_ARG_STRING, &laser_images_board,
      "With --images: the board, as measured, in mm", "8x8,square=9,marker=6.75"},
@@ -286,11 +287,10 @@ static void tell_laser(Record *to, const struct laser_result *found, int i) {
     if (from_prior->len) {
         g_ptr_array_add(from_prior, NULL);
         g_autofree char *list = g_strjoinv(", ", (char **)from_prior->pdata);
-        record_say(
-            to,
-            "; not measured, known only as well as the arc's axis was before: %s (the sheets "
-            "do not depend on that)",
-            list);
+        record_say(to,
+                   "; not measured, and only as accurate as the axis of the arc was before: %s "
+                   "(the sheets do not depend on that)",
+                   list);
     }
     record_say(to, "\n");
 }
@@ -300,9 +300,9 @@ static void warn_residual(const struct calibrate_job *base, const struct laser_r
     g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
     const struct residual residual = {
         of, found->rms_mm[i], found->expected_mm[i], "mm",
-        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
-        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
-        "off; the MDF's error bars contain the rest"};
+        "a sheet whose bend is not a parabola, a plate that is not flat, plates into whose "
+        "material light enters, a turntable or sweep axis whose bearing wobbles, errors in the "
+        "calibration of the cameras; the MDF's error bars contain the rest"};
     calibrate_warn_residual(base, &residual);
 }
 
@@ -319,14 +319,14 @@ static void tell(Record *to, const struct calibrate_job *base) {
             tell_laser(to, found, i);
     record_end(to);
     record_say(to,
-               "  each of %u{steps} steps was measured by itself: at most %.3f{worst_step_mm} mm "
-               "and %.4f{worst_step_deg}° from the model",
+               "  each of %u{steps} steps was also measured separately: at most "
+               "%.3f{worst_step_mm} mm and %.4f{worst_step_deg}° from the model",
                found->steps->len, job->worst_mm, job->worst_rad * 180 / G_PI);
     record_double(to, "real_s", base->seconds);
     if (job->uneven)
         record_say(to,
-                   "; %d by more than %g mm: does the sweep run evenly, and are the "
-                   "plates as high as they are said to be?",
+                   "; %d steps by more than %g mm: check that the sweep runs evenly, and that the "
+                   "heights of the plates are right",
                    job->uneven, UNEVEN_MM);
     record_say(to, "\n");
     calibrate_say_doubts(to, base, part, "sweeps");
@@ -364,9 +364,9 @@ const struct command calibrate_laser = {
         "rig.calibration\n"
         "  mesorig calibrate laser --images photographs -b 10x7,square=25 -c lens.calibration "
         "-o scanner.calibration\n",
-    .help = "Find out how the laser sheets lie and sweep, from "
-            "sessions of flat plates of different height; or the plane of a laser that stands "
-            "still, from photographs of a board with its line.",
+    .help = "Calibrate the laser sheets and their sweep axes, from sessions of flat plates of "
+            "different height; or the plane of a laser that stands still, from photographs of a "
+            "board with its line.",
     .options = entries,
     .writes = TRUE,
     .max = 64,

@@ -116,8 +116,8 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     if (!same_size(picture, camera->width, camera->height) ||
         (dark && !same_size(dark, camera->width, camera->height))) {
         g_ptr_array_add(job->base.rejected,
-                        g_strdup_printf("%s: has not the %d × %d pixels of camera %s", path,
-                                        camera->width, camera->height, camera->name));
+                        g_strdup_printf("%s: it does not have the %d × %d pixels of camera %s",
+                                        path, camera->width, camera->height, camera->name));
         return TRUE;
     }
     const struct picture *shows_board = dark ? dark : picture;
@@ -134,13 +134,13 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     g_autoptr(GArray) dots = NULL;
     if (corners && !laser_pose_fit(camera, &job->board, corners, NULL, &pose))
         g_set_error_literal(&why, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                            "its corners do not lie as on the board, seen by this lens");
+                            "its corners do not fit the board and the lens of this calibration");
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
         /* If the board's reflectance is not known, white print is brighter than the line. */
         const char *advice = corners && strength && !reflectance
-                                 ? "; the laser has no colour of its own in it: take the same "
+                                 ? "; it shows no colour that only the laser has: take the same "
                                    "photographs without the laser, and give --dark-images"
                                  : "";
         g_ptr_array_add(job->base.rejected,
@@ -217,8 +217,8 @@ static gboolean choose_camera(struct job *job, const char *path, GError **error)
     return FALSE;
 }
 
-/* Keeps the plane as that of a laser. The sheet of light does not turn, so that any axis in the
- * plane will do. A laser that has an axis keeps it, projected onto the plane. */
+/* Stores the plane as the sheet of a laser. The sheet does not turn, so any axis in the plane is
+ * suitable. A laser that has an axis keeps it, projected onto the plane. */
 static void keep_laser(struct job *job) {
     struct calibration *calibration = job->base.calibration;
     struct rig_laser *laser = &calibration->rig.lasers[job->laser];
@@ -376,8 +376,8 @@ static void tell(Record *to, const struct calibrate_job *base) {
     record_say_strings(to, "rejected", "  left out: ", part->rejected);
     const struct residual residual = {
         "the lines' distance from the laser's plane", found->rms_mm, found->expected_rms_mm, "mm",
-        "laser or camera moved between photographs, a sheet of light or a board that is bent, a "
-        "lens calibrated too coarsely"};
+        "a laser or camera that moved between photographs, a sheet of light or a board that is "
+        "bent, an inaccurate calibration of the lens"};
     calibrate_warn_residual(base, &residual);
     /* "replaced" in the record is for the calibration file. */
     if (job->table && output_file_note(job->table))

@@ -29,18 +29,18 @@ static const GOptionEntry entries[] = {
      "etc/demo/balls.conf",
      "FILE"},
     CALIBRATE_OUTPUT("Write the result here"),
-    CALIBRATE_FROM("Start from this calibration, which knows the cameras"),
+    CALIBRATE_FROM("Start from this calibration, in which the cameras are calibrated"),
     CALIBRATE_INCOMPLETE,
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &photos_folder,
-     "No session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
+     "Instead of a session: photographs (JPEG, PNG, TIFF) from one fixed camera", "DIR"},
     {"ball", 0, 0, G_OPTION_ARG_STRING_ARRAY, &photos_balls,
      "With --images: position and radius of a ball in pixels, accurate to 5 % of R; several balls "
-     "determine distances, too",
+     "also determine distances",
      "X,Y,R"},
     {"radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
-     "With --images: the camera's focal length in pixels; without it, the camera is taken to be "
+     "With --images: the camera's focal length in pixels; without it, the camera is assumed to be "
      "far away",
      "PX"},
     {"within", 0, 0, G_OPTION_ARG_DOUBLE, &photos_within_deg,
@@ -135,7 +135,7 @@ static gboolean gather(struct job *job, GError **error) {
     }
     if (frames->len == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: holds no pictures under lamps; has it been captured?",
+                    "%s: it contains no pictures under lamps; capture it first",
                     job->base.sessions[0]);
         return FALSE;
     }
@@ -201,8 +201,8 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-/* If sights do not fit, the first hypothesis is that the marks have other sizes, because it needs
- * no other sights. */
+/* If the sights do not fit, first assumes that the marks have other sizes. This needs no new
+ * measurement of the sights. */
 static gboolean adjust(struct job *job, GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
     const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;
@@ -385,7 +385,7 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
     const struct rig *rig = &job->base.calibration->rig;
     const gboolean turntable = mistake->turntable != 1, arc = mistake->arc != 1;
     g_autofree char *fit =
-        g_strdup_printf("%.0f %% of what the pictures should show is there, and %.0f %% otherwise",
+        g_strdup_printf("the pictures show %.0f %% of what they should, and %.0f %% otherwise",
                         100 * is, 100 * would_be);
     g_clear_error(error);
     if (turntable || arc) {
@@ -604,7 +604,7 @@ const struct command calibrate_lights = {
     .examples = "  mesorig calibrate lights poles.session -t poles.conf -c rig.calibration -o "
                 "rig.calibration\n"
                 "  mesorig calibrate lights -i photos --ball 150,160,60 -o lights.lp\n",
-    .help = "Find out where lamps and the arc's axis are, from a session of posts or of balls.",
+    .help = "Calibrate the lamps and the arc's axis, from a session of posts or of balls.",
     .options = entries,
     .writes = TRUE,
     .max = 1,

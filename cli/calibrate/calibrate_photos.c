@@ -199,8 +199,8 @@ static char *look_around(const struct job *job, const struct picture *picture,
     if (why || on_a_ball(job, around.x_px, around.y_px) || around.energy < BRIGHTER * energy)
         return NULL;
     return g_strdup_printf(
-        "has a brighter highlight beside it, at %.1f, %.1f px; is the ball where "
-        "it is said to be?",
+        "has a brighter highlight next to it, at %.1f, %.1f px; check the position given with "
+        "--ball",
         around.x_px, around.y_px);
 }
 
@@ -213,7 +213,8 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
     const struct highlight_mean mean = {job->mean, job->n_mean};
     struct highlight found = {0};
     if (overexposed(job, picture, i))
-        return g_strdup("is white over more than a lamp's highlight takes up; expose less");
+        return g_strdup(
+            "is white over a larger area than a lamp's highlight covers; use a shorter exposure");
     g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
                                           INSIDE * ball->radius_px, max_px, &found);
     g_autofree char *outside =
@@ -226,7 +227,7 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
     if (!ball_light_mean_direction(&camera, ball, found.x_px, found.y_px, found.xx_px2,
                                    found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
                                    &shift_rad))
-        return g_strdup("shows the lamp outside of its outline");
+        return g_strdup("has its highlight outside of its outline");
     /* A ball that appears larger than another of the same size is nearer. This is neglected. */
     if (photos_focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
@@ -270,9 +271,9 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
                         "--within %.1f",
                         name, sigma_rad * DEG,
                         outlined
-                            ? "take the ball larger in the picture, with all of its outline to "
-                              "be seen"
-                            : "let its outline be seen before something bright, take it larger",
+                            ? "photograph the ball larger, with its whole outline visible"
+                            : "photograph the ball larger and in front of something bright, so "
+                              "that its outline is visible",
                         ceil(10 * sigma_rad * DEG) / 10));
 }
 

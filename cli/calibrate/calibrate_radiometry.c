@@ -20,8 +20,8 @@ static const GOptionEntry entries[] = {
     {"tile", 0, 0, G_OPTION_ARG_STRING, &tile_option,
      "The tile's size in mm, if it is not that of the session's sample", "WxH"},
     CALIBRATE_OUTPUT("Write the calibration here"),
-    CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
-                   "file that is written, if it is there; else that of the session"),
+    CALIBRATE_FROM("Start from this calibration, and use its geometry. Default: the output file if "
+                   "it exists, otherwise the calibration of the session"),
     CALIBRATE_INCOMPLETE,
     {NULL},
 };
@@ -48,12 +48,12 @@ static void warn(const struct calibrate_job *base, const struct tile_result *r) 
     if (off > RESIDUAL_LIMIT)
         g_ptr_array_add(
             ret,
-            g_strdup_printf("the lamps' light falls on the tile in another way than the rig file "
-                            "says: their exponents are %.1f off, and their aims %.0f°, which is "
-                            "%.1f times what is usual; causes that fit: tones that are not linear "
+            g_strdup_printf("the light of the lamps on the tile differs from the rig file: the "
+                            "exponents differ by %.1f and the aims by %.0f°, which is %.1f times "
+                            "the usual difference; possible causes: pictures that are not linear "
                             "(sRGB taken for linear, or linear for sRGB), a black level left in "
                             "the pictures, scattered light, lamps that are not where the "
-                            "calibration says, exponents of the rig file",
+                            "calibration says, wrong exponents in the rig file",
                             r->exponent_off, r->aim_off_rad * 180 / G_PI, off));
     for (int c = 0; c < calibration->rig.n_cameras; c++) {
         const struct radiometry_camera *camera = &calibration->camera_radiometry[c];
@@ -72,18 +72,19 @@ static void warn(const struct calibrate_job *base, const struct tile_result *r) 
         if (lamp->known && flicker > MAX_FLICKER)
             g_ptr_array_add(
                 ret, g_strdup_printf("lamp %s flickers by %.2f %% from picture to picture; the "
-                                     "error bars hold it. Give it a better supply, or exposures of "
-                                     "whole periods of the mains",
+                                     "error bars include it. Use a better power supply, or "
+                                     "exposures of whole mains periods",
                                      calibration->rig.lamps[l].name, 100 * flicker));
     }
     for (int c = 0; c < calibration->rig.n_cameras; c++) {
         const struct transfer *t = &calibration->noise[c].transfer;
         if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)
             g_ptr_array_add(
-                ret, g_strdup_printf("camera %s is not linear: an exposure's signal is up to "
-                                     "%.1f %% off. Switch off its gamma and whatever else changes "
-                                     "its values",
-                                     calibration->rig.cameras[c].name, 100 * t->linearity));
+                ret,
+                g_strdup_printf("camera %s is not linear: its signal deviates from the "
+                                "exposure by up to %.1f %%. Switch off its gamma and all other "
+                                "functions that change its values",
+                                calibration->rig.cameras[c].name, 100 * t->linearity));
     }
 }
 
@@ -112,8 +113,9 @@ static void tell(Record *to, const struct calibrate_job *base) {
     }
     if (no_glare > 0)
         record_say(to,
-                   "light that is scattered in the lens is not known of %d of %d cameras, and not "
-                   "in the error bars: let them see something matt and black around the tile\n",
+                   "for %d of %d cameras, the light that the lens scatters is not known and not "
+                   "included in the error bars: put something matt and black around the tile, in "
+                   "their view\n",
                    no_glare, calibration->rig.n_cameras);
     warn(base, r);
 }
@@ -180,8 +182,8 @@ const struct command calibrate_radiometry = {
     .arguments = "SESSION --reflectance R -o FILE",
     .examples = "  mesorig calibrate radiometry tile.session -r 0.96 -c rig.calibration -o "
                 "rig.calibration\n",
-    .help = "Find the response of the cameras and the intensity of the lamps, from a session of a "
-            "white tile.",
+    .help = "Calibrate the response of the cameras and the intensity of the lamps, from a session "
+            "of a white tile.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

@@ -94,7 +94,7 @@ static void add_verdict(GString *to, const struct calibration *calibration) {
     }
     doubt_linearity(doubts, calibration);
     if (doubts->len == 0) {
-        g_string_append(to, "<p class=\"good\">Everything is calibrated, and nothing stands out."
+        g_string_append(to, "<p class=\"good\">Everything is calibrated, and there are no warnings."
                             "</p>\n");
         return;
     }
@@ -306,7 +306,7 @@ static void add_turntable(GString *to, const struct calibration *calibration) {
         add_dot(to, (at[i] - 360 * floor(at[i] / 360)) / 360, error[i] / most, 3, "#1764ab");
     g_string_append_printf(
         to,
-        "</svg><figcaption>how much further it was than commanded, over a turn; the full height "
+        "</svg><figcaption>true minus commanded angle, over a turn; the full height "
         "is ± %.4f°</figcaption></figure>\n",
         most);
 }
@@ -335,11 +335,11 @@ static void add_drift(GString *to, const struct calibration *calibration) {
             if (lamp[i] == l)
                 add_dot(to, taken_s[i] / last_s, (output[i] - 1) / most, 2.5, colour);
     }
-    g_string_append_printf(
-        to,
-        "</svg><figcaption>what each lamp gave of its mean while the tile was taken, over %.1f "
-        "minutes; the full height is ± %.2f %%:%s</figcaption></figure>\n",
-        last_s / 60, 100 * most, names->str);
+    g_string_append_printf(to,
+                           "</svg><figcaption>output of each lamp relative to its mean, while the "
+                           "tile was captured, over %.1f "
+                           "minutes; the full height is ± %.2f %%:%s</figcaption></figure>\n",
+                           last_s / 60, 100 * most, names->str);
 }
 
 static void add_rejected(GString *to, const struct calibration *calibration, const char *path) {
@@ -378,9 +378,9 @@ static char *page(const struct calibration *calibration, const char *path) {
     add_plan(to, &calibration->rig, FALSE);
     add_plan(to, &calibration->rig, TRUE);
     if (calibration->parts[CALIBRATION_CAMERAS].done)
-        g_string_append(to, "<h2>Residuals</h2>\n<p>From where corners were seen to where they "
-                            "should have been. A pattern that all share is what the model of the "
-                            "lens leaves over; noise has none.</p>\n");
+        g_string_append(to, "<h2>Residuals</h2>\n<p>Each arrow leads from a measured corner to its "
+                            "predicted place. A pattern in the arrows is an error of the lens "
+                            "model; noise shows no pattern.</p>\n");
     for (int i = 0; calibration->parts[CALIBRATION_CAMERAS].done && i < calibration->rig.n_cameras;
          i++)
         add_vectors(to, calibration, i);
@@ -408,7 +408,7 @@ const struct command calibrate_report = {
     .name = "calibrate report",
     .arguments = "FILE -o FILE.html",
     .examples = "  mesorig calibrate report rig.calibration -o rig.html\n",
-    .help = "Draw a calibration file as a page.",
+    .help = "Show a calibration file as an HTML page.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

@@ -121,7 +121,7 @@ static int run_add(const struct call *call, GError **error) {
     const char *state = bus_rig1_get_queue_state(link_rig(link));
     const char *reason = bus_rig1_get_queue_reason(link_rig(link));
     if (g_strcmp0(state, "paused") == 0)
-        record_say(call->record, "the queue is paused: %s; “mesorig queue resume” goes on\n",
+        record_say(call->record, "the queue is paused: %s; “mesorig queue resume” continues it\n",
                    reason);
     return CLI_DONE;
 }
@@ -213,7 +213,7 @@ static int run_resume(const struct call *call, GError **error) {
     if (!link || !bus_rig1_call_queue_resume_sync(link_rig(link), NULL, error))
         return CLI_FAILED;
     record_string(call->record, "done", "resume");
-    record_say(call->record, "the queue goes on\n");
+    record_say(call->record, "the queue continues\n");
     return CLI_DONE;
 }
 

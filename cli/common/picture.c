@@ -13,7 +13,8 @@
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 
-/* The primary device attributes (DA1): "ESC [ ? 6 2 ; 4 ; … c", where 4 stands for sixels. */
+/* Asks the terminal for its primary device attributes (DA1). An answer such as "ESC [ ? 6 2 ; 4 ; …
+ * c" contains 4 if the terminal can show sixels. */
 static gboolean has_sixels(int fd) {
     struct termios before, raw;
     char answer[128] = "";

@@ -117,7 +117,8 @@ void record_end(Record *to) {
         g_variant_builder_close(&to->values);
 }
 
-/* %, flags with width and precision, l or ll of 64-bit integers, letter, {key:shown} */
+/* Matches one conversion: %, flags with width and precision, l or ll of 64-bit integers, letter,
+ * {key:shown}. */
 #define CONVERSION "%([-+ 0-9.]*)(l*)([a-zA-Z%])(?:\\{(\\w*)(?::([^}]*))?\\})?"
 
 /* A conversion of a format, from the match with CONVERSION. */

@@ -12,8 +12,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
 
 /* Appends text for people. A conversion that a key in braces follows is also a value of the JSON:
  *
- *     record_say(to, "%d{views} views, error %.2f{error:%%}, in %g{real_s:time}\n", 81,
- * 0.0123, 65.0)
+ *     record_say(to, "%d{views} views, error %.2f{error:%%}, in %g{real_s:time}\n",
+ *                81, 0.0123, 65.0)
  *
  * adds {"views": 81, "error": 0.0123, "real_s": 65} and says "81 views, error 1.23 %, in 1 min 5
  * s". The word after the colon says how the text shows the value:

@@ -39,11 +39,12 @@ gboolean exchange_parse_region(const char *text, struct import_region *ret);
 /* Reads --transfer. Returns FALSE unless the text is NULL, linear or srgb. */
 gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
 #define EXCHANGE_TRANSFER_HELP                                                                     \
-    "Tone curve of the pictures (as their files say; else sRGB of 8 bits, linear of others)"
+    "Tone curve of the pictures (as their files say, otherwise sRGB for 8 bits and linear for "    \
+    "others)"
 #define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
 
-/* Reads a number of bytes, such as "20MB". text is the value of the option --NAME; *ret stays as it
- * is if it is NULL. Returns FALSE on bad usage, which has then been reported. */
+/* Reads a number of bytes, such as "20MB". text is the value of the option --NAME. If text is NULL,
+ * *ret stays as it is. Returns FALSE on bad usage, which has then been reported. */
 gboolean exchange_parse_bytes(const struct command *command, const char *name, const char *text,
                               gint64 *ret);
 

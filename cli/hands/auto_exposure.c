@@ -15,7 +15,7 @@
 #define LINE_LOW     0.05
 #define LINE_HIGH    0.7
 #define FULL_PART    0.95 /* from here on, a picture counts as saturated */
-#define TELLING_PART 0.1  /* bright enough to compute the exposure for another part */
+#define TELLING_PART 0.1  /* a picture as bright as this suffices to compute other exposures */
 #define NOTHING_PART 0.0005
 #define MAX_RATIO    (AUTO_MAX_FACTOR * AUTO_MAX_FACTOR)
 #define LINE_RATIO   64 /* maximum ratio of laser_exposure_us to laser_short_us */

@@ -18,7 +18,7 @@ static char *plot_option, *curve_option;
 struct compare {
     const char *a, *b;
     OutputFile *plot; /* NULL if none */
-    /* found */
+    /* results */
     Material *of_a, *of_b;
     struct comparison *comparison;
     GArray *points;
@@ -79,7 +79,8 @@ static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
     return (x < y) - (x > y);
 }
 
-/* Adds all of them to the record. The text names the worst and the best. */
+/* Adds the errors of all views or lights to the record. The text lists only the worst ones and the
+ * best one. */
 static void tell_directions(Record *to, const char *what, const float *theta_deg,
                             const float *phi_deg, struct compare_sums *sums, int n) {
     g_autofree char *key = g_strconcat(what, "s", NULL);

@@ -11,7 +11,7 @@
 
 struct compress {
     const struct compress_asked *asked;
-    /* found */
+    /* results */
     struct codec_result result;
     char *written;
     OutputFile *to; /* the output file; written is its name */
@@ -44,7 +44,7 @@ static gboolean encode(struct compress *compress, const struct btf_matrix *btf,
            session_add_product_file(compress->written, asked->made_by, error);
 }
 
-/* Makes the result, its figures and its file. */
+/* Computes the model with its errors and sizes, and writes its file. */
 static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     const struct compress_asked *asked = compress->asked;
     /* The rest of the limit is for the computation. */

@@ -31,8 +31,8 @@ const GOptionEntry *compress_entries(void);
 gboolean compress_ask(const struct call *call, struct compress_asked *ret);
 void compress_clear(struct compress_asked *asked);
 
-/* Returns a text of everything besides the BTF on which the result depends. The text does not
- * depend on how the options were written. g_free() */
+/* Returns a text that contains everything on which the result depends, except the BTF. The same
+ * options give the same text, however they were written. g_free() */
 char *compress_inputs(const struct compress_asked *asked);
 
 int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -9,7 +9,7 @@ struct mdf_compression {
     const struct compress_asked *asked;
     char *from;
     OutputFile *to;
-    /* found */
+    /* results */
     struct mdf_codec_result result;
     char *what;
     int width, height, n_measured;

@@ -143,7 +143,7 @@ static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_option_context_add_main_entries(context, entries, NULL);
     const char *what = NULL;
     g_option_context_set_help_enabled(context, FALSE);
-    g_option_context_set_summary(context, "Compresses a BTF by several processes.");
+    g_option_context_set_summary(context, "Compresses a BTF with several processes.");
     g_set_prgname("mesorig-compress-mpi");
     if (!g_option_context_parse(context, argc, argv, &error)) {
         nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});

@@ -17,10 +17,14 @@ struct calibration *archive_calibration(Session *session, struct archive_calibra
             (struct archive_calibration){g_steal_pointer(&with.where), NULL, with.own, with.mixed};
         ret->said = g_strdup_printf(
             "%s%s%s", line,
-            with.own ? "" : "; of the products only, because it was captured with another",
-            with.mixed ? "; some products may still be of another, because their processing was "
-                         "not finished: mesorig process makes them again"
-                       : "");
+            with.own
+                ? ""
+                : "; used only for the products, because the session was captured with another "
+                  "calibration",
+            with.mixed
+                ? "; some products may still have been made with another calibration, because "
+                  "their processing was not finished: mesorig process makes them again"
+                : "");
     }
     made_with_clear(&with);
     return calibration;

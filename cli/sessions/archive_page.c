@@ -224,7 +224,8 @@ static void add_events(GString *to, const struct archive *archive) {
     g_string_append(to, "</details>\n");
 }
 
-/* The views of the BTF are too many for a list. */
+/* Adds the list of products. The views of the BTF are too many for the list, so it has only their
+ * number and size. */
 static void add_products(GString *to, const struct archive *archive) {
     int shown = 0, views = 0;
     gint64 view_bytes = 0;

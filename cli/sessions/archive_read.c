@@ -127,10 +127,11 @@ static gboolean read_calibration(struct archive *archive, Session *session, cons
     if (!archive->calibration)
         return FALSE;
     if (archive->calibrated.mixed)
-        archive_add_check(archive, ARCHIVE_FAILURE, "calibration",
-                          "some products may be of another calibration than this page says, "
-                          "because their processing was not finished: mesorig process %s",
-                          archive->path);
+        archive_add_check(
+            archive, ARCHIVE_FAILURE, "calibration",
+            "some products may have been made with another calibration than this page "
+            "says, because their processing was not finished: mesorig process %s",
+            archive->path);
     const struct config_section *section = rig ? config_find(rig, "rig", NULL) : NULL;
     const char *days = section ? config_value(section, "calibration_days", NULL) : NULL;
     const double most = days ? g_ascii_strtod(days, NULL) : CALIBRATION_DAYS;

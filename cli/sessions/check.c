@@ -176,7 +176,7 @@ static void tell(Record *to, const struct check *check) {
         record_say(
             to,
             "flags        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
-            "%.3g %% from shorter exposures alone, %.3g %% not taken: predicted from the pictures "
+            "%.3g %% only from shorter exposures, %.3g %% not taken: predicted from the pictures "
             "of other lights\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));

@@ -10,7 +10,7 @@
 struct check {
     const char *path;
     OutputFile *plot; /* the picture to draw, or NULL */
-    /* found */
+    /* results */
     struct btf_matrix *btf; /* NULL if there is none */
     struct energy *energy;
     gboolean has_mdf;

@@ -5,7 +5,7 @@
  * undone, and the asymmetry s is compared. With a and b the values of two pairs of directions in
  * which view and light are exchanged, s = √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B −
  * p with the p that minimises Σ (a − b)²; and for B^(1/2.2) and B^2.2, which sRGB is near to. Only
- * pairs of different polar angles show it. */
+ * pairs with different polar angles show such a mistake. */
 #include "check.h"
 
 #include "base/direction.h"
@@ -136,7 +136,7 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
             p, 100 * flat, 100 * is);
     else if (least == flat)
         suspect(ret,
-                "%.3g has been taken off all values: with it the asymmetry is %.2g %% instead of "
+                "%.3g was subtracted from all values: with it the asymmetry is %.2g %% instead of "
                 "%.2g %%. Subtract a lower black level from the pictures",
                 -p, 100 * flat, 100 * is);
     else if (least == encoded)

@@ -123,7 +123,7 @@ static void draw_progress(const struct history *h, double top, double bottom) {
         cairo_set_dash(h->cr, dash, 2, 0);
         draw_line(h, x_of(h, h->bound_s), top, x_of(h, h->bound_s), bottom);
         cairo_set_dash(h->cr, NULL, 0, 0);
-        plot_text(h->cr, x_of(h, h->bound_s) - 8, bottom - 10, 1, "no order ends before");
+        plot_text(h->cr, x_of(h, h->bound_s) - 8, bottom - 10, 1, "lower bound of any order");
     }
     set_colour(h, turntable, 1);
     cairo_set_line_width(h->cr, 3);

@@ -12,7 +12,7 @@ static double most_of(double most, const double *values, int n) {
     return most;
 }
 
-/* Returns an upper end of the axis with four round steps that contains most. */
+/* Returns the upper end of an axis that has four round steps and contains the value most. */
 static double round_up(double most) {
     static const double steps[] = {1, 2, 2.5, 5, 10};
     double decade = pow(10, floor(log10(most / 4)));
@@ -22,7 +22,7 @@ static double round_up(double most) {
     return 4 * steps[i] * decade;
 }
 
-/* bottom is the lower edge. */
+/* Draws one diagram. bottom is its lower edge. */
 static void draw_diagram(cairo_t *cr, double bottom, const char *title, const double *e_r,
                          int n_views, const double *e_i, int n_lights) {
     const struct {

@@ -155,7 +155,7 @@ static int run(const struct call *call, GError **error) {
         cli_tell_output(to, page_file);
     }
     if (crate_file)
-        record_say(to, "%s/ro-crate-metadata.json: the folder can go to a repository of data\n",
+        record_say(to, "%s/ro-crate-metadata.json: the folder is ready for a data repository\n",
                    archive->path);
     return CLI_DONE;
 }

@@ -18,9 +18,8 @@ static gboolean along_surface;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "Directions of the new session: those that were planned (own), the 81 directions of the "
-     "papers, "
-     "or a table in a file (own)",
+     "Directions of the new session: own, those of the plan; 81, those of the papers; or a table "
+     "in a file (own)",
      "own|81|FILE"},
     {"along-surface", 0, 0, G_OPTION_ARG_NONE, &along_surface,
      "Move the views along the surface of the MDF before they are mixed; for materials with relief "

@@ -10,7 +10,7 @@
 
 struct verify {
     const char *path;
-    /* found */
+    /* results */
     char *directory;
     int n_frames, n_products;
     GPtrArray *frames, *products; /* of struct session_damage */
@@ -133,10 +133,9 @@ static void tell(Record *to, const struct verify *verify) {
     for (guint i = 0; i < remedies->len; i++)
         record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
     if (verify->not_noted && !cli_json)
-        g_printerr("the damaged frames could not be noted, so that mesorig resume does not take "
-                   "them again: %s; run mesorig verify again as a user who may write into the "
-                   "session, with "
-                   "space on its disk\n",
+        g_printerr("the damaged frames could not be recorded, so mesorig resume does not take them "
+                   "again: %s; run mesorig verify again as a user who may write into the session, "
+                   "with space on its disk\n",
                    verify->not_noted->message);
 }
 

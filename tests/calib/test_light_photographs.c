@@ -232,7 +232,7 @@ TEST(wrong_circle) {
     save(scene, "circle.png");
     const struct ball beside = {one.x + 70, one.y + 20, one.r};
     g_autofree char *out = calibrate(1, &beside, 1, FALSE);
-    assert_said(out, "circle.png: ball 1 has a brighter highlight beside it, at 18");
+    assert_said(out, "circle.png: ball 1 has a brighter highlight next to it, at 18");
 }
 
 /* As of a ball on a dark table: only the upper half of its outline is before something bright. */

@@ -111,7 +111,8 @@ TEST(verdict) {
     g_assert_true(calibration_write(calibration, path, NULL));
     g_free(RUN(0, "calibrate", "report", path, "-o", html));
     g_assert_true(g_file_get_contents(html, &good, NULL, NULL));
-    assert_has(good, "</h1>\n<p class=\"good\">Everything is calibrated, and nothing stands out.");
+    assert_has(good,
+               "</h1>\n<p class=\"good\">Everything is calibrated, and there are no warnings.");
     for (int i = 1; i <= 300; i++)
         g_ptr_array_add(calibration->parts[CALIBRATION_LIGHTS].rejected,
                         g_strdup_printf("%d.exr: ball 1 shows no lamp", i));

@@ -118,7 +118,7 @@ static void test_locked(void) {
 
 /* Once, whatever the locale and the number of processes; without MPI's help as well. */
 static void test_help(void) {
-    static const char usage[] = "Compresses a BTF by several processes.";
+    static const char usage[] = "Compresses a BTF with several processes.";
     const char *const alone[] = {"env", "-i", "LC_ALL=C", COMPRESS_MPI, "--help", NULL};
     const char *const three[] = {MPIEXEC,      "--oversubscribe", "-n", "3",
                                  COMPRESS_MPI, "--help",          NULL};

@@ -78,7 +78,7 @@ A BTF and an MDF are checked. Nothing is suspected of this session.
   $ mesorig check S --plot energy.svg
   energy       0.457 … 0.459 of a light's energy is reflected (views to 60°)
   reciprocity  no pair of directions was measured both ways
-  flags        0 % of the values are holes, 0 % lower bounds (saturated), 0 % from shorter exposures alone, 0 % not taken: predicted from the pictures of other lights
+  flags        0 % of the values are holes, 0 % lower bounds (saturated), 0 % only from shorter exposures, 0 % not taken: predicted from the pictures of other lights
   error bars   not known: the noise of the session's cameras is not calibrated
   surface      19.74 % of what a view sees is confirmed by others, 0.00 % refuted, 80.26 % hidden from all of them; 0.00 % of what other views say of it contradicts it
   plot         energy.svg

@@ -99,7 +99,7 @@ Without a command all commands are listed.
   
   Calibrate:
     board      Draw a calibration board to print.
-    calibrate  Find out where cameras, lamps and lasers are, from pictures.
+    calibrate  Calibrate cameras, lamps and lasers from pictures.
   
   Process a session:
     process    Compute the BTF, the MDF and eigen-maps of a session.

@@ -298,7 +298,7 @@ static void bright(void) {
         g_assert_cmpfloat(found->camera_radiometry[c].glare_error, ==, 0);
     }
     g_autofree char *told = process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, conf);
-    assert_has(told, "light that is scattered in the lens is not known of 3 of 3 cameras");
+    assert_has(told, "for 3 of 3 cameras, the light that the lens scatters is not known");
     radiometry_rig_remove(folder);
 }
 
