@@ -1,4 +1,4 @@
-# Completion of mesorig's command line for fish: the program itself knows what may follow.
+# Completion of mesorig's command line for fish. “mesorig --complete WORD…” prints what may follow.
 function __mesorig_complete
     set -l words (commandline -opc) "$(commandline -ct)"
     command mesorig --complete $words[2..-1] 2>/dev/null

@@ -1,5 +1,5 @@
 #compdef mesorig
-# Completion of mesorig's command line for zsh: the program itself knows what may follow.
+# Completion of mesorig's command line for zsh. “mesorig --complete WORD…” prints what may follow.
 _mesorig() {
     local line
     local -a folders others

@@ -1,5 +1,5 @@
-/* Prints the MIME types: make_mime TEMPLATE. Instead of the line @CODECS@ it prints a glob for the
- * file of each codec. */
+/* make_mime TEMPLATE prints the template of the MIME types, with a glob for the file of each codec
+ * instead of the line @CODECS@. */
 #include "codecs/codecs.h"
 
 #include <stdio.h>

@@ -1,9 +1,9 @@
 /*
- * Fills a manual page in: make_man TEMPLATE. A line of the template that begins with @ is replaced:
+ * make_man TEMPLATE prints a manual page. It replaces each line of the template that begins with @:
  *   @rig CLASS, @session CLASS, @world CLASS, @hooks CLASS   the keys of that section
  *   @drivers CLASS                             a section .Ss for each driver of the class
  *   @schema                                    a section .Ss for each table of session.db
- * so that pages say what the programs read, with the same ranges and defaults.
+ * So the pages have the same keys, ranges and defaults as the programs.
  */
 #include "hooks/hooks_conf.h"
 #include "plan/plan.h"
@@ -14,8 +14,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* As text of mdoc(7), each sentence on a line of its own: no backslash or control at the beginning
- * of a line means anything. */
+/* Prints a text for mdoc(7), each sentence on a separate line. Escapes characters that mdoc would
+ * interpret: backslashes, and a dot or apostrophe at the beginning of a line. */
 static void put_text(const char *text) {
     if (*text == '.' || *text == '\'')
         fputs("\\&", stdout);
@@ -32,7 +32,7 @@ static void put_text(const char *text) {
     }
 }
 
-/* A help text, which begins with a small letter and has no full stop, as a sentence. */
+/* Prints a help text as a sentence: with a capital letter at its beginning and a full stop. */
 static void put_sentence(const char *text) {
     g_autofree char *first = g_utf8_substring(text, 0, 1);
     g_autofree char *large = g_utf8_strup(first, -1);
@@ -98,7 +98,7 @@ static gboolean put_drivers(const char *class_name) {
     return any;
 }
 
-/* A column's line of SQL, "name TYPE … -- what it is", trimmed. */
+/* Prints a column of a table. line is its line of SQL, "name TYPE … -- what it is", trimmed. */
 static void put_column(char *line) {
     char *comment = strstr(line, "--");
     if (comment)
@@ -139,7 +139,7 @@ static void put_schema(void) {
     }
 }
 
-/* FALSE: there is no such thing to put in. */
+/* Prints the text that replaces a line "@…". Returns FALSE if the line is not known. */
 static gboolean put_directive(const char *line) {
     static const struct {
         const char *name;
@@ -178,7 +178,7 @@ int main(int argc, char **argv) {
         if (**line != '@')
             puts(*line);
         else if (!put_directive(*line)) {
-            g_printerr("%s:%d: there is nothing to put in for “%s”\n", argv[1],
+            g_printerr("%s:%d: “%s” is not one of the directives that make_man.c lists\n", argv[1],
                        (int)(line - lines) + 1, *line);
             return 1;
         }
