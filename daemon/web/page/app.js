@@ -1,4 +1,5 @@
-// The rig as mesorig-web tells it: /api/v1/events, with pictures and actions next to it.
+// The page of mesorig-web. It shows the state and the events of the stream /api/v1/events, and the pictures
+// of the cameras. Its buttons send actions to the server.
 "use strict";
 
 const $ = id => document.getElementById(id);
@@ -33,8 +34,8 @@ function duration(seconds) {
            : m ? `${m} min ${String(s % 60).padStart(2, "0")} s` : `${s} s`;
 }
 
-// While a capture runs, the time left is computed with the browser's clock, because a simulated rig's clock runs at
-// another speed.
+// While a capture runs, the time left is computed with the browser's clock, because a simulated rig's clock
+// runs at a different speed.
 function timeLeft(runs, paused) {
   if (runs && state.predicted_end) return duration(Math.max(0, state.predicted_end - Date.now() / 1000));
   if (paused && state.left_s > 0)
@@ -125,7 +126,7 @@ function showNotice(paused) {
     if (fault) steps.push(`Lamps and lasers were told to switch off, and the axes to stop. Before you reach into the rig, ${makeSafe}. It says whether each device has confirmed this.`,
                           `Repair ${faulty.map(device => device.name).join(", ")} as the message says.`);
     steps.push(fault ? `${goOn}. The interrupted shot is taken again. No frame is lost.`
-                     : `${goOn} to go on.`);
+                     : `${goOn}.`);
   } else if (aborted) steps.push(`The frames are kept. To continue: ${resume}`);
   const wanted = reason || prompt ? steps : [];
   if ($("steps").dataset.shown !== wanted.join("\n")) {
@@ -134,8 +135,8 @@ function showNotice(paused) {
   }
 }
 
-// --- the pose: the turntable from above, x to the right. A place at polar angle θ is drawn at sin θ times the radius
-// of the horizon's circle, so that the zenith lies in the middle.
+// --- the pose: a drawing of the turntable from above, with x to the right. A device at polar angle θ is
+// drawn at sin θ times the radius of the horizon's circle, so the zenith is in the middle.
 
 const horizon = 92; // units of the drawing
 
@@ -148,8 +149,9 @@ function degrees(value) {
   return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
 }
 
-// Returns whether a lamp or laser shines. While shots are taken, only the light of the shot does. At other times the
-// health of a laser says whether it shines. A bank of lamps says only how many of its lamps are on.
+// Returns whether a lamp or laser shines. While shots are taken, only the light of the shot shines. At other
+// times, the health of a laser says whether it shines. For lamps this is not known, because the health of a
+// bank of lamps has only the number of lamps that are on.
 function shines(at) {
   if (["running", "homing", "pausing"].includes(state.state))
     return at.class === state.light_class && at.name === state.light;
@@ -208,10 +210,11 @@ function showPose() {
 
 // --- queue
 
-const queueStates = { empty: "Nothing waits.", waiting: "It waits for the rig.", working: "It is at work.",
-                      hands: "It waits for somebody at the rig.", paused: "It is paused." };
+const queueStates = { empty: "The queue is empty.", waiting: "The queue waits for the rig.",
+                      working: "A session is being captured.",
+                      hands: "The queue waits for an operator at the rig.", paused: "The queue is paused." };
 
-const itemStates = { begun: "is being captured", hands: "waits for somebody", trying: "test shots are taken" };
+const itemStates = { begun: "is being captured", hands: "waits for an operator", trying: "takes test shots" };
 
 function time(seconds) {
   return seconds ? new Date(1000 * seconds).toLocaleTimeString([], clockTime) : "–";
@@ -237,7 +240,7 @@ function showQueue() {
     row.append(element("strong", "", item.name), ` ${itemStates[item.state] || item.state}, ` +
       `${time(begin)} – ${time(end)}`);
     if (item.message) row.append(element("p", "faint", item.message));
-    if (item.prompt && !ended && !runs) row.append(element("p", "faint", `Before it: ${item.prompt}`));
+    if (item.prompt && !ended && !runs) row.append(element("p", "faint", `Before this session: ${item.prompt}`));
     return row;
   }));
 }
@@ -270,7 +273,7 @@ async function loadPicture(name) {
   if (!answer || !answer.ok) return;
   const told = await answer.json();
   if (!camera.seen) {
-    camera.seen = true; // the map has the cameras in the rig's order
+    camera.seen = true; // figures are in the order of the map, which is that of the rig
     $("cameras").replaceChildren(...[...cameras.values()].filter(other => other.seen).map(other => other.figure));
   }
   camera.image.src = `${api}cameras/${encodeURIComponent(name)}.png?t=${told.time_s}`;
@@ -281,7 +284,7 @@ async function loadPicture(name) {
     fill: colours[c], "fill-opacity": 0.5 })));
   camera.caption.replaceChildren(element("strong", "", name),
     ` ${told.width} × ${told.height}, `,
-    "brightened for the page, like its histogram; “mesorig snap” shows the camera's values");
+    "brightened for this page, also in the histogram; “mesorig snap” shows the camera's values");
 }
 
 // --- course and events
@@ -318,7 +321,7 @@ async function act(name) {
   const answer = await fetch(api + name, {
     method: "POST", headers: token ? { Authorization: `Bearer ${token}` } : {}
   }).catch(error => ({ ok: false, json: () => ({ error: String(error) }) }));
-  const told = await answer.json().catch(() => ({ error: "the server has sent no answer" }));
+  const told = await answer.json().catch(() => ({ error: "the answer of the server is not JSON" }));
   if (answer.ok) {
     if (name === "safe") showSafe(told);
     return;

@@ -346,7 +346,7 @@ TEST(shows_only) {
     g_free(browser_value(browser,
                          "(state = {...state, state: 'paused', reason: 'why'}, showState())"));
     browser_wait(browser, "document.getElementById('steps').textContent == "
-                          "'Run: mesorig continue to go on.'");
+                          "'Run: mesorig continue.'");
     /* A laser that has not confirmed that it is off: it is said first, and drawn. */
     browser_wait(browser, "document.getElementById('unsafe').hidden");
     g_free(browser_value(
