@@ -1,4 +1,4 @@
-"""Shared by new-driver and new-codec: fills templates and adds lines to tables."""
+"""Code that new-driver and new-codec share. It fills templates and adds lines to tables."""
 import os
 import re
 import shutil
@@ -9,7 +9,7 @@ CONTRIB = os.path.dirname(os.path.abspath(__file__))
 
 
 class Skeleton:
-    """Files of the tree in a folder. Nothing is written before save()."""
+    """New and changed files of the source tree in the folder root. Only save() writes them."""
 
     def __init__(self, root, words):
         self.root, self.words = root, words
@@ -18,10 +18,10 @@ class Skeleton:
             sys.exit(f"{root} is not the source tree of Mesorig")
 
     def fill(self, template, path):
-        """A new file, from a template in which each @WORD@ is replaced."""
+        """Makes a new file from a template. Each @WORD@ in it is replaced by its value in words."""
         for _, _, names in os.walk(os.path.join(self.root, path.split("/")[0])):
             if os.path.basename(path) in names:
-                sys.exit(f"there is a {os.path.basename(path)} already: choose another name")
+                sys.exit(f"a file {os.path.basename(path)} already exists: choose another name")
         with open(os.path.join(CONTRIB, template), encoding="utf-8") as file:
             text = file.read()
         for word, value in self.words.items():
@@ -35,7 +35,7 @@ class Skeleton:
         return self.changed[path]
 
     def change(self, path, pattern, new):
-        """Replaces the first match of a pattern."""
+        """Replaces the first match of a regular expression in an existing file."""
         text, n = re.subn(pattern, new, self.read(path), count=1, flags=re.DOTALL | re.MULTILINE)
         if n == 0:
             sys.exit(f"{path}: cannot find {pattern!r}; add {new!r} by hand")
@@ -57,7 +57,9 @@ class Skeleton:
 
 
 def identifier(name):
-    """The name in C."""
+    """Returns the name as a C identifier, with underscores instead of hyphens."""
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
-        sys.exit(f"{name!r} is not a name: take small letters, digits and hyphens, as in acme-axis")
+        sys.exit(
+            f"{name!r} is not a name: use lower-case letters, digits and hyphens, as in acme-axis"
+        )
     return name.replace("-", "_")
