@@ -54,7 +54,7 @@ struct option_target {
 
 /* The same as options_parse() for keys that belong to one of several tables. All mistakes of the
  * section are added to mistakes. (The error of options_parse() also lists all of them.) A required
- * key is not reported as missing if a misspelt key was taken for it, or if a line of the section
+ * key is not reported as missing if a misspelt key probably meant it, or if a line of the section
  * could not be parsed. "*" in also allows any other key. Returns TRUE if there are no mistakes and
  * no line was left out. */
 gboolean options_read(const struct option_target *targets, gsize n_targets,

@@ -447,7 +447,7 @@ gboolean output_file_end(OutputFile *file, gboolean written, GError **error) {
         return keep(file, error);
     g_clear_pointer(&file->written, g_free);
     if (!output_file_sync(folder, O_DIRECTORY))
-        /* Some file systems cannot do this; the file is written nevertheless. */
+        /* Some file systems cannot sync a folder. The file has its name nevertheless. */
         g_debug("%s: %s", folder, g_strerror(errno));
     return TRUE;
 }

@@ -11,7 +11,7 @@ G_BEGIN_DECLS
  * says what is not installed. */
 char *program_find(const char *name, GError **error);
 
-/* The same for a shared object that this program loads. PATH is not searched. */
+/* The same as program_find() for a shared object that this program loads. PATH is not searched. */
 char *program_find_module(const char *name, GError **error);
 
 /* Sets the user's character set and sort order. Numbers keep their decimal point in any locale, in

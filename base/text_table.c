@@ -188,7 +188,8 @@ gboolean text_table_check_columns(const TextTable *table, const char *const *kno
                                    "there is no column “%s”; did you mean %s?", name, nearest.name);
         g_autofree char *all = g_strjoinv(", ", (char **)known);
         return data_error_fail(table->path, table->head_line, error,
-                               "there is no column “%s”; remove it. The columns are %s", name, all);
+                               "the column “%s” is not known; remove it. The columns are %s", name,
+                               all);
     }
     return TRUE;
 }

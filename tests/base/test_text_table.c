@@ -86,8 +86,9 @@ TEST(columns) {
         {"exposure", "table.csv:1: there is no column “exposure”; did you mean exposure_ms?"},
         {"Exposure_ms", "did you mean exposure_ms?"},
         {"blacklevel", "did you mean black_level?"},
-        {"operator", "there is no column “operator”; remove it. The columns are file, exposure_ms, "
-                     "black_level"},
+        {"operator",
+         "the column “operator” is not known; remove it. The columns are file, exposure_ms, "
+         "black_level"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
