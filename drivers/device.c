@@ -71,7 +71,7 @@ void device_set_identity(struct device *device, const char *model, const char *s
                                             : has_address ? address
                                                           : "");
     g_autofree char *valid = g_utf8_make_valid(g_strstrip(text), -1);
-    for (char *at = valid; *at; at++) /* it is kept and shown as a line */
+    for (char *at = valid; *at; at++) /* the identity must be a single line of text */
         *at = g_ascii_iscntrl(*at) ? '?' : *at;
     g_free(device->identity);
     device->identity = *valid ? g_steal_pointer(&valid) : NULL;

@@ -255,9 +255,9 @@ gboolean lights_set(struct lights *lights, int index, gboolean on, GError **erro
 
 /* Returns the command to which an answer belongs. The commands to one light are answered in order,
  * but an overdue one may never be answered. If several commands ask for the same state with no
- * other command between them, an answer proves the same for each of them. It is then taken for the
- * first whose answer is still awaited. Otherwise it is taken for the first that fits. In the worst
- * case the answer then proves less than it could. */
+ * other command between them, an answer proves the same for each of them. The answer then belongs
+ * to the first command whose answer is still awaited, otherwise to the first command that fits. In
+ * the worst case the answer then proves less than it could. */
 static struct command *find_command(const struct lights *lights, int index, gboolean on) {
     struct command *overdue = NULL;
     for (const GList *l = lights->commands.head; l; l = l->next) {

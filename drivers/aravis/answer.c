@@ -52,7 +52,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     if (state->clock.valid && stamp_ns > 0)
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
-        return TRUE; /* its first packet is missing, so the class refuses the frame */
+        return TRUE; /* the frame is incomplete, and drivers/camera.c refuses it */
     /* For a camera without a clock, use the time at which its frame began to arrive. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);

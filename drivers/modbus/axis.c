@@ -47,7 +47,7 @@ struct modbus_axis {
     int n_unheard;    /* polls in a row that were not answered */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
-    double speed_deg_s; /* value of its register */
+    double speed_deg_s; /* value of the drive's speed register */
     /* The last start or the last motion seen, and the last change of position. */
     gint64 still_us, progress_us;
     gint64 heard_us, fed_us; /* the last answer, and the last reset of the watchdog */

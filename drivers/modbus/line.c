@@ -411,7 +411,8 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
-        /* This program may have been suspended the whole time, so one attempt proves nothing. */
+        /* This program may have been suspended during the first attempt. Its failure then proves
+         * nothing, so a second attempt gets the same time. */
         if (tries + late == 0)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us);
         /* Wait once more for a late answer, which proves that the device is alive. */

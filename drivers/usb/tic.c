@@ -87,8 +87,8 @@ struct tic {
     int n_commands;
     GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
-    gint64 fed_us, unfed_us; /* last reset of its command timeout; longest time without a reset */
-    int timeout_ms;          /* its command timeout */
+    gint64 fed_us, unfed_us; /* last reset of the command timeout; longest time without a reset */
+    int timeout_ms;          /* command timeout of the Tic */
     guint timer;
     double target_deg;
     gint32 target_steps;

@@ -237,7 +237,7 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
     const struct video_range *range = &v4l2->controls.exposure;
     double unit = exposure_unit_us(v4l2);
     if (v4l2->fixed_exposure_us > 0)
-        return TRUE; /* the class has checked that it is the fixed exposure */
+        return TRUE; /* drivers/camera.c has checked that exposure_us is the fixed exposure */
     gint64 value = video_range_nearest(range, (double)exposure_us / unit);
     if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
         return video_refuse(error, DEVICE_ERROR_RANGE, &v4l2->node,
