@@ -21,7 +21,7 @@
 #define WATCHDOG    5
 #define TIMEOUT     VIRTUAL_MODBUS_TIMEOUT
 #define UNIT_US     100000 /* unit of the timeout and of pulses */
-#define TICK_MS     10     /* resolution of these times */
+#define TICK_MS     10     /* resolution of the timeout and of pulses */
 
 #define START 1
 #define HOME  2
@@ -49,12 +49,12 @@ struct VirtualModbus {
     int down_ms; /* above 0 if a restart was requested */
     enum phase phase;
     double from, to, speed0;
-    double speed_steps_s; /* largest speed of this motion */
+    double speed_steps_s; /* maximum speed of the current motion */
     gint64 start_us, end_us;
     /* Time of the last request; 0 if the timeout has expired since. */
     gint64 heard_us;
     gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0 if the coil stays as it is */
-    int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of its last pulse */
+    int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of the coil's last pulse */
 };
 
 static double modbus_travelled(const VirtualModbus *device, double way, double t) {
@@ -117,8 +117,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* Does the actions of the device that depend on time: ends pulses, and switches off and brakes when
- * its timeout expires. */
+/* Does the actions of the device that depend on time: ends pulses, and switches coils off and
+ * brakes when the timeout expires. */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;

@@ -20,7 +20,8 @@
  * immediately. */
 #define IDLE_US 300
 
-/* The same for operations that may take long. Other devices can be polled meanwhile. */
+/* Pause after such a poll for operations that may take long, so that other devices can be polled
+ * meanwhile. */
 #define PATIENT_MS 1
 
 enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };

@@ -55,7 +55,7 @@ struct optics_camera {
     double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
     double half_gain_step; /* ratio by which the right half of the sensor reads brighter */
     double column_offset;  /* standard deviation of the columns' offsets, as a part of full scale */
-    guint64 columns_key;   /* seed of these offsets */
+    guint64 columns_key;   /* seed of the columns' offsets */
 };
 
 /* Places a camera at a point so that it looks at the origin. Its right is e_φ at that point. */

@@ -1,8 +1,8 @@
 /*
  * The simulated world. All simulated devices read and change the same world, so that pictures
- * follow motion and light. It has a sample on a turntable, cameras, and lamps and lasers on an arc
- * or standing by themselves. An arm may carry cameras, and a probe may carry lamps; both are axes.
- * A world file describes the world (world.conf(5) has every key).
+ * follow motion and light. It has a sample on a turntable, cameras, and lamps and lasers, which are
+ * on an arc or fixed. An arm may carry cameras, and a probe may carry lamps; both are axes. A world
+ * file describes the world (world.conf(5) has every key).
  *
  * The world shares no code with calib/ and processing/. Projection, distortion and triangulation
  * are written independently, so that an error there shows in the results.

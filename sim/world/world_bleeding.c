@@ -18,7 +18,7 @@ struct bleeding {
     struct surface *cells;       /* ny × nx; cells without sample show the turntable */
     int reach;                   /* reach of the kernel, in cells */
     float per_step;              /* 1/mm */
-    float kernel[REACH_SCALES * KERNEL_STEPS + 2]; /* its sum over a level surface is 1 */
+    float kernel[REACH_SCALES * KERNEL_STEPS + 2]; /* sums to 1 over a level surface */
 };
 
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {
@@ -94,7 +94,7 @@ static gpointer make_cells(const struct cache_key *key, gconstpointer data, gsiz
             struct surface matt = bleeding->cells[first + i];
             if (blocked[i] || matt.triangle == NO_TRIANGLE)
                 continue;
-            matt.albedo[CFA_GREEN] = (float)G_PI; /* so that scene_reflect() returns n·l */
+            matt.albedo[CFA_GREEN] = (float)G_PI; /* scene_reflect() then returns n·l */
             matt.gloss = 0;
             const struct v3 p = v3(matt.p[0], matt.p[1], matt.p[2]);
             lit[first + i].angle = (float)optics_laser_angle(&laser, p);

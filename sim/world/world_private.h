@@ -137,7 +137,8 @@ guint64 world_carried_bits(gboolean carried, double deg);
  * between arc and turntable, unless the arc's axis differs from the turntable's axis, or the
  * turntable wobbles. Results for fixed lights depend only on the turntable. */
 struct light_pose {
-    double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
+    double relative_rad;  /* world_relative_rad() */
+    double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
     gboolean upright; /* use a frame that does not tilt with the turntable: the rig's at angle 0 */

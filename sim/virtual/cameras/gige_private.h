@@ -42,7 +42,7 @@
 #define GIGE_TICKS_HZ 125000000 /* one tick is 8 ns */
 
 struct VirtualGige {
-    struct imager imager; /* its mutex guards memory and the members after it */
+    struct imager imager; /* imager.mutex guards memory and the members that follow it */
     char *address;
     int control, discovery, stream, wake[2];
     GThread *answerer;

@@ -34,7 +34,7 @@ struct virtual_camera_options {
     const char *serial; /* up to 15 characters */
     int width, height, bits;
     enum cfa cfa;
-    double black_level;     /* initial value of its BlackLevel, in DN of the sensor */
+    double black_level;     /* initial value of the camera's BlackLevel, in DN of the sensor */
     VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
     gpointer data;
     const struct virtual_processing *processing; /* NULL if there is none */

@@ -47,7 +47,7 @@ void u3v_reset(VirtualU3v *camera) {
     u3v_set_reg(camera, ABRM_SBRM, SBRM_AT, 8);
     u3v_set_reg(camera, ABRM_STAMP_INCREMENT, 1, 4); /* ns */
     u3v_set_reg(camera, SBRM_VERSION, 0x00010000, 4);
-    u3v_set_reg(camera, SBRM_CAPABILITY, 1, 8); /* it has a stream */
+    u3v_set_reg(camera, SBRM_CAPABILITY, 1, 8); /* the camera has a stream */
     u3v_set_reg(camera, SBRM_MAX_CMD, U3V_MAX_TRANSFER, 4);
     u3v_set_reg(camera, SBRM_MAX_ACK, U3V_MAX_TRANSFER, 4);
     u3v_set_reg(camera, SBRM_N_STREAMS, 1, 4);

@@ -56,7 +56,7 @@
 enum u3v_phase { U3V_IDLE, U3V_LEADER, U3V_PAYLOAD, U3V_TRAILER };
 
 struct VirtualU3v {
-    struct imager imager; /* its mutex guards memory and the members after it */
+    struct imager imager; /* imager.mutex guards memory and the members that follow it */
     VirtualUsb *usb;
     struct virtual_usb_class class;
 
@@ -66,7 +66,7 @@ struct VirtualU3v {
     gint64 answer_us;          /* time when it may be read */
     struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
-    gsize sent; /* bytes of its payload that were sent */
+    gsize sent; /* bytes of the picture's payload that were sent */
     gboolean headless, tailless, stunted, hollow;
 };
 

@@ -51,7 +51,7 @@ static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     memset(to, 0, (gsize)size);
     u3v_put(to, prefix, 4);
     u3v_put(to + 6, (guint64)size, 2);
-    u3v_put(to + 8, id - 1, 8); /* they count from 0 */
+    u3v_put(to + 8, id - 1, 8); /* block ids of USB3 Vision begin at 0 */
 }
 
 /* Size of the next transfer: the set number of equal transfers, then the remainder. */
@@ -85,7 +85,7 @@ int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
         put_head(data, TRAILER_PREFIX, TRAILER_SIZE, out->id);
         u3v_put(data + 20, camera->sent, 8);
         u3v_put(data + 28, out->height, 4);
-        n = camera->stunted ? 3 : n; /* not even the prefix */
+        n = camera->stunted ? 3 : n; /* a stunted trailer is shorter than its prefix */
         u3v_drop(camera);
     } else {
         put_head(data, LEADER_PREFIX, LEADER_SIZE, out->id);

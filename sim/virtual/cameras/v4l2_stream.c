@@ -27,7 +27,8 @@ struct shot {
     guint32 fourcc;
 };
 
-/* Call it with the mutex locked. Returns FALSE when the stream has ended. */
+/* Waits until time_us or the end of the stream. The mutex must be locked. Returns FALSE when the
+ * stream has ended. */
 static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
     while (camera->stream == stream && g_get_monotonic_time() < time_us)
         g_cond_wait_until(&camera->woken, &camera->mutex, time_us);
@@ -43,7 +44,7 @@ struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_st
     return found;
 }
 
-/* Call it with the mutex locked. */
+/* Delivers a frame in a buffer. The mutex must be locked. */
 static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual_buffer *buffer,
                     const guint8 *data) {
     gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
@@ -70,8 +71,8 @@ static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual
     buffer->state = BUFFER_DONE;
 }
 
-/* Call it with the mutex locked; it unlocks while it makes the picture. Returns FALSE at the end.
- */
+/* Makes the picture of a frame and delivers it. The mutex must be locked, and is unlocked while the
+ * picture is made. Returns FALSE when the stream has ended. */
 static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);

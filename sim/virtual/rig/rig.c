@@ -16,8 +16,8 @@
 /* Timeouts of a line: a busy desktop computer answers later than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
-/* The same for all sections of a board. It is longer than the delay of a program on a busy
- * machine. */
+/* Watchdog keys, which are the same for all sections of a board. The watchdog's time is longer than
+ * the delay of a program on a busy machine. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {

@@ -22,7 +22,7 @@ typedef struct VirtualRig VirtualRig;
 struct virtual_rig_device {
     char *section; /* of the rig file: "camera cam15" */
     char *driver;  /* driver that opens it */
-    char *where;   /* its address: "127.77.4.9", "/dev/pts/5 unit 1" */
+    char *where;   /* address of the device: "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
 /* Makes a rig. path is a rig file whose drivers are all simulated. usb has the names of the devices

@@ -77,11 +77,12 @@ char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret
 /* Returns the name of the axis's part for world_part_find(); g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
-/* Copies the section without the keys that only the simulated driver accepts. */
+/* Copy a section without the keys that only the simulated driver accepts. rig_copy_motion() is for
+ * the section of an axis. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to);
 void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
-                     const struct driver_info *to); /* the same for the section of an axis */
+                     const struct driver_info *to);
 
 /* Adds a device to the list. Takes ownership of where. */
 void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
