@@ -156,8 +156,8 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     return TRUE;
 }
 
-/* Chooses the laser of the given name, which must stand by itself. In a calibration from
- * photographs, a new laser is added if there is none of that name. */
+/* Chooses the laser of the given name, which must be fixed. In a calibration from photographs, a
+ * new laser is added if there is none of that name. */
 static gboolean choose_laser(struct job *job, GError **error) {
     struct rig *rig = &job->base.calibration->rig;
     const char *name = laser_images_name    ? laser_images_name

@@ -344,8 +344,8 @@ static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
     return ok;
 }
 
-/* The same for balls: the share of the balls that show the lamp at the place at which all others
- * show it. Reads each picture once. */
+/* Does for balls what try_poles() does for posts. Computes the share of the balls that show the
+ * lamp at the place at which all others show it. Reads each picture once. */
 static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     g_autoptr(GPtrArray) sights = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);

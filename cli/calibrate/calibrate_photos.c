@@ -19,7 +19,7 @@
 #define SPOT_SHARE 0.05
 #define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
 #define MOVED      0.05 /* largest error of such a circle, as a part of the radius */
-#define MOVED_PX   4    /* the same for small balls, in pixels */
+#define MOVED_PX   4    /* largest error of the circle of a small ball, in pixels */
 #define WHITE      0.98 /* part of the brightest pixel from which a pixel counts as clipped */
 /* Part of the radius. An outline that differs from the circle by more than MOVED, but by less than
  * this, shows that the circle is a mistake. */
@@ -248,8 +248,8 @@ static gboolean contradict(const char *name, const int *balls, int n,
     if (n == 2)
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s: balls %d and %d contradict each other: they show the lamp %.1f° apart, "
-                    "and not where their rays could meet; look at their circles and highlights, or "
-                    "give a third ball",
+                    "more than any distance of the lamp explains; check their circles and "
+                    "highlights, or add a third ball",
                     name, balls[0] + 1, balls[1] + 1, light->off_rad[0] * DEG);
     else
         g_set_error(

@@ -5,7 +5,8 @@
 
 #include "calibration/calibration.h"
 
-/* They add nothing for a part that was not calibrated. */
+/* Add tables of the lamps, of the lasers, and of the light. Nothing is added for a part that was
+ * not calibrated. */
 void calibrate_table_lamps(GString *to, const struct calibration *calibration);
 void calibrate_table_lasers(GString *to, const struct calibration *calibration);
 void calibrate_table_light(GString *to, const struct calibration *calibration);

@@ -85,7 +85,7 @@ static void tell_item(Record *to, const struct shown *shown, gint64 start_s, gin
         record_say(to, "        before it: %s\n", shown->prompt);
 }
 
-/* Tells the state of the queue in one sentence. */
+/* Prints the state of the queue in one sentence. */
 static void tell_state(Record *to, BusRig1 *rig, guint n_waiting, gboolean list) {
     const char *state = bus_rig1_get_queue_state(rig), *reason = bus_rig1_get_queue_reason(rig);
     const char *head = list ? "the queue is " : "queue      ";

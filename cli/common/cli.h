@@ -56,10 +56,10 @@ extern gboolean cli_force;   /* --force was given: an output may replace an exis
 
 /* Calls output_file_new(), with --force if it was given. To be called before long work. */
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
-/* The same with a lock, as output_file_new_locked(). */
+/* Calls output_file_new_locked(), with --force if it was given. */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
-/* The same for a product of a session, whose name Mesorig chooses. A link of that name is replaced,
- * not followed. */
+/* The same as cli_output() for a product of a session, whose name Mesorig chooses. A link of that
+ * name is replaced, not followed. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
 /* Tells the user if the output has replaced a file. */
 void cli_tell_output(Record *to, const OutputFile *file);

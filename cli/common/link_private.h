@@ -7,7 +7,7 @@ struct Link {
     GDBusConnection *connection;
     BusRig1 *rig;
     GSubprocess *daemon; /* the process of a private daemon */
-    char *folder;        /* of its socket and log */
+    char *folder;        /* folder of the socket and the log of this daemon */
     /* the option with which commands name it: "--address unix:path=…", "--bus system" */
     char *option;
     gboolean passing; /* the daemon ends with the program that has started it */

@@ -30,7 +30,7 @@ void monitor_leave_out(Monitor *monitor, const char *source);
 enum monitor_answer {
     ANSWER_ELSEWHERE, /* “mesorig continue” in another terminal */
     ANSWER_ENTER,   /* “mesorig continue”, or the Enter key of this terminal, if there is one */
-    ANSWER_AT_ONCE, /* immediately, for simulated rigs: nobody has to do anything */
+    ANSWER_AT_ONCE, /* this program answers immediately, for simulated rigs */
 };
 
 /* Sets who answers when the rig asks for a manual step. The default is ANSWER_ELSEWHERE. */

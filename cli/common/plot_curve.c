@@ -72,7 +72,7 @@ struct series {
     const struct plot_point *points; /* in order of size */
     int n, colour;
     double x, y; /* position of the smallest point */
-    double name; /* height of its name's base line */
+    double name; /* height of the base line of the series' name */
 };
 
 static void draw_series(cairo_t *cr, const struct axes *axes, double raw_bytes,

@@ -18,7 +18,7 @@ struct Progress {
     gboolean tty, utf8, drawn;
     gint64 begun_us, shown_us;    /* 0 if not yet */
     char *above;                  /* text above the bar */
-    int above_lines, above_drawn; /* number of its lines, and of those on the terminal */
+    int above_lines, above_drawn; /* number of lines of above, and of those on the terminal */
 };
 
 Progress *progress_new(const char *what) {
@@ -97,7 +97,7 @@ static void draw(Progress *progress, double fraction, const char *text) {
     g_string_append(line, fits);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
-    /* Does not use g_printerr(), which replaces control characters. */
+    /* g_printerr() would replace the control characters of the text. */
     if (progress->above_drawn == 0 && progress->above_lines > 0) {
         erase(progress);
         fputs(progress->above, stderr);

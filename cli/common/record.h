@@ -26,10 +26,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Record, record_free)
  * integers, doubles and strings. Widths count characters, not bytes. A NULL string is "". */
 void record_say(Record *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* The same, but without the text if said is FALSE. The values are added in either case. */
+/* The same as record_say(), but without the text if said is FALSE. The values are added in either
+ * case. */
 void record_say_if(Record *to, gboolean said, const char *format, ...) G_GNUC_PRINTF(3, 4);
 
-/* The same, but only adds the values: record_add(to, "%d{views} %d{lights}", 81, 81). */
+/* Adds only values: record_add(to, "%d{views} %d{lights}", 81, 81). */
 #define record_add(to, ...) record_say_if(to, FALSE, __VA_ARGS__)
 
 /* Add one value. JSON shows values in the order in which they were added. Strings that are not

@@ -13,7 +13,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
 typedef gboolean (*CliWrite)(const char *path, const struct work *work, gpointer data,
                              GError **error);
 
-/* The same for work that writes one output file. func writes to path, which is output_file_path().
- * The file is then delivered with output_file_end(). */
+/* The same as cli_work_run() for work that writes one output file. func writes to path, which is
+ * output_file_path(). The file is then delivered with output_file_end(). */
 gboolean cli_work_write(OutputFile *to, CliWrite func, gpointer data, double *ret_seconds,
                         GError **error);

@@ -30,7 +30,7 @@ struct exchange_format {
  * be replaced (output_file.h). */
 OutputFile *exchange_output(const char *output, const struct exchange_format *format,
                             GError **error);
-/* The same for a folder of several files; see cli_check_folder(). */
+/* Checks -o of an export that writes a folder of several files; see cli_check_folder(). */
 gboolean exchange_check_folder(const char *output, GError **error);
 
 /* Reads --region. Returns FALSE if the text is not X,Y,WIDTH,HEIGHT. */

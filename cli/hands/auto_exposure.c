@@ -100,7 +100,7 @@ static gboolean measure(const struct choice *choice, int camera, const char *lig
         else if (!full && high < TELLING_PART && *us < longest_us)
             *us *= high > TELLING_PART / 8 ? 0.5 / high : 8;
         else if (!full && high < MAX(NOTHING_PART, 8 / range_dn))
-            ret->high = ret->low = 0; /* not more than noise */
+            ret->high = ret->low = 0; /* the picture contains only noise */
         else
             break;
         if (ret->high == 0)

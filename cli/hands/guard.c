@@ -171,7 +171,7 @@ static void compare_shot(struct guard *guard, guint from) {
 static double find_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;
-    /* This may fail if the camera cannot expose so briefly. */
+    /* The camera may not support such a short exposure. Then the test shot fails. */
     g_autoptr(Frame) frame = snap(guard, camera, us, &report, NULL);
     const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
     return frame && report.saturated < SATURATED_PART && above_dn > 1

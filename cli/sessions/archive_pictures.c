@@ -174,7 +174,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
         g_autofree char *path =
             view ? g_strdup_printf("%s/products/btf/view_%04d.exr", archive->path, view->index)
                  : NULL;
-        gboolean again = FALSE; /* the same direction may come again if there are few */
+        gboolean again = FALSE; /* if there are few directions, one may be the nearest repeatedly */
         for (int i = 0; path && i < n_shown; i++)
             again = again || shown_pairs[i] == ((gint64)view->index << 32 | light->index);
         if (!path || again || !g_file_test(path, G_FILE_TEST_EXISTS) ||

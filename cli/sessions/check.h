@@ -35,7 +35,7 @@ gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struc
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error);
 
-/* The same for an MDF that has hardly any measured surface, or that has surface above the reference
- * plane of the session's grid. */
+/* Appends a sentence (g_free()) for an MDF that has hardly any measured surface, or that has
+ * surface above the reference plane of the session's grid. */
 void check_suspect_mdf(const struct mdf_views_sums *mdf, const struct session_grid *grid,
                        GPtrArray *ret);

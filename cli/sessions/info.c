@@ -92,7 +92,7 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
     return marks;
 }
 
-/* Tells which pictures the capture left out, and how well the others predict them. */
+/* Prints which pictures the capture left out, and how well the others predict them. */
 static void tell_prediction(Record *to, Session *session) {
     struct prediction_known known;
     prediction_product_read(session, &known);
@@ -151,7 +151,7 @@ static void tell_sigma(Record *to, const char *directory) {
                   sigma.median, sigma.relative, sigma.known, sigma.lights);
 }
 
-/* Tells the calibration of the products, or the calibration that they would be made with. */
+/* Prints the calibration of the products, or the calibration that they would be made with. */
 static gboolean tell_calibration(Record *to, Session *session, GError **error) {
     struct archive_calibration with;
     g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
@@ -179,7 +179,7 @@ static void tell_events(Record *to, const GPtrArray *events) {
     record_end(to);
 }
 
-/* Tells how many sweeps [lasers] stop = covered left out, and the share of the surface that is
+/* Prints how many sweeps [lasers] stop = covered left out, and the share of the surface that is
  * known. */
 static void tell_sweeps(Record *to, Session *session, const struct counts *counts) {
     g_autofree char *known = session_value(session, ADAPTIVE_KNOWN_PCT);
@@ -197,7 +197,7 @@ static void tell_sweeps(Record *to, Session *session, const struct counts *count
                g_ascii_strtod(worst, NULL));
 }
 
-/* Tells how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
+/* Prints how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
  * are expected to be predicted. */
 static void tell_lamps(Record *to, Session *session, const struct counts *counts) {
     g_autofree char *expected = session_value(session, ADAPTIVE_ERROR_PCT);

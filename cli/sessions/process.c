@@ -84,8 +84,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* Tells people the calibration that the products were made with, and returns it. With told, the
- * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
+/* Prints the calibration that the products were made with, and returns it. With told, the session's
+ * own calibration has already been printed and is not repeated. Returns NULL on error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
@@ -99,7 +99,7 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    const char *calibration, *path; /* its text, and its origin; NULL for the session's own */
+    const char *calibration, *path; /* text and origin of the calibration; NULL: the session's */
     gboolean follow, lines_in_pictures, told;
     struct pipeline_result result;
     GPtrArray *causes; /* of char *: why little was measured */
