@@ -210,7 +210,7 @@ static gboolean on_asked(gpointer data) {
     if (!is_under_way(latch)) {
         const gboolean again = latch->told;
         latch->told = TRUE;
-        if (!latch->rig->ending) /* otherwise every device is being made safe already */
+        if (!latch->rig->ending) /* a rig that is being closed is already being made safe */
             latch->make_safe(latch->data);
         bus_rig1_set_latched(latch->rig->object, TRUE);
         if (!again)

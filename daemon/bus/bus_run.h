@@ -46,7 +46,7 @@ gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resu
 /* Ends the capture in its present state, so that it can be resumed. */
 void bus_run_end(struct bus_run *run);
 
-/* Does the same, ends the processing of the session, and forgets its directory and pictures. */
+/* Calls bus_run_end(), ends the processing of the session, and forgets directory and pictures. */
 void bus_run_close(struct bus_run *run);
 
 /* Returns the camera's last picture. It is owned by run and valid until the main loop runs. */

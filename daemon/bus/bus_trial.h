@@ -9,7 +9,7 @@ struct bus_trial;
 
 enum bus_trial_end {
     BUS_TRIAL_DONE,
-    BUS_TRIAL_SESSION, /* this session would be spoilt, or a file that it names is wrong */
+    BUS_TRIAL_SESSION, /* the session would fail, or a file that it names is wrong */
     BUS_TRIAL_RIG,     /* a device has failed */
 };
 

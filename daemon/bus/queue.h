@@ -23,7 +23,7 @@ enum queue_state {
     QUEUE_TRYING, /* test shots are taken; stored in the file as waiting */
     QUEUE_BEGUN,
     QUEUE_DONE,
-    QUEUE_STOPPED, /* it did not begin or did not finish; the message says why */
+    QUEUE_STOPPED, /* the session did not begin or did not finish; the message says why */
     QUEUE_STATES,
 };
 extern const char *const queue_state_names[QUEUE_STATES];
@@ -48,7 +48,7 @@ struct queue_item {
     int starts;                    /* number of times that it began and the program was killed */
     gboolean process;              /* make the products during the capture */
     gboolean yes;                  /* continue even if the test shots give warnings */
-    gint64 begun_at_s, ended_at_s; /* since 1970; 0 if this has not happened */
+    gint64 begun_at_s, ended_at_s; /* since 1970; 0 if the session has not begun or ended yet */
     gboolean has_caller;           /* FALSE if this program's own user or root has added it */
     guint32 uid;                   /* user who has added it */
     GArray *groups;                /* of guint32; the groups of that user */

@@ -172,7 +172,7 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
     const int n = shot_dark_exposures(conf, exposures);
     for (int c = 0; c < rig->n_cameras; c++) {
         if (!devices_is_unit(rig, c))
-            continue; /* it uses the dark frames of its first stop */
+            continue; /* a stop of a camera on an arm uses the dark frames of the first stop */
         const struct camera_format format = {.width = rig->cameras[c].width,
                                              .height = rig->cameras[c].height};
         const struct session_shot *shot = dark_before(shots, c);
@@ -346,7 +346,7 @@ static double time_left_s(const Capture *capture) {
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         guint n;
         const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
-        /* After an abort, the shots are taken by a new run, which has learnt nothing yet. */
+        /* After an abort, a new run takes the shots. It knows nothing of the measured times yet. */
         return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
     return time_left_at_s(left, capture_session_now_s(session));

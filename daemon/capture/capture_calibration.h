@@ -10,17 +10,17 @@
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,
                                         GError **error);
 
-/* The same without open devices, for the rig file at rig_path, whose geometry is given. path is a
- * file to use instead of the one that the rig file names, or NULL. text is the content of that file
- * if the file is not to be read, or NULL. ret_line (g_free()) is the line that tells people which
- * calibration a capture would use. */
+/* The same as capture_calibration() without open devices, for the rig file at rig_path, whose
+ * geometry is given. path is a file to use instead of the one that the rig file names, or NULL.
+ * text is the content of that file if the file is not to be read, or NULL. ret_line (g_free()) is a
+ * line for people that names the calibration that a capture would use. */
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
                                             const char *path, const char *text, char **ret_line,
                                             GError **error);
 
-/* Returns the line that tells people about the calibration at path, or with NULL about the one that
+/* Returns a line for people about the calibration at path, or, if path is NULL, about the one that
  * the rig file names. g_free() */
 char *capture_calibration_line(const char *rig_path, const char *path, GError **error);
 
-/* Tells how to give a calibration to a capture; for capture_calibration_line(). */
+/* How to give a calibration to a capture; for capture_calibration_line(). */
 #define CAPTURE_CALIBRATION_HOW "mesorig calibrate makes one, -c FILE gives it"

@@ -7,7 +7,7 @@
 #include "exposure_advice.h"
 
 struct run_totals {
-    gint64 frames, retakes; /* of this run: frames accepted, and frames refused and repeated */
+    gint64 frames, retakes; /* accepted frames of this run; frames refused and repeated */
     struct exposure_retakes exposures;             /* of all runs */
     double real_base_s, frames_base, retakes_base; /* of earlier runs */
     gint64 begun_us;                               /* real time, monotonic */

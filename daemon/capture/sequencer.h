@@ -40,7 +40,7 @@ struct sequencer_hooks {
 /* Creates a sequencer. Borrows devices and conf. */
 Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
                          const struct sequencer_hooks *hooks);
-void sequencer_free(Sequencer *sequencer); /* does not make the rig safe; NULL is ignored */
+void sequencer_free(Sequencer *sequencer); /* NULL is ignored; the rig is not made safe */
 
 /* sequencer_start() homes the axes, then takes the shots. It must not be called while shots are
  * being taken. Borrows shots, an array of const struct session_shot *, until it is finished,

@@ -146,7 +146,7 @@ static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
         g_autoptr(GError) error = NULL;
         const guint32 bit = 1u << c;
         if (!(shot->pending & bit) || seq->waiting & bit)
-            continue; /* its last frame is still awaited: the next turn takes this shot */
+            continue; /* the camera's last frame is still awaited: the next turn takes this shot */
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
             seq->exposing |= bit;
             seq->waiting |= bit;

@@ -85,7 +85,8 @@ gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *sh
  * stopped. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
-/* The same for a camera that cannot be triggered. It is tried again after a pause. */
+/* Counts a failed trigger of a camera, like a refused picture. The camera is triggered again after
+ * a pause. */
 gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camera *state,
                               const GError *error);
 /* Returns whether a picture must be repeated with a shorter exposure because it is saturated, and

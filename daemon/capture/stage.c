@@ -112,7 +112,7 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     } else if (event == AXIS_FAULT) {
         axis_fault(track, error);
     } else if (!track->homed && !track->homing) {
-        start_homing(track); /* it had not stopped yet */
+        start_homing(track); /* the axis was still moving when homing was requested */
     } else if (event == AXIS_HOMED) {
         track->homing = FALSE;
         track->homed = TRUE;

@@ -16,7 +16,7 @@ struct capture_thumbnail {
 /* ret_rgb is width × height × 3; g_free(). */
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb);
 
-/* The same with at most this many pixels. The picture has at least one pixel for a tile of the
- * colour filter. */
+/* The same as thumbnail_make(), with at most max_pixels pixels in width and in height. Each pixel
+ * covers at least one tile of the colour filter. */
 void thumbnail_make_sized(const Frame *frame, int max_pixels, int *ret_width, int *ret_height,
                           guint8 **ret_rgb);

@@ -50,7 +50,7 @@ void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint 
 /* Returns the time left at now_s, counted down from the last prediction. */
 double time_left_at_s(const struct time_left *left, double now_s);
 
-/* Returns the time left if a run begins anew with these n shots. learnt says whether this run's
- * experience applies. */
+/* Returns the time left if a run begins anew with these n shots. learnt says whether the times that
+ * this run has measured are used. */
 double time_left_of_new_run_s(const struct time_left *left, const struct capture_session *session,
                               const struct session_shot *const *shots, guint n, gboolean learnt);

@@ -14,8 +14,8 @@ struct Hooks {
     const struct hooks_conf *conf;
     struct event *event; /* the event that is handled; NULL if there is none */
     GQueue waiting;      /* of struct event, the oldest first */
-    GQueue programs;     /* paths (char *) of the programs that this event still needs */
-    gboolean busy;       /* the first of these programs runs */
+    GQueue programs;     /* paths (char *) of the programs that must still run for the event */
+    gboolean busy;       /* the first program of the queue runs */
     GCancellable *cancellable;
 };
 

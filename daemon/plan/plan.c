@@ -120,7 +120,7 @@ static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     return g_string_free(names, FALSE);
 }
 
-/* Adds a shot with the lamp or laser that stands by itself in a direction. At each angle of the
+/* Adds a shot with the fixed lamp or laser that stands in a direction. At each angle of the
  * turntable this is another device. If there is none, the shot is skipped, as it is for cameras
  * that cannot see the light. */
 static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,

@@ -3,7 +3,7 @@
  *
  * Every view is taken under every light and swept from every laser position. A view is a camera
  * with the turntable at an angle τ. A light is a lamp at the arc angle α = φ_l + τ, or a lamp that
- * stands by itself at the azimuth φ_l + τ. The plan is therefore a set of poses (τ, α), each with
+ * is fixed at the azimuth φ_l + τ. The plan is therefore a set of poses (τ, α), each with
  * its shots.
  *
  * Cameras on an arm and lamps on a probe have views and lights at each of their stops. With these
@@ -12,7 +12,7 @@
  * the probe is taken with the probe at its first stop. An axis that the rig lacks stands at 0, and
  * its struct rig_timing has the limits 0 to 0.
  *
- * Lamps that stand by themselves give all lights of all views only if their arrangement looks the
+ * Fixed lamps give all lights of all views only if their arrangement looks the
  * same from all angles of the turntable that the views need. Shots under a light that no lamp gives
  * are skipped.
  *
@@ -62,7 +62,7 @@ struct plan {
     /* predicted bytes on disk if the cameras see the lines wherever they pass the sample, and all
      * shots are taken */
     guint64 bytes;
-    /* the same if the cameras see no lines, and the first round is sufficient */
+    /* predicted bytes on disk if the cameras see no lines, and the first round is sufficient */
     guint64 bytes_least;
     double predicted_s;
     double lower_bound_s;

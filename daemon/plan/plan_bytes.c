@@ -36,7 +36,7 @@
 struct packing {              /* disk space of a compressed part */
     double surroundings, lit; /* bytes per pixel */
     double table;             /* bytes of a block */
-    double bit;               /* reduction of lit and surroundings for each bit below NOISE_BITS */
+    double bit; /* bytes per pixel fewer for each bit of the camera below NOISE_BITS */
 };
 static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
                             packed_sweep = {0.60, 10.14, 2430, 0},

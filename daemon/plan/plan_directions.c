@@ -5,8 +5,8 @@
 #define MAX_LISTED 12
 
 /* A device for some directions: the position of a camera, or of a lamp or laser with the arc at 0.
- * fixed is set for lamps and lasers that stand by themselves. on_arm is set for a camera with the
- * arm at arm_udeg. axis_deg is the position of the axis that carries the device, if axis is not
+ * fixed is set for lamps and lasers that no axis carries. on_arm is set for a camera with the arm
+ * at arm_udeg. axis_deg is the position of the axis that carries the device, if axis is not
  * NULL. */
 struct candidate {
     const char *name;
@@ -173,8 +173,8 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
     return nearest;
 }
 
-/* Returns the first lamp or laser that stands by itself and gives a light at an angle of the
- * turntable that a view needs; −1 if there is none. */
+/* Returns the first fixed lamp or laser that gives a light at an angle of the turntable that a view
+ * needs; −1 if there is none. */
 static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kind, double theta_deg,
                           double phi_deg) {
     for (guint t = 0; t < b->turns->len; t++) {
@@ -187,8 +187,8 @@ static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kin
     return -1;
 }
 
-/* Returns the index of the angle that represents all devices that stand by themselves. The angle is
- * added if it is missing. */
+/* Returns the index of the angle that represents all fixed devices. The angle is added if it is
+ * missing. */
 static int fixed_angle(GArray *angles) {
     const struct plan_angle angle = {.fixed = TRUE};
 

@@ -424,7 +424,7 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
                                   : best_order(&o, n_blocks, block_of);
     plan_moves_free(o.moves);
 
-    /* The same shots in another order. The shots keep their strings, which are not copied. */
+    /* result has the same shots in another order. Their strings are not copied. */
     g_autoptr(GArray) result = arranged(shots, order);
     g_assert(shots->len == result->len);
     memcpy(shots->data, result->data, result->len * sizeof(struct session_shot));
@@ -474,7 +474,7 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
     const int visits = order_with(shots, NULL, poses, n_poses, rig, timing, conf->order);
     if (passing_order_s(shots, conf, rig, timing) <= other_s)
         return visits;
-    /* The same shots in another order. The shots keep their strings, which are not copied. */
+    /* other has the same shots in another order. Their strings are not copied. */
     memcpy(shots->data, other->data, other->len * sizeof(struct session_shot));
     return other_visits;
 }

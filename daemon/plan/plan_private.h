@@ -63,9 +63,9 @@ GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan);
  * that show them. Errors are PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER and _LIMITS. */
 gboolean plan_add_directions(struct plan_build *b, GError **error);
 
-/* Returns the lamp (SHOT_LAMP) or laser (SHOT_SWEEP) standing by itself that is nearest to a
- * direction of the sample when the turntable is at an angle. ret_off_deg is its distance from that
- * direction. Returns −1 if there is no such device. */
+/* Returns the fixed lamp (SHOT_LAMP) or laser (SHOT_SWEEP) that is nearest to a direction of the
+ * sample when the turntable is at an angle. ret_off_deg is its distance from that direction.
+ * Returns −1 if there is no such device. */
 int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
                       double phi_deg, double turntable_deg, double *ret_off_deg);
 /* Maximum distance between a direction of the plan and such a device. It is also the maximum
@@ -86,7 +86,7 @@ gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *
  * vec3: positions at arc 0. */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
                      const GArray *lights);
-/* The same for one light that stands by itself, without the arc. */
+/* The same as plan_blocked() for one fixed light, without the arc. */
 guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
                         double radius_mm);
 
@@ -177,7 +177,7 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct session_conf *conf, const struct rig *rig,
                const struct rig_timing *timing);
-/* The same in the given order, with the turntable standing still for all shots. */
+/* The same as plan_order() in the given order, with the turntable standing still for all shots. */
 int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
                         const struct rig *rig, const struct rig_timing *timing,
                         enum session_order wanted);

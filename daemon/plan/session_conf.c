@@ -144,10 +144,12 @@ struct ring_fields {
     char *preset;
     char **rings, **devices;
     double offset_deg;
-    int first;    /* [lights], [lasers] */
-    int sampling; /* [lights] */
+    int first; /* only in [lights] and [lasers] */
+    /* Only in [lights]. */
+    int sampling;
     double error_pct, budget_min;
-    int stop; /* [lasers] */
+    /* Only in [lasers]. */
+    int stop;
     double gain_pct, line_mm;
 };
 

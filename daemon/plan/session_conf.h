@@ -61,7 +61,7 @@ struct session_conf {
     int n_exposures;
     double laser_exposure_us;
     double laser_short_us; /* exposure of a second frame at each step of a sweep; 0 for none */
-    gboolean is_auto[AUTO_KEYS]; /* not chosen yet */
+    gboolean is_auto[AUTO_KEYS]; /* the key is "auto", and its value is not chosen yet */
     double auto_longest_us;      /* longest exposure that "auto" may choose */
     char *chosen; /* the chosen values, "exposures_us = 500; 2000, …"; NULL if nothing was auto */
     int sweep_steps;

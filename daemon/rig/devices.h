@@ -72,7 +72,7 @@ struct devices {
     int n_interlocks;
     Interlock *guard; /* guards the lasers on behalf of all interlocks; NULL if there is none */
     char *text;       /* the rig file as it was read */
-    char *path;       /* of the rig file, absolute */
+    char *path;       /* absolute path of the rig file */
     /* Path that the rig file names, absolute; NULL if it names none. */
     char *calibration_path;
     const char *calibration_text; /* contents of that file, not owned; NULL if it has to be read */

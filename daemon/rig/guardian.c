@@ -31,10 +31,10 @@ struct Guardian {
     guint restart_ms; /* length of the next pause */
     gboolean busy;
     gint64 started_us;
-    gint64 answered_us;          /* when it sent its last answer; 0 if it has sent none */
+    gint64 answered_us;          /* time of the guardian's last answer; 0 if there was none */
     gint64 asked_us;             /* when guardian_answers() last waited */
-    gint64 looked_us, silent_us; /* last look at the clock, and the silence so far */
-    char *refusal;               /* sent instead of the first answer */
+    gint64 looked_us, silent_us; /* last check; time without an answer, at most LOOK_US per check */
+    char *refusal;               /* reason that the guardian sent instead of its first answer */
 };
 
 gboolean guardian_is_needed(const char *rig_path) {

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define HELLO_MS   1000 /* limit for the answer of a guardian about its task */
-#define LOOK_MS    100  /* the same limit, for a program that does not depend on the answer */
+#define LOOK_MS    100  /* limit for the same answer if the program does not depend on it */
 #define END_MS     1000 /* limit for a guardian to end */
 #define TAKE_US    (3 * G_USEC_PER_SEC)
 #define RETRY_US   (10 * 1000)
@@ -80,7 +80,8 @@ static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) 
     if (pid == 0)
         return FORMER_STRANGER;
     if (!is_ready(fd, HELLO_MS)) {
-        /* It is assumed to be at work. If its daemon is alive, the devices are locked. */
+        /* A guardian that does not answer is assumed to be at work. If its daemon is alive, the
+         * devices are locked. */
         *ret_at_work = TRUE;
         kill_frozen(pid);
         return FORMER_AT_WORK;
@@ -89,7 +90,8 @@ static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) 
         return FORMER_GONE;
     if (hello.daemon != 0) {
         *ret_daemon = hello.daemon;
-        return is_closed(fd, END_MS) ? FORMER_GONE : FORMER_WATCHES; /* it may just be ending */
+        /* The guardian may just be ending, because its daemon has ended. */
+        return is_closed(fd, END_MS) ? FORMER_GONE : FORMER_WATCHES;
     }
     *ret_at_work = TRUE;
     if (send(fd, &take, 1, MSG_NOSIGNAL) == 1 && !is_closed(fd, END_MS))

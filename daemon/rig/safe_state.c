@@ -311,7 +311,7 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
             drivers_find(job->section, &error);
         else
             config_set_error(&error, CONFIG_ERROR_UNKNOWN, job->section, NULL,
-                             "there is no such section, and its driver is not known");
+                             "there is no such class of sections, so the driver is not known");
         set_text(ret_text, job, "NOT safe: %s", error->message);
         return SAFE_TRY_NEVER;
     }

@@ -28,10 +28,10 @@ gboolean safe_state_is_simulated(const SafeState *state);
 
 enum safe_try {
     SAFE_TRY_SAFE,  /* the safe state was read back: off, or at a stop */
-    SAFE_TRY_AGAIN, /* it failed; another try may succeed */
+    SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
-    SAFE_TRY_NEVER, /* its section is wrong, so no other attempt can succeed */
+    SAFE_TRY_NEVER, /* the device's section is wrong, so no attempt can succeed */
 };
 
 #define SAFE_STATE_TEXT 1500

@@ -21,10 +21,10 @@
 /* A line of devices. */
 struct line {
     const char *name;
-    pid_t pid;       /* 0 if it has no process */
-    int fd;          /* reports of its process; -1 if there is none */
-    gint64 begin_us; /* start time of its process, in the past or the future */
-    int n_begun;     /* number of processes that it has had */
+    pid_t pid;       /* process of the line; 0 if there is none */
+    int fd;          /* reports of the process; -1 if there is none */
+    gint64 begin_us; /* start time of the process, in the past or the future */
+    int n_begun;     /* number of processes that the line has had */
     int n_crashed;   /* number of crashes in a row */
 };
 
@@ -33,9 +33,9 @@ enum fate { OPEN, SAFE, GIVEN_UP };
 /* A device. */
 struct task {
     enum fate fate;
-    gboolean hope; /* it is not safe, but another attempt may make it safe */
-    gboolean told; /* its unsafe state was reported */
-    char *text;    /* its last result; NULL if there is none yet */
+    gboolean hope; /* the device is not safe, but another attempt may make it safe */
+    gboolean told; /* the unsafe state of the device was reported */
+    char *text;    /* result of the last attempt; NULL if there is none yet */
 };
 
 struct SafeWork {

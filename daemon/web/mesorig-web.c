@@ -8,8 +8,8 @@
 #include <string.h>
 #include <systemd/sd-daemon.h>
 
-#define MIN_TOKEN 16   /* characters */
-#define MAX_TOKEN 4096 /* bytes of its file */
+#define MIN_TOKEN 16   /* minimum length of the token in characters */
+#define MAX_TOKEN 4096 /* maximum size of the token's file in bytes */
 
 static char *address, *bus, *listen_address, *token_path;
 static char **hosts;

@@ -13,9 +13,9 @@
  * allowed. Returns NULL for any other text. Free the result with g_free(). */
 char *web_origin_of_host(const char *scheme, const char *host);
 
-/* Does the same for the value of a header Origin, such as "http://rig.lab:8470". */
+/* Returns the origin of the value of a header Origin, such as "http://rig.lab:8470". */
 char *web_origin_parse(const char *origin);
 
-/* Does the same for the value of the option --host: NAME, NAME:PORT or an origin. A NAME without a
- * port gets the given port. */
+/* Returns the origin of the value of the option --host: NAME, NAME:PORT or an origin. A NAME
+ * without a port gets the given port. */
 char *web_origin_of_option(const char *text, guint port);

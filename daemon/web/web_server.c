@@ -31,8 +31,8 @@ struct WebServer {
     WebRig *rig;
     char *token;
     gboolean safe_needs_token;
-    char *address;      /* address on which it listens */
-    GPtrArray *origins; /* origins of its names; see web_origin.h */
+    char *address;      /* address on which the server listens */
+    GPtrArray *origins; /* origins of the server's names; see web_origin.h */
     GPtrArray *streams;
     /* Number of calls that wait for the daemon's answer, without SafeState. Made by
      * g_rc_box_new(), because the calls may outlive the server. */

@@ -419,7 +419,7 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
         lane_reset(lane);
     lane->shot = taken->shot;
     lane->generation = job->generation;
-    /* Frames come in order. A frame out of order would be taken for another one. */
+    /* Frames come in order. A frame out of order would be stored as another frame. */
     g_return_if_fail(taken->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, taken->shot);
@@ -613,7 +613,7 @@ void intake_take(Intake *intake, const struct taken_frame *taken) {
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* Otherwise frames in a batch would never be processed. */
+    /* No frames come while the intake is full. Therefore incomplete batches are also flushed. */
     for (guint i = 0; i < intake->lanes->len; i++)
         flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);

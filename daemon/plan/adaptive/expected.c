@@ -177,7 +177,7 @@ static double time_s(const Lamps *lamps, const int *numbers, int n) {
     return plan_lamps_s(list, n, setup->conf, setup->nominal, setup->timing);
 }
 
-/* Makes rounds as a capture does. The values of the earlier session stand for its frames. */
+/* Makes rounds like a capture, but with the values of the earlier session instead of frames. */
 static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct lamps_setup *setup = &lamps->setup;
     const guint n_shots = setup->shots->len;

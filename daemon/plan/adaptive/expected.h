@@ -10,12 +10,12 @@
 
 struct expected_point {
     int shots;        /* number of shots of lamps */
-    double time_s;    /* time of these shots by the plan, without sweeps */
+    double time_s;    /* planned time of the shots of lamps, without sweeps */
     double error_pct; /* as ADAPTIVE_ERROR_PCT */
 };
 
 /* like is the directory of an earlier session of the same or a similar material, or NULL. Its
- * measured values stand for those of the new session. Where the directions differ, they are
+ * measured values are used for the new session. Where the directions differ, the values are
  * predicted. The shots are then chosen as during a capture (lamps.h), in rounds half as large.
  * Without like, the prediction is for no particular material. At most half of the shots are
  * considered, or an eighth if there are many and like is NULL. Returns an array of struct
