@@ -34,7 +34,7 @@ struct camera_format { /* filled by the driver's open() */
     int bits;
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
-    gint64 trigger_us; /* time from the trigger to the begin of the exposure */
+    gint64 trigger_us; /* time from the trigger to the beginning of the exposure */
     gint64 readout_us; /* time from the end of the exposure to the arrival of the frame */
     /* The largest error of a frame's exposure_start_us. It is −1 if the error is not known, or if
      * the rows are exposed one after the other. */

@@ -59,8 +59,8 @@ enum modbus_turn {
     MODBUS_URGENT, /* begins before all other jobs */
 };
 
-/* Carries out a copy of the job. The job may take at most deadline_ms from its begin; the time in
- * the queue does not count. Jobs of the same kind keep their order. */
+/* Carries out a copy of the job. The job may take at most deadline_ms from its beginning; the time
+ * in the queue does not count. Jobs of the same kind keep their order. */
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
                       enum modbus_turn turn, double deadline_ms, ModbusFunc func, gpointer data);
 
@@ -77,5 +77,6 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
  * skipped. */
 void modbus_bus_cancel(ModbusBus *bus, gpointer data);
 
-/* For tests. A fault that a repetition has made good shows in no answer. */
+/* For tests: returns the counts of faults. A fault that a repetition has corrected is counted, but
+ * no answer shows it. */
 void modbus_bus_counts(ModbusBus *bus, struct modbus_counts *ret);
