@@ -111,7 +111,7 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     return TRUE;
 }
 
-/* Finds the first frame that can still begin. Call it with the mutex locked. */
+/* Finds the first frame that can still begin. The mutex must be locked. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,
