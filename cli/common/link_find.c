@@ -145,8 +145,8 @@ static Link *by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
-/* Sets the error for the case that no daemon was found. This user runs none. If a daemon on a bus
- * refuses this user, it is the one that was meant. */
+/* Called if no daemon of this user was found. Looks for a daemon on the buses once more. If one
+ * refuses this user, returns its error, because the user probably meant that daemon. */
 static Link *none_at_all(GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         g_autoptr(GError) why = NULL;

@@ -51,7 +51,7 @@ struct archive {
     /* The keys sample, operator, notes and license of [session]; "" if a key is not given. */
     char *sample, *operator_name, *notes, *license;
     char *state;    /* "done", "unfinished", "paused", "aborted" */
-    char *imported; /* what it was imported from, or NULL */
+    char *imported; /* origin of an imported session; NULL for a captured one */
     char *chosen;   /* the exposures that were chosen for "auto", or NULL */
     struct session_grid grid;
     int views, lights, lasers;
@@ -62,7 +62,7 @@ struct archive {
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN if not known */
-    struct calibration *calibration; /* of the products; NULL if the session has none */
+    struct calibration *calibration; /* calibration of the products; NULL if there is none */
     struct archive_calibration calibrated;
     GPtrArray *devices;  /* of struct archive_device, in the order of the rig file */
     GPtrArray *checks;   /* of struct archive_check */
