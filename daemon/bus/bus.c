@@ -125,8 +125,9 @@ void bus_close_rig(Bus *bus) {
     show_idle(bus);
 }
 
-/* Ends all operations, and commands every device off or to stop. A device that does not confirm
- * appears in the property Unsafe. Without a rig, only calls that have not begun are ended. */
+/* Ends all operations, switches every light off and stops every axis. A device that does not
+ * confirm appears in the property Unsafe. Without a rig, only calls that have not begun are ended.
+ */
 static void make_safe(gpointer data) {
     Bus *bus = data;
     g_autoptr(GError) error = NULL;

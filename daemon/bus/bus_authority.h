@@ -23,7 +23,8 @@
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
 struct bus_authority {
-    GPtrArray *questions;    /* to polkit; the operation that a question waits for owns it */
+    GPtrArray *questions; /* questions to polkit; the operation that a question waits for owns the
+                             question */
     struct bus_latch *latch; /* borrowed */
     gboolean asks;           /* whether the clients are those of the system bus */
 };

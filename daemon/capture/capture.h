@@ -23,7 +23,7 @@ enum capture_state {
     CAPTURE_HOMING,
     CAPTURE_RUNNING,
     CAPTURE_PAUSING, /* the shot under way is being finished */
-    CAPTURE_PAUSED,  /* by the user, or by a fault given in reason; the rig is safe */
+    CAPTURE_PAUSED,  /* paused by the user, or by the fault that reason names; the rig is safe */
     CAPTURE_DONE,
     CAPTURE_ABORTED,
 };

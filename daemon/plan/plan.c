@@ -111,7 +111,7 @@ static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
     return TRUE;
 }
 
-/* "cam1, cam2"; g_free(). */
+/* Returns the names of cameras (bits): "cam1, cam2"; g_free(). */
 static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     GString *names = g_string_new(NULL);
     for (int c = 0; c < b->rig->n_cameras; c++)

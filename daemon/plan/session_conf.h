@@ -47,12 +47,13 @@ enum laser_stop { STOP_ALL, STOP_COVERED };
  * pictures are predicted (adaptive/adaptive.h). */
 enum light_sampling { SAMPLING_ALL, SAMPLING_ADAPTIVE };
 
-/* A session file; etc/demo/session.conf has every key. */
+/* The values of a session file. session.conf(5) describes the keys. */
 struct session_conf {
     char *name;
     char *prompt; /* what a user must do before the session begins; empty for nothing */
     struct session_grid grid;
-    struct laser_reference reference; /* around the sample; radius_mm is 0 if there is none */
+    struct laser_reference
+        reference; /* the flat face around the sample; radius_mm is 0 if there is none */
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
     int n_views, n_lights, n_lasers;           /* numbers of rings */
     char **views_of, **lights_of, **lasers_of; /* names of devices, or "all"; NULL for rings */
