@@ -126,8 +126,7 @@ void bus_close_rig(Bus *bus) {
 }
 
 /* Ends all operations, switches every light off and stops every axis. A device that does not
- * confirm appears in the property Unsafe. Without a rig, only calls that have not begun are ended.
- */
+ * confirm appears in the property Unsafe. Without a rig, only calls that have not begun end. */
 static void make_safe(gpointer data) {
     Bus *bus = data;
     g_autoptr(GError) error = NULL;

@@ -23,8 +23,7 @@
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
 struct bus_authority {
-    GPtrArray *questions; /* questions to polkit; the operation that a question waits for owns the
-                             question */
+    GPtrArray *questions;    /* to polkit; a question is owned by the operation that it waits for */
     struct bus_latch *latch; /* borrowed */
     gboolean asks;           /* whether the clients are those of the system bus */
 };

@@ -52,8 +52,7 @@ struct session_conf {
     char *name;
     char *prompt; /* what a user must do before the session begins; empty for nothing */
     struct session_grid grid;
-    struct laser_reference
-        reference; /* the flat face around the sample; radius_mm is 0 if there is none */
+    struct laser_reference reference; /* flat face around the sample; radius_mm is 0 for none */
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
     int n_views, n_lights, n_lasers;           /* numbers of rings */
     char **views_of, **lights_of, **lasers_of; /* names of devices, or "all"; NULL for rings */

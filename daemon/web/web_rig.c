@@ -10,13 +10,12 @@
 
 #define STATE_INTERVAL_MS 500
 #define CALL_TIMEOUT_MS   60000
-#define AGAIN_S           2 /* pause between two searches for a daemon that does not answer */
-#define MAX_SAMPLES                                                                                \
-    2000            /* samples of the progress; if there are more, every second one is removed */
-#define STEPS   64  /* steps of a histogram */
-#define WHITE   250 /* from this sRGB value on, a pixel counts as white */
-#define BLACK   5   /* up to this sRGB value, a pixel counts as black */
-#define COLOURS 3
+#define AGAIN_S           2    /* pause between two searches for a daemon that does not answer */
+#define MAX_SAMPLES       2000 /* samples of the progress; beyond it, every second one is removed */
+#define STEPS             64   /* steps of a histogram */
+#define WHITE             250  /* from this sRGB value on, a pixel counts as white */
+#define BLACK             5    /* up to this sRGB value, a pixel counts as black */
+#define COLOURS           3
 
 struct waiting { /* a request that waits for a picture */
     WebRigPicture back;
