@@ -161,7 +161,7 @@ TEST(verify_on_full_disk) {
     operator_does(run, 1, "verify", run->session, NULL);
     g_test_message("%s%s", run->out, run->err);
     assert_has(run->out, "damaged   frames/");
-    assert_has(run->err, "the damaged frames could not be noted");
+    assert_has(run->err, "the damaged frames could not be recorded");
     operator_free(run);
     unmount_disk(disk);
 }

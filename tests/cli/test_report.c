@@ -270,7 +270,8 @@ static void made_with(void) {
     g_assert_no_error(error);
     g_assert_true(made_with_begin(session, NULL, NULL, &error));
     g_clear_pointer(&session, session_close);
-    calibrated(run, "may still be of another", "warning", "may be of another", NULL);
+    calibrated(run, "may still have been made with another", "warning",
+               "may have been made with another", NULL);
     operator_does(run, 0, "process", run->session, NULL);
     calibrated(run, "calibrated none", "warning", "made with: nominal, as", NULL);
     operator_does(run, 0, "info", run->session, "--json", NULL);

@@ -119,7 +119,7 @@ TEST(resume) {
     g_assert_cmpstr(before.text, ==, after.text);
     assert_has(run->out, "done: 13 of 13 shots, ");
     assert_has(run->out, " camera frames, ");
-    g_assert_null(strstr(run->out, "chosen by"));
+    g_assert_null(strstr(run->out, "chosen from"));
     operator_free(run);
 }
 

@@ -58,7 +58,7 @@ TEST(spoilt) {
         g_test_message("%s", run->err);
         for (gsize k = 0; k < G_N_ELEMENTS(all[i].told) && all[i].told[k]; k++)
             assert_has(run->err, all[i].told[k]);
-        assert_has(run->err, "--yes begins it all the same");
+        assert_has(run->err, "--yes begins it nevertheless");
         g_assert_cmpint(shots_said(run), >=, 2);
         g_assert_cmpint(shots_said(run), <=, 5);
         assert_has(run->err, "are not calibrated");

@@ -97,14 +97,14 @@ static char *value_of(const struct run *run, const char *key) {
     return session_value(session, key);
 }
 
-/* Nothing has moved: the quick check says so, and each shot's output is that of its lamp. */
+/* Nothing has moved: the first check says so, and each shot's output is that of its lamp. */
 TEST(in_place) {
     static const struct scene scene = {.lamp_line = "intensity = 44", .placed = TRUE, .lit = TRUE};
     struct run *run = new_run(&scene);
     run_start(run);
     run_to_end(run);
     g_test_message("%s", run->told->str);
-    g_assert_true(was_told(run, "info fiducials: quick check: fiducials seen"));
+    g_assert_true(was_told(run, "info fiducials: fiducials were seen"));
     g_assert_false(was_told(run, "moved"));
     run_check_whole(run->session);
     g_autoptr(GError) error = NULL;

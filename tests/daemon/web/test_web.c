@@ -261,7 +261,7 @@ TEST(in_browser) {
                           "i.naturalWidth > 0)");
     browser_wait(browser, "document.querySelectorAll('#cameras figure > svg path').length == 6");
     browser_wait(browser, "[...document.querySelectorAll('#cameras figcaption')].every(c => "
-                          "c.textContent.includes('brightened for the page'))");
+                          "c.textContent.includes('brightened for this page'))");
     /* The pose: two cameras, lamps and lasers, and the light of the last shot. */
     browser_wait(browser, "['camera', 'lamp', 'laser'].every(c => "
                           "document.querySelectorAll(`#pose .${c}:not(.ray)`).length == 2)");

@@ -134,7 +134,7 @@ static void expect(const char *world_keys, const char *turntable_keys, enum capt
 }
 
 TEST(quick_check) {
-    expect(NULL, "", CAPTURE_DONE, "quick check", "moved since");
+    expect(NULL, "", CAPTURE_DONE, "fiducials were seen", "moved since");
     expect("turn_deg=0;0.1;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.1", "cam0");
     expect("turn_deg=-0.1;0;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.", "cam2");
     expect(NULL, "fault_slip_deg=0.1\n", CAPTURE_PAUSED, "turntable has slipped by +0.", "cam");
