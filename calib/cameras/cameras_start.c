@@ -133,7 +133,8 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
     }
     return cameras_refuse(
         error, CAMERAS_ERROR_PICTURES,
-        "position %d of the board: it was found in %d of %d pictures, but in none well enough%s%s",
+        "position %d of the board: no picture shows it well enough (it was found in %d of %d "
+        "pictures)%s%s",
         lay + 1, found, all, why ? "; for one, " : "", why ? why : "");
 }
 

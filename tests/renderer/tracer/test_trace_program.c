@@ -121,6 +121,22 @@ TEST(documented) {
     g_assert_cmpfloat(json_number(said, "mean_radiance"), >, 0.05);
 }
 
+/* The scenes of docs/artists/viewer.md. */
+TEST(documented_kinds) {
+    static const char *const kinds[] = {"tori", "knot"};
+    for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
+        g_autofree char *scene = in_folder("kind.gltf");
+        const char *const argv[] = {SOURCE_DIR "/etc/sample/make_scene", scene, kinds[k], NULL};
+        g_autofree char *made = process_text(0, argv);
+        g_autofree char *arguments =
+            g_strdup_printf("kind.gltf -o kind.png --material %s=cloth.exr --environment studio "
+                            "--size 16x10 --samples 1 --json",
+                            kinds[k]);
+        g_autofree char *said = trace(0, arguments);
+        g_assert_cmpfloat(json_number(said, "mean_radiance"), >, 0.02);
+    }
+}
+
 /* Each ends with a sentence that names what is wrong, and without a file. */
 TEST(mistakes) {
     static const struct {
