@@ -127,8 +127,6 @@ below below_mesh(vec3 v, float level) {
             hit = from + dt * (float(i) + (depth >= 1.0 ? 0.5 : (OPAQUE - sum) / more));
             break;
         }
-        if (depth < 0.0)
-            break;
         sum += more;
     }
     return below(max(hit, 1e-9), base);
