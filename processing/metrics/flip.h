@@ -1,0 +1,27 @@
+/*
+ * FLIP, the difference that a person sees who alternates between two pictures. Any thread.
+ *
+ * Pictures are as in psnr.h: height × width × 3, linear sRGB, 1 is white, finite.
+ *
+ * Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström & Fairchild 2020, “FLIP: A Difference
+ * Evaluator for Alternating Images”, and for flip_hdr() Andersson, Nilsson, Shirley &
+ * Akenine-Möller 2021, “Visualizing Errors in Rendered High Dynamic Range Images”.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* Pixels of the display per degree of the field of view. The value is that of the paper: a display
+ * of 3840 pixels and 0.7 m in width, seen from 0.7 m (67.02). */
+#define FLIP_PIXELS_PER_DEGREE (0.7 * 3840 / 0.7 * G_PI / 180)
+
+/* Returns the mean FLIP of two pictures, from 0 (equal) to 1. Values are clipped to 0 … 1. ret_map
+ * gets the FLIP of each pixel (height × width); it may be NULL. */
+double flip_ldr(const float *reference, const float *test, int width, int height,
+                double pixels_per_degree, float *ret_map);
+
+/* Returns the same for pictures with values above 1. FLIP is the maximum over a range of
+ * exposures, which the reference decides, after the tone curve of ACES. Negative values count as 0.
+ */
+double flip_hdr(const float *reference, const float *test, int width, int height,
+                double pixels_per_degree, float *ret_map);
