@@ -6,9 +6,9 @@
 
 #include "base/data_error.h"
 #include "base/robust.h"
-#include "codecs/codec/compare.h"
 #include "exr/exr.h"
 #include "import_private.h"
+#include "metrics/delta_e.h"
 
 #define COLOURS 3
 
@@ -41,9 +41,9 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
     for (gsize i = 0; i < n; i++) {
         const float *p = first->rgb + i * COLOURS, *q = second->rgb + i * COLOURS;
         double p_lab[COLOURS], q_lab[COLOURS];
-        compare_lab(p, p_lab);
-        compare_lab(q, q_lab);
-        const double delta_e = compare_delta_e(p_lab, q_lab);
+        delta_e_lab(p, p_lab);
+        delta_e_lab(q, q_lab);
+        const double delta_e = delta_e_2000(p_lab, q_lab);
         all += delta_e;
         if (p[0] == q[0] && p[1] == q[1] && p[2] == q[2])
             continue;

@@ -2,8 +2,8 @@
  * pair. */
 #include <math.h>
 
-#include "codecs/codec/compare.h"
 #include "maps_private.h"
+#include "metrics/delta_e.h"
 
 /* maximum number of comparisons of a texel in a view under a light */
 #define MAX_COMPARED 8000000
@@ -48,9 +48,9 @@ static void maps_errors_row(int y, gpointer data) {
                     continue;
                 maps_evaluate(&maps->fit->layers, &rounded, run->views + 3 * (gsize)view,
                               run->lights + 3 * (gsize)light, model);
-                compare_lab(value, lab);
-                compare_lab(model, model_lab);
-                const double delta_e = compare_delta_e(lab, model_lab);
+                delta_e_lab(value, lab);
+                delta_e_lab(model, model_lab);
+                const double delta_e = delta_e_2000(lab, model_lab);
                 sums[pair] += delta_e;
                 counts[pair]++;
                 texels[x] += delta_e;

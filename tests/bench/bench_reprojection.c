@@ -20,11 +20,11 @@
 #include "base/png_bytes.h"
 #include "base/work.h"
 #include "btf/btf_matrix.h"
-#include "codecs/codec/compare.h"
 #include "directions/directions.h"
 #include "exr/exr.h"
 #include "mdf/mdf_views.h"
 #include "mdf/reprojection.h"
+#include "metrics/delta_e.h"
 #include "session/session.h"
 #include "world/truth.h"
 
@@ -246,15 +246,15 @@ static void reprojection_bench_add(const struct scene *scene, const float *const
                                    const float *truth, struct sums *sums) {
     for (gsize light = 0; light < scene->btf->layout.lights.n; light++) {
         double lab[3], lab_made[3];
-        compare_lab(truth + 3 * light, lab);
+        delta_e_lab(truth + 3 * light, lab);
         for (int way = 0; way < WAYS; way++) {
             for (int c = 0; c < 3; c++) {
                 const double off =
                     (double)made[way][3 * light + (gsize)c] - (double)truth[3 * light + (gsize)c];
                 sums->squares[way] += off * off;
             }
-            compare_lab(made[way] + 3 * light, lab_made);
-            sums->delta_e[way] += compare_delta_e(lab, lab_made);
+            delta_e_lab(made[way] + 3 * light, lab_made);
+            sums->delta_e[way] += delta_e_2000(lab, lab_made);
         }
         for (gsize c = 0; c < 3; c++)
             sums->norm += (double)truth[3 * light + c] * (double)truth[3 * light + c];

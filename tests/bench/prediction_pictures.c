@@ -12,8 +12,8 @@
 #include "base/work.h"
 #include "bench.h"
 #include "btf/btf_matrix.h"
-#include "codecs/codec/compare.h"
 #include "directions/directions.h"
+#include "metrics/delta_e.h"
 
 #define PICTURES 12
 #define GOLDEN   137.508 /* degrees: azimuths that are spread over the circle */
@@ -103,8 +103,8 @@ static void pictures_texel(int texel, gpointer data) {
         pictures_pixel(&drawing->pictures[k], scene->btf->values + first, 3, 1, rgb + 3 * FULL);
         pictures_pixel(&drawing->pictures[k], made, 1, n, rgb + 3 * MADE);
         for (int i = 0; i < DRAWN; i++) {
-            compare_lab(rgb + 3 * i, lab[i]);
-            drawing->delta_e[texel * DRAWN + i] += compare_delta_e(lab[TRUE_ONE], lab[i]);
+            delta_e_lab(rgb + 3 * i, lab[i]);
+            drawing->delta_e[texel * DRAWN + i] += delta_e_2000(lab[TRUE_ONE], lab[i]);
         }
     }
 }

@@ -28,9 +28,3 @@ gboolean compare_model(const struct codec *codec, gconstpointer model, const str
                        const struct work *work, double *ret_error, double *ret_luminance_error,
                        GError **error);
 void comparison_free(struct comparison *comparison); /* NULL is ignored */
-
-/* Converts linear sRGB, in which 1 is white, to CIE L*a*b* under D65. Negative values count as
- * 0. */
-void compare_lab(const float rgb[3], double ret[3]);
-/* Returns CIEDE2000 (Sharma, Wu & Dalal 2005) with all factors 1. */
-double compare_delta_e(const double lab1[3], const double lab2[3]);

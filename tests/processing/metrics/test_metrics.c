@@ -2,6 +2,7 @@
  * and scikit-image. */
 #include "base/srgb.h"
 #include "lib/test.h"
+#include "metrics/delta_e.h"
 #include "metrics/flip.h"
 #include "metrics/psnr.h"
 #include "metrics/ssim.h"
@@ -273,4 +274,45 @@ TEST(clipped) {
     g_assert_cmpfloat(shown[0], ==, 1);
     g_assert_cmpfloat(shown[1], ==, 0);
     g_assert_cmpfloat_with_epsilon(shown[2], 0.735357, 1e-6);
+}
+
+/* Published with the formula (Sharma, Wu & Dalal 2005, Table 1). */
+TEST(delta_e) {
+    static const double pairs[][7] = {
+        {50, 2.6772, -79.7751, 50, 0, -82.7485, 2.0425},
+        {50, 3.1571, -77.2803, 50, 0, -82.7485, 2.8615},
+        {50, 2.8361, -74.0200, 50, 0, -82.7485, 3.4412},
+        {50, -1.3802, -84.2814, 50, 0, -82.7485, 1.0000},
+        {50, 0, 0, 50, -1, 2, 2.3669},
+        {50, -1, 2, 50, 0, 0, 2.3669},
+        {50, 2.4900, -0.0010, 50, -2.4900, 0.0009, 7.1792},
+        {50, 2.4900, -0.0010, 50, -2.4900, 0.0011, 7.2195},
+        {50, -0.0010, 2.4900, 50, 0.0009, -2.4900, 4.8045},
+        {50, 2.5, 0, 73, 25, -18, 27.1492},
+        {50, 2.5, 0, 61, -5, 29, 22.8977},
+        {50, 2.5, 0, 56, -27, -3, 31.9030},
+        {50, 2.5, 0, 58, 24, 15, 19.4535},
+        {60.2574, -34.0099, 36.2677, 60.4626, -34.1751, 39.4387, 1.2644},
+        {63.0109, -31.0961, -5.8663, 62.8187, -29.7946, -4.0864, 1.2630},
+        {6.7747, -0.2908, -2.4247, 5.8714, -0.0985, -2.2286, 0.6377},
+        {2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(pairs); i++)
+        g_assert_cmpfloat_with_epsilon(delta_e_2000(pairs[i], pairs[i] + 3), pairs[i][6], 1e-4);
+}
+
+/* Of the primaries of sRGB, as they are commonly tabulated. */
+TEST(lab) {
+    static const float rgb[][3] = {{1, 1, 1}, {0, 0, 0}, {1, 0, 0}, {0, 0, 1}, {-1, -2, -3}};
+    static const double labs[][3] = {{100, 0, 0},
+                                     {0, 0, 0},
+                                     {53.2408, 80.0925, 67.2032},
+                                     {32.2970, 79.1875, -107.8602},
+                                     {0, 0, 0}};
+    for (gsize i = 0; i < G_N_ELEMENTS(labs); i++) {
+        double lab[3];
+        delta_e_lab(rgb[i], lab);
+        for (int k = 0; k < 3; k++)
+            g_assert_cmpfloat_with_epsilon(lab[k], labs[i][k], 0.02);
+    }
 }
