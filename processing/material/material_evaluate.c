@@ -1,7 +1,5 @@
 #include "material_private.h"
 
-#include "btf/direction_grid.h"
-
 #include <math.h>
 #include <string.h>
 
@@ -12,14 +10,6 @@
 struct material_axis {
     int n, index[ACROSS + 2];
     float weight[ACROSS + 2];
-};
-
-/* The place where one call evaluates. The indices and weights of the directions are in lists, which
- * can hold the members of a pole. */
-struct material_place {
-    struct codec_query query;
-    int *views, *lights;
-    float *view_weights, *light_weights;
 };
 
 static int wrap(double i, int n) {
@@ -100,78 +90,11 @@ static void material_evaluate_texels(const mesorig_material *m, double u, double
         material_evaluate_level(m, (guint)at + 1, u, v, 0, (float)part, query, ret);
 }
 
-/* Fills one list from up to four measured directions. The pole is replaced by its members. */
-static int list(const Directions *directions, gsize n, const struct direction_weights *at,
-                float scale, int *ret_index, float *ret_weight) {
-    int count = 0, n_pole;
-    const int *pole = directions_pole(directions, &n_pole);
-    for (int k = 0; k < 4; k++) {
-        const gboolean is_pole = at->index[k] >= (int)n;
-        for (int i = 0; at->weight[k] > 0 && i < (is_pole ? n_pole : 1); i++) {
-            ret_index[count] = is_pole ? pole[i] : at->index[k];
-            ret_weight[count++] = scale * at->weight[k] / (float)(is_pole ? n_pole : 1);
-        }
-    }
-    return count;
-}
-
-static int grid_list(int n_grid, const float direction[3], int *ret_index, float *ret_weight) {
-    int count = 0, index[4];
-    float weight[4];
-    direction_grid_weights(n_grid, direction, index, weight);
-    for (int k = 0; k < 4; k++)
-        if (weight[k] > 0) {
-            ret_index[count] = index[k];
-            ret_weight[count++] = weight[k];
-        }
-    return count;
-}
-
-/* Returns FALSE if nothing is reflected. */
-static gboolean place_set(const mesorig_material *m, const float view[3], const float light[3],
-                          struct material_place *place) {
-    struct codec_query *query = &place->query;
-    struct vec3 v = vec3(view[0], view[1], view[2]), l = vec3(light[0], light[1], light[2]);
-    const double v_length = vec3_length(v), l_length = vec3_length(l);
-    if (!isfinite(v_length) || !isfinite(l_length) || !(v.z > 0) || !(l.z > 0))
-        return FALSE;
-    v = vec3_scale(v, 1 / v_length);
-    l = vec3_scale(l, 1 / l_length);
-    *query = (struct codec_query){
-        .view = {(float)v.x, (float)v.y, (float)v.z},
-        .light = {(float)l.x, (float)l.y, (float)l.z},
-        .views = place->views,
-        .lights = place->lights,
-        .view_weights = place->view_weights,
-        .light_weights = place->light_weights,
-    };
-    if (m->n_grid > 0) {
-        query->n_views = grid_list(m->n_grid, query->view, place->views, place->view_weights);
-        query->n_lights = grid_list(m->n_grid, query->light, place->lights, place->light_weights);
-        return TRUE;
-    }
-    struct direction_weights at;
-    directions_weights(m->views, v, &at);
-    query->n_views = list(m->views, m->layout->views.n, &at, 1, place->views, place->view_weights);
-    const double fade = directions_fade_weights(m->lights, l, &at);
-    query->n_lights =
-        list(m->lights, m->layout->lights.n, &at, (float)fade, place->lights, place->light_weights);
-    return TRUE;
-}
-
-/* Returns the maximum length of a list: four directions, and the members of the pole. */
-static gsize most(const Directions *directions) {
-    int n_pole = 0;
-    if (directions)
-        directions_pole(directions, &n_pole);
-    return 4 + (gsize)n_pole;
-}
-
 static void one(const mesorig_material *m, const float *uv, const float *view, const float *light,
-                float footprint, struct material_place *place, float ret[COLOURS]) {
+                float footprint, struct codec_place *place, float ret[COLOURS]) {
     float sum[COLOURS] = {0};
     if (isfinite(uv[0]) && isfinite(uv[1]) && footprint >= 0 && isfinite(footprint) &&
-        place_set(m, view, light, place))
+        codec_place_set(&m->tables, view, light, place))
         material_evaluate_texels(m, uv[0] - floor((double)uv[0]), uv[1] - floor((double)uv[1]),
                                  footprint, &place->query, sum);
     for (int c = 0; c < COLOURS; c++)
@@ -183,7 +106,7 @@ int mesorig_material_evaluate(const mesorig_material *m, size_t n, const float *
                               float *ret_rgb) {
     if (!m || (n > 0 && (!uv || !view || !light || !ret_rgb)))
         return MESORIG_ERROR_ARGUMENT;
-    const gsize n_views = most(m->views), n_lights = most(m->lights);
+    const gsize n_views = codec_place_views(&m->tables), n_lights = codec_place_lights(&m->tables);
     int few_indices[64];
     float few_weights[G_N_ELEMENTS(few_indices)];
     g_autofree int *indices = NULL;
@@ -196,7 +119,7 @@ int mesorig_material_evaluate(const mesorig_material *m, size_t n, const float *
     }
     int *const index = indices ? indices : few_indices;
     float *const weight = weights ? weights : few_weights;
-    struct material_place place = {
+    struct codec_place place = {
         .views = index,
         .lights = index + n_views,
         .view_weights = weight,

@@ -81,21 +81,6 @@ static char *mdf_of(const char *directory) {
     return g_file_test(mdf, G_FILE_TEST_EXISTS) ? g_steal_pointer(&mdf) : NULL;
 }
 
-/* Makes the tables of directions, unless the directions are samples of a grid. */
-static gboolean make_directions(mesorig_material *m, GError **error) {
-    const struct direction_list *views = &m->layout->views, *lights = &m->layout->lights;
-    gconstpointer model = m->levels->pdata[0];
-    m->n_grid = m->codec->grid ? m->codec->grid(model) : 0;
-    if (m->n_grid > 0)
-        return TRUE;
-    m->views = directions_new(views->theta_deg, views->phi_deg, (int)views->n, error);
-    if (m->views)
-        m->lights = directions_new(lights->theta_deg, lights->phi_deg, (int)lights->n, error);
-    if (!m->lights)
-        g_prefix_error(error, m->views ? "lights: " : "views: ");
-    return m->lights != NULL;
-}
-
 static gboolean material_read(mesorig_material *m, const char *path, GError **error) {
     const gboolean folder = g_file_test(path, G_FILE_TEST_IS_DIR);
     m->codec = folder ? &material_btf_codec : codecs_of_file(path, error);
@@ -115,7 +100,7 @@ static gboolean material_read(mesorig_material *m, const char *path, GError **er
     gconstpointer model = m->levels->pdata[0];
     m->layout = G_STRUCT_MEMBER_P(model, m->codec->layout);
     m->error = folder ? 0 : m->codec->error ? G_STRUCT_MEMBER(double, model, m->codec->error) : -1;
-    if (make_directions(m, error))
+    if (codec_tables_init(&m->tables, m->codec, model, error))
         return TRUE;
     g_prefix_error(error, "%s: ", path);
     return FALSE;
@@ -204,8 +189,7 @@ void mesorig_material_close(mesorig_material *m) {
         m->sampling_free(m->sampling);
     pthread_mutex_destroy(&m->sampling_lock);
     material_relief_free(m->relief);
-    directions_free(m->views);
-    directions_free(m->lights);
+    codec_tables_clear(&m->tables);
     if (m->levels)
         g_ptr_array_unref(m->levels);
     g_free(m);

@@ -1,8 +1,8 @@
 /* Shared by the files of material.h. */
 #pragma once
 
+#include "codecs/codec/place.h"
 #include "codecs/codecs.h"
-#include "directions/directions.h"
 #include "material.h"
 #include "material_relief.h"
 
@@ -13,11 +13,9 @@ struct mesorig_material {
     const struct codec *codec;
     GPtrArray *levels;               /* models of mip levels, at least the first */
     const struct btf_layout *layout; /* of level 0 */
-    /* 0, or the n of n × n samples of direction_grid.h that are the views and lights */
-    int n_grid;
-    Directions *views, *lights;     /* NULL if n_grid */
-    double error;                   /* −1 if not known */
-    struct material_relief *relief; /* NULL if there is none */
+    struct codec_tables tables;      /* of level 0 */
+    double error;                    /* −1 if not known */
+    struct material_relief *relief;  /* NULL if there is none */
     /* The sampler. material_sample.c makes it at the first call, under the lock, and reads the
      * pointer atomically. It is freed with the material. The lock is of a kind that ThreadSanitizer
      * knows, unlike GLib's locks. */

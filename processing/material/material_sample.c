@@ -46,9 +46,9 @@ static MaterialSampler *sample_make(const mesorig_material *m) {
     g_autofree float *views = direction_list_vectors(&m->layout->views);
     const struct sample_formula formula = {m->codec, m->levels->pdata[0], views};
     struct material_sampler_source source = {.layout = m->layout,
-                                             .views = m->views,
-                                             .lights = m->lights,
-                                             .n_grid = m->n_grid,
+                                             .views = m->tables.views,
+                                             .lights = m->tables.lights,
+                                             .n_grid = m->tables.n_grid,
                                              .reconstruct = m->codec->reconstruct,
                                              .model = formula.model};
     if (sample_is_formula(&formula, m->layout)) {

@@ -1,0 +1,38 @@
+/*
+ * Queries of a codec for any view and light: the measured directions around them and their weights.
+ * Functions with a const argument may be called from several threads at the same time.
+ */
+#pragma once
+
+#include "codec.h"
+#include "directions/directions.h"
+
+/* The directions of a model. Set all members to 0 before codec_tables_init(). */
+struct codec_tables {
+    const struct btf_layout *layout; /* the model's */
+    /* 0, or the n of n × n samples of direction_grid.h that are the views and lights */
+    int n_grid;
+    Directions *views, *lights; /* NULL if n_grid */
+};
+
+/* Prepares the directions of a model, which must outlive the tables. The error says whether views
+ * or lights are wrong. Call codec_tables_clear() in either case. */
+gboolean codec_tables_init(struct codec_tables *tables, const struct codec *codec,
+                           gconstpointer model, GError **error);
+void codec_tables_clear(struct codec_tables *tables);
+
+/* A query, and the lists to which it points. The caller provides the lists: codec_place_views()
+ * and codec_place_lights() are their maximum lengths. */
+struct codec_place {
+    struct codec_query query;
+    int *views, *lights;
+    float *view_weights, *light_weights;
+};
+
+gsize codec_place_views(const struct codec_tables *tables);
+gsize codec_place_lights(const struct codec_tables *tables);
+
+/* Sets the query of a place. The vectors need not have unit length. Returns FALSE if nothing is
+ * reflected: a direction is on or below the horizon, or has no length, or is not finite. */
+gboolean codec_place_set(const struct codec_tables *tables, const float view[3],
+                         const float light[3], struct codec_place *place);
