@@ -1,10 +1,12 @@
 /* compare: computes the difference of two forms of a material, or the errors of every codec. */
 #include "base/data_error.h"
+#include "base/plural.h"
 #include "btf/btf_sigma.h"
 #include "codecs/codecs.h"
 #include "common/cli.h"
 #include "common/plot.h"
 #include "common/work.h"
+#include "compare_methods.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
 #include "materials.h"
@@ -13,7 +15,8 @@
 
 #define WORST 5 /* number of worst views and lights in the text */
 
-static char *plot_option, *curve_option;
+static char *plot_option, *curve_option, *leave_out_option, *method_option;
+static int seed_option = 1;
 
 struct compare {
     const char *a, *b;
@@ -21,6 +24,7 @@ struct compare {
     /* results */
     Material *of_a, *of_b;
     struct comparison *comparison;
+    double evaluation_ns; /* of B */
     GArray *points;
 };
 
@@ -50,6 +54,9 @@ static gboolean work_compare(const struct work *work, gpointer data, GError **er
     if (!compare->of_b)
         return FALSE;
     compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
+    /* Directions below the horizon can be compared, but nothing can be evaluated between them. */
+    if (compare->comparison && !compare_evaluation_ns(compare->of_b, &compare->evaluation_ns, NULL))
+        compare->evaluation_ns = NAN;
     return compare->comparison && (!compare->plot || draw(compare, error));
 }
 
@@ -69,8 +76,8 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
 }
 
 static void add_sums(Record *to, const struct compare_sums *sums) {
-    record_add(to, "%g{error} %g{luminance_error} %g{delta_e}", sums->error, sums->luminance_error,
-               sums->delta_e);
+    record_add(to, "%g{error} %g{luminance_error} %g{delta_e} %g{psnr_db}", sums->error,
+               sums->luminance_error, sums->delta_e, sums->psnr_db);
 }
 
 static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
@@ -108,6 +115,21 @@ static void tell_directions(Record *to, const char *what, const float *theta_deg
     }
 }
 
+static double bytes_per_texel(const struct material_info *info) {
+    return (double)info->bytes / (double)btf_layout_texels(info->layout);
+}
+
+/* Metrics of pictures, as in the literature. */
+static void tell_pictures(Record *to, const struct comparison *c) {
+    record_say(to, "PSNR       %.2f{psnr_db} dB of all values, clipped to white, as sRGB\n",
+               c->all.psnr_db);
+    record_int(to, "pictures", c->n_pictures);
+    record_say_if(to, !isnan(c->ssim), "SSIM       %.4f{ssim} on average of %d %s\n", c->ssim,
+                  PLURAL(c->n_pictures, "picture"));
+    record_say(to, "FLIP       %.4f{flip} on average of %d %s\n", c->flip,
+               PLURAL(c->n_pictures, "picture"));
+}
+
 /* Reports the difference that the error bars predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its share of
  * the squared difference. B has error bars only if it is also a session. */
 static void tell_sigma(Record *to, const struct compare *compare) {
@@ -141,14 +163,23 @@ static void tell_comparison(Record *to, const struct compare *compare) {
     const struct material_info *a = material_info(compare->of_a), *b = material_info(compare->of_b);
     const struct comparison *c = compare->comparison;
     record_add(to, "%s{a} %s{b} %s{a_kind} %s{b_kind}", compare->a, compare->b, a->kind, b->kind);
-    record_say(to, "A          %s, %s, %" G_GINT64_FORMAT "{a_bytes:size}\n", a->label, a->kind,
+    record_say(to, "A          %s, %s, %" G_GINT64_FORMAT "{a_bytes:size}, ", a->label, a->kind,
                a->bytes);
-    record_say(to, "B          %s, %s, %" G_GINT64_FORMAT "{b_bytes:size}, 1:%.3g\n", b->label,
-               b->kind, b->bytes, (double)a->bytes / (double)b->bytes);
-    record_say(to, "error      %.3f{error:%%} (RMS of R, G, B relative to A)\n", c->all.error);
+    record_say(to, "%.4g{a_bytes_per_texel} bytes per texel\n", bytes_per_texel(a));
+    record_say(to, "B          %s, %s, %" G_GINT64_FORMAT "{b_bytes:size}, ", b->label, b->kind,
+               b->bytes);
+    record_say(to, "%.4g{b_bytes_per_texel} bytes per texel, 1:%.3g\n", bytes_per_texel(b),
+               (double)a->bytes / (double)b->bytes);
+    record_say_if(to, !isnan(compare->evaluation_ns),
+                  "evaluation %.0f{evaluation_ns} ns of B on one thread\n", compare->evaluation_ns);
+    record_say(to,
+               "error      %.3f{error:%%} (RMS of R, G, B relative to A) at the measured "
+               "directions\n",
+               c->all.error);
     record_say(to, "luminance  off by %.5f{luminance_error} on average\n", c->all.luminance_error);
     record_say(to, "ΔE         %.3f{delta_e} on average (CIEDE2000, white is the diffuser)\n",
                c->all.delta_e);
+    tell_pictures(to, c);
     record_say(to, "largest    %.4f{largest}\n", c->largest);
     tell_sigma(to, compare);
     tell_directions(to, "view", a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
@@ -192,6 +223,10 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
         "           %.1f{different:%%} of %d × %d pixels differ\n",
         found.delta_e, found.delta_e_different, found.p95, found.largest, found.different,
         found.width, found.height);
+    record_say(to, "PSNR       %.2f{psnr_db} dB\n", found.psnr_db);
+    record_say_if(to, !isnan(found.ssim), "SSIM       %.4f{ssim}\n", found.ssim);
+    record_say(to, "FLIP       %.4f{flip}\n", found.flip);
+    record_say_if(to, !isnan(found.flip_hdr), "HDR-FLIP   %.4f{flip_hdr}\n", found.flip_hdr);
     return CLI_DONE;
 }
 
@@ -202,14 +237,50 @@ static const GOptionEntry entries[] = {
      "Compress a session by every method in several sizes, and draw error against size (.svg or "
      ".png)",
      "FILE"},
+    {"leave-out", 0, 0, G_OPTION_ARG_STRING, &leave_out_option,
+     "With one session: number of views and of lights that no method sees, or of one of them "
+     "(views=N, lights=N); a tenth of each",
+     "N"},
+    {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
+     "With one session: seed that draws the directions that are left out (1)", "N"},
+    {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
+     "With one session: only this method (all)", "METHOD"},
     {NULL},
 };
 
+/* Reports the errors of methods at directions that they have not seen. */
+static int run_methods(const struct call *call, GError **error) {
+    struct compare_methods_asked asked = {.path = call->arguments[0],
+                                          .views = -1,
+                                          .lights = -1,
+                                          .seed = (guint32)seed_option,
+                                          .codec =
+                                              method_option ? codecs_find(method_option) : NULL};
+    if (method_option && !asked.codec)
+        return cli_usage(call->command,
+                         "there is no --method=%s; “mesorig compress --help” lists "
+                         "the methods",
+                         method_option);
+    if (leave_out_option && !compare_methods_parse(leave_out_option, &asked.views, &asked.lights))
+        return cli_usage(call->command,
+                         "--leave-out: “%s” is not a number above 0, such as 4, views=4 or "
+                         "lights=4",
+                         leave_out_option);
+    return compare_methods(&asked, call->record, error) ? CLI_DONE : CLI_FAILED;
+}
+
 static int run(const struct call *call, GError **error) {
     const char *a = call->arguments[0], *b = call->arguments[1];
-    if (curve_option ? b || plot_option : !b)
+    if (curve_option ? b || plot_option : !b && plot_option)
         return cli_usage(call->command,
-                         "give two materials to compare, or one session with --curve FILE");
+                         "give two materials to compare, or one session, or one session with "
+                         "--curve FILE");
+    if ((b || curve_option) && (leave_out_option || method_option || seed_option != 1))
+        return cli_usage(call->command,
+                         "--leave-out, --seed and --method need one session, whose BTF is "
+                         "compressed without some directions");
+    if (!b && !curve_option)
+        return run_methods(call, error);
     if (!curve_option && compare_is_picture(a) && compare_is_picture(b)) {
         if (plot_option)
             return cli_usage(call->command,
@@ -234,8 +305,9 @@ static int run(const struct call *call, GError **error) {
 
 const struct command cli_compare = {
     .name = "compare",
-    .arguments = "A B | DIR --curve FILE",
-    .examples = "  mesorig compare weave.session weave.session/products/lpca.exr\n"
+    .arguments = "A B | DIR | DIR --curve FILE",
+    .examples = "  mesorig compare weave.session\n"
+                "  mesorig compare weave.session weave.session/products/lpca.exr\n"
                 "  mesorig compare weave.session --curve curve.svg\n",
     .help = "Compare two materials or pictures, or all methods of compression.",
     .options = entries,

@@ -9,14 +9,30 @@
 #include "exr/exr.h"
 #include "import_private.h"
 #include "metrics/delta_e.h"
+#include "metrics/flip.h"
+#include "metrics/psnr.h"
+#include "metrics/ssim.h"
 
 #define COLOURS 3
 
-/* Sets masked pixels to black. */
-static void hide_masked(struct import_picture *picture) {
+/* Sets pixels that are masked, or have no number, to black. */
+static void hide_unknown(struct import_picture *picture) {
     const gsize n = COLOURS * (gsize)picture->width * (gsize)picture->height;
-    for (gsize i = 0; picture->transparent > 0 && i < n; i++)
+    for (gsize i = 0; i < n; i++)
         picture->rgb[i] = isfinite(picture->rgb[i]) ? picture->rgb[i] : 0;
+}
+
+static void compare_as_shown(const struct import_picture *a, const struct import_picture *b,
+                             struct picture_comparison *ret) {
+    const int width = a->width, height = a->height;
+    gboolean bright = FALSE;
+    for (gsize i = 0; !bright && i < COLOURS * (gsize)width * (gsize)height; i++)
+        bright = a->rgb[i] > 1;
+    ret->psnr_db = psnr(a->rgb, b->rgb, width, height);
+    ret->ssim = ssim(a->rgb, b->rgb, width, height);
+    ret->flip = flip_ldr(a->rgb, b->rgb, width, height, FLIP_PIXELS_PER_DEGREE, NULL);
+    ret->flip_hdr =
+        bright ? flip_hdr(a->rgb, b->rgb, width, height, FLIP_PIXELS_PER_DEGREE, NULL) : NAN;
 }
 
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
@@ -33,8 +49,8 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
         return FALSE;
     }
     const gsize n = (gsize)first->width * (gsize)first->height;
-    hide_masked(first);
-    hide_masked(second);
+    hide_unknown(first);
+    hide_unknown(second);
     g_autofree double *different = g_new(double, n);
     double all = 0, sum = 0;
     gsize found = 0;
@@ -58,6 +74,7 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
     ret->p95 = found > 0 ? different[(gsize)(0.95 * (double)(found - 1))] : 0;
     ret->largest = found > 0 ? different[found - 1] : 0;
     ret->different = (double)found / (double)n;
+    compare_as_shown(first, second, ret);
     return TRUE;
 }
 

@@ -12,6 +12,9 @@ struct picture_comparison {
     double delta_e_different; /* mean over differing pixels only; 0 if there are none */
     double p95, largest;      /* percentile and maximum of CIEDE2000 over the differing pixels */
     double different;         /* share of the differing pixels */
+    /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */
+    double psnr_db, ssim, flip;
+    double flip_hdr; /* metrics/flip.h; NaN if A has no values above 1 */
 };
 
 /* An attribute of EXR pictures that materials do not have. */
@@ -21,7 +24,7 @@ struct picture_comparison {
  * above. */
 gboolean compare_is_picture(const char *path);
 
-/* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. The error is
- * DATA_ERROR_INVALID if a picture cannot be read. */
+/* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. Values that are
+ * masked or not finite count as black. The error is DATA_ERROR_INVALID if a picture cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

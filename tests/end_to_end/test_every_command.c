@@ -59,6 +59,7 @@ static const struct call_case {
     {"compress", "small.session -m mdf -o distances.exr", AGAIN_OWN},
     {"compare", "small.session hsh.exr --plot compared.svg", AGAIN_OWN},
     {"compare", "small.session --curve curve.svg", AGAIN_OWN},
+    {"compare", "small.session --leave-out views=1 -m ptm"},
     {"synthesize", "small.session -m quilting --size 32x32 -o index.exr", AGAIN_OWN},
     {"report", "small.session -o report.html --crate", AGAIN_OWN},
     {"board", "board.pdf --board 8x8,square=9.5,marker=6.75", AGAIN_OWN},

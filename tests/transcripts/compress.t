@@ -172,14 +172,14 @@ What does not go together:
 
 Models are compared with the BTF that they are of.
 
-  $ mesorig compare S other.exr | head -5
-  A          S, btf, 6.1 kB
-  B          other.exr, ptm, 4.6 kB, 1:1.33
-  error      0.660 % (RMS of R, G, B relative to A)
+  $ mesorig compare S other.exr | head -6 | grep -v ^evaluation
+  A          S, btf, 6.1 kB, 96 bytes per texel
+  B          other.exr, ptm, 4.6 kB, 72 bytes per texel, 1:1.33
+  error      0.660 % (RMS of R, G, B relative to A) at the measured directions
   luminance  off by 0.00139 on average
   ΔE         0.310 on average (CIEDE2000, white is the diffuser)
   $ mesorig compare S S/products/fields.exr --plot plot.png | grep -E '^(error|plot) '
-  error      0.662 % (RMS of R, G, B relative to A)
+  error      0.662 % (RMS of R, G, B relative to A) at the measured directions
   error bars not known
   plot       plot.png
   $ mesorig compare --json S S/products/lpca.exr | python3 -m json.tool --json-lines >/dev/null
@@ -204,13 +204,13 @@ Models are compared with the BTF that they are of.
   $ mesorig compare S/products/fields.exr --curve curve.svg --force
   mesorig: S/products/fields.exr: --curve needs a session directory with a BTF
   [1]
-  $ mesorig compare S
-  mesorig compare: give two materials to compare, or one session with --curve FILE
-  Usage: mesorig compare A B | DIR --curve FILE
+  $ mesorig compare S --plot curve.svg
+  mesorig compare: give two materials to compare, or one session, or one session with --curve FILE
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S S/products/fields.exr --curve curve.svg
-  mesorig compare: give two materials to compare, or one session with --curve FILE
-  Usage: mesorig compare A B | DIR --curve FILE
+  mesorig compare: give two materials to compare, or one session, or one session with --curve FILE
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 
 A file that was cut short:

@@ -82,6 +82,14 @@ const struct material_info *material_info(const Material *material) {
     return &material->info;
 }
 
+const struct codec *material_codec(const Material *material) {
+    return material->codec;
+}
+
+gconstpointer material_model(const Material *material) {
+    return material->model;
+}
+
 const struct btf_matrix *material_btf(const Material *material) {
     return material->codec == &material_btf_codec ? material->model : NULL;
 }

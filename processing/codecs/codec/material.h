@@ -24,5 +24,9 @@ const struct material_info *material_info(const Material *material);
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
 void material_reconstruct(const Material *material, int texel, float *ret);
 
+/* Return the codec of a material and its model. Owned by the material. */
+const struct codec *material_codec(const Material *material);
+gconstpointer material_model(const Material *material);
+
 /* Returns the BTF, or NULL if the material has another form. Owned by the material. */
 const struct btf_matrix *material_btf(const Material *material);

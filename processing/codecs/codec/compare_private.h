@@ -1,0 +1,23 @@
+/* Shared by compare.c and held_out.c. */
+#pragma once
+
+#include "compare.h"
+
+/* One of the two forms of a material. */
+struct compare_source {
+    const char *label; /* for errors */
+    gconstpointer data;
+    /* Gives the values of a texel: n_views × n_lights × 3. Any thread. */
+    void (*values)(gconstpointer data, int texel, float *ret);
+};
+
+struct compare_size {
+    int width, height, n_views, n_lights;
+    int max_pictures; /* of struct comparison */
+};
+
+#define COMPARE_PICTURES 64
+
+struct comparison *compare_sources(const struct compare_source *a, const struct compare_source *b,
+                                   const struct compare_size *size, const struct work *work,
+                                   GError **error);

@@ -1,0 +1,36 @@
+/*
+ * Errors of a codec at directions that it has not seen. Views and lights of a BTF are left out, the
+ * rest is encoded, and the model is evaluated at the directions that were left out, as a renderer
+ * evaluates it between the measured directions (place.h). The truth is the measured value. Any
+ * thread.
+ *
+ * The error is that of the codec and of the interpolation together. The error of the BTF itself
+ * (material_btf_codec) is that of the interpolation only.
+ */
+#pragma once
+
+#include "compare.h"
+
+/* The views and lights that are left out, as ascending indices. If one of the numbers is 0, all
+ * views or all lights are kept. */
+struct held_out {
+    int n_views, n_lights;
+    int *views, *lights;
+};
+
+/* Draws views and lights. The same seed gives the same directions. Both numbers must not be
+ * negative, and one must be above 0. The error is DATA_ERROR_INVALID if fewer than 3 views or
+ * lights would be left of those that are drawn from. Free with held_out_clear(). */
+gboolean held_out_draw(const struct btf_layout *layout, int n_views, int n_lights, guint32 seed,
+                       struct held_out *ret, GError **error);
+void held_out_clear(struct held_out *held);
+
+/* Copies a BTF, with values in memory, without the views and lights. btf_matrix_free() */
+struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held_out *held);
+
+/* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
+ * that was left out. Views stand for all views if none was left out, and so do lights. The
+ * directions of the result are in the order of held. Progress stages are those of
+ * compare_materials(). */
+struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
+                                    const Material *model, const struct work *work, GError **error);

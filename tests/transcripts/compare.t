@@ -1,0 +1,91 @@
+Errors of compression at directions that it has not seen. The times, in the last column, differ from run to run.
+
+  $ cp "$SMALL"/*.conf .
+  $ mesorig capture rig.conf session.conf -o S >/dev/null
+  $ mesorig process S >/dev/null
+  $ methods() { mesorig compare "$@" | sed 's/ *[0-9]*$//'; }
+  $ methods S
+  S: 4 views × 4 lights, of which 1 view and 1 light were left out (seed 1)
+  Errors are those at 1 pair of a view and a light that no method has seen. SSIM and FLIP
+  are means over 1 picture.
+  
+  method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
+  btf                 54.0   14.08 %    0.00 %    27.69       –  0.1509   3.36
+  lpca               260.0   14.09 %    0.02 %    27.69       –  0.1509   3.36
+  eigenmaps           54.6   14.08 %    0.00 %    27.69       –  0.1509   3.36
+  fields              66.0   18.14 %    0.37 %    26.77       –  0.1518   3.72
+  ptm                 54.0   14.59 %    0.37 %    27.33       –  0.1679   3.61
+  hsh                162.0   17.19 %    0.01 %    26.06       –  0.2027   4.30
+  lafortune           24.0   20.88 %   18.61 %    24.55       –  0.1970   4.58
+  ward                28.0   25.80 %    5.19 %    22.80       –  0.2610   4.64
+  ashikhmin           28.0   20.31 %    6.17 %    23.41       –  0.2073   4.48
+  $ methods S --leave-out lights=1 -m hsh | sed 1,4d
+  method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
+  btf                 72.0   29.55 %    0.00 %    19.96       –  0.3536   7.93
+  hsh                216.0   87.15 %    0.01 %     7.74       –  0.8580  40.69
+  $ methods S --leave-out views=1 --seed 7 -m ptm
+  S: 4 views × 4 lights, of which 1 view and 0 lights were left out (seed 7)
+  Errors are those at 4 pairs of a view and a light that no method has seen. SSIM and FLIP
+  are means over 4 pictures.
+  
+  method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
+  btf                 72.0   22.73 %    0.00 %    20.62       –  0.2298   5.51
+  ptm                 54.0   18.81 %    0.64 %    20.80       –  0.1833   4.53
+  $ mesorig compare S --leave-out 1 -m lpca --json | sed 's/"evaluation_ns": [0-9.]*/"evaluation_ns": …/g'
+  {"session": "S", "views": 4, "lights": 4, "seed": 1, "pairs": 1, "pictures": 1, "left_out_views": [{"index": 1, "theta_deg": 30, "phi_deg": 180}], "left_out_lights": [{"index": 3, "theta_deg": 60, "phi_deg": 225}], "methods": [{"method": "btf", "bytes_per_texel": 54, "error": 0.140, "seen": 0, "psnr_db": 27.690, "ssim": null, "flip": 0.150, "delta_e": 3.358, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}, {"method": "lpca", "bytes_per_texel": 260, "error": 0.140, "seen": 0.000, "psnr_db": 27.689, "ssim": null, "flip": 0.150, "delta_e": 3.357, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}]}
+  $ mesorig compare S --leave-out 2
+  mesorig: 2 of 4 views cannot be left out, because at least 3 must be kept
+  [1]
+  $ mesorig compare S --leave-out views=0
+  mesorig compare: --leave-out: “views=0” is not a number above 0, such as 4, views=4 or lights=4
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
+  $ mesorig compare S --leave-out texels=1
+  mesorig compare: --leave-out: “texels=1” is not a number above 0, such as 4, views=4 or lights=4
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
+  $ mesorig compare S -m wavelets
+  mesorig compare: there is no --method=wavelets; “mesorig compress --help” lists the methods
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
+
+Both forms of a material at the measured directions:
+
+  $ mesorig compare S S/products/eigenmaps.exr | head -10 | grep -v ^evaluation
+  A          S, btf, 6.1 kB, 96 bytes per texel
+  B          eigenmaps.exr, eigenmaps, 6.2 kB, 97 bytes per texel, 1:0.99
+  error      0.019 % (RMS of R, G, B relative to A) at the measured directions
+  luminance  off by 0.00004 on average
+  ΔE         0.015 on average (CIEDE2000, white is the diffuser)
+  PSNR       83.31 dB of all values, clipped to white, as sRGB
+  FLIP       0.0010 on average of 16 pictures
+  largest    0.0002
+  error bars not known
+  $ mesorig compare S/products/eigenmaps.exr
+  mesorig: S/products/eigenmaps.exr: no session there: it is a file; give the directory of a session
+  [1]
+  $ mesorig compare S S/products/eigenmaps.exr --seed 2
+  mesorig compare: --leave-out, --seed and --method need one session, whose BTF is compressed without some directions
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
+
+Pictures:
+
+  $ python3 - <<'END'
+  > import struct, zlib
+  > def chunk(name, data):
+  >     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+  > for name, step in ("a", 8), ("b", 9):
+  >     rows = b"".join(b"\0" + bytes(min(x * step, 255) for x in range(60)) for y in range(16))
+  >     with open(name + ".png", "wb") as file:
+  >         file.write(bytes((137, 80, 78, 71, 13, 10, 26, 10)) + chunk(b"IHDR", struct.pack(">IIBBBBB", 20, 16, 8, 2, 0, 0, 0)))
+  >         file.write(chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+  > END
+  $ mesorig compare a.png b.png
+  ΔE         2.352 on average (CIEDE2000), 4.277 where they differ: 95 % below 6.402, at most 6.402
+             55.0 % of 20 × 16 pixels differ
+  PSNR       26.61 dB
+  SSIM       0.9050
+  FLIP       0.1793
+  $ mesorig compare --json a.png a.png
+  {"a": "a.png", "b": "a.png", "delta_e": 0, "delta_e_different": 0, "delta_e_p95": 0, "delta_e_largest": 0, "different": 0, "psnr_db": null, "ssim": 1, "flip": 0, "flip_hdr": null}
