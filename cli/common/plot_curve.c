@@ -136,7 +136,7 @@ static GArray *part_series(const struct axes *axes, double raw_bytes,
     return list;
 }
 
-gboolean plot_curve(const char *path, const char *name, double raw_bytes,
+gboolean plot_curve(const char *path, const char *name, const char *text, double raw_bytes,
                     const struct plot_point *points, int n, GError **error) {
     cairo_t *cr = plot_new(path, error);
     if (!cr)
@@ -145,7 +145,7 @@ gboolean plot_curve(const char *path, const char *name, double raw_bytes,
     g_autoptr(GArray) list = part_series(&axes, raw_bytes, points, n);
     g_autofree char *title = g_strdup_printf("%s: error against size", name);
     const double dashes[] = {2, 4}, steps[] = {1, 2, 5};
-    plot_title(cr, 40, 50, title, "relative RMS error of all values");
+    plot_title(cr, 40, 50, title, text);
     for (int power = -6; power <= 6; power++)
         for (int i = 0; i < 3; i++) {
             draw_tick(cr, &axes, TRUE, steps[i] * pow(10, power));

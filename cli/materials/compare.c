@@ -25,6 +25,8 @@ struct compare {
     Material *of_a, *of_b;
     struct comparison *comparison;
     double evaluation_ns; /* of B */
+    struct left_out left_out;
+    struct held_out held; /* for points */
     GArray *points;
 };
 
@@ -37,14 +39,24 @@ static gboolean draw(const struct compare *compare, GError **error) {
                                    error);
 }
 
+/* Bytes of the BTF that the methods have seen. */
+static double seen_bytes(const struct compare *compare) {
+    const struct btf_layout *layout = material_info(compare->of_a)->layout;
+    const double views = (double)layout->views.n, lights = (double)layout->lights.n;
+    return (double)material_info(compare->of_a)->bytes * (views - compare->held.n_views) / views *
+           (lights - compare->held.n_lights) / lights;
+}
+
 static gboolean draw_curve(const struct compare *compare, const char *name, GError **error) {
     const char *path = output_file_path(compare->plot, error);
-    return path &&
-           output_file_end(compare->plot,
-                           plot_curve(path, name, (double)material_info(compare->of_a)->bytes,
-                                      &g_array_index(compare->points, struct plot_point, 0),
-                                      (int)compare->points->len, error),
-                           error);
+    const char *text = compare->held.n_views || compare->held.n_lights
+                           ? "relative RMS error at directions that were left out"
+                           : "relative RMS error of all values";
+    return path && output_file_end(compare->plot,
+                                   plot_curve(path, name, text, seen_bytes(compare),
+                                              &g_array_index(compare->points, struct plot_point, 0),
+                                              (int)compare->points->len, error),
+                                   error);
 }
 
 static gboolean work_compare(const struct work *work, gpointer data, GError **error) {
@@ -71,7 +83,10 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
                     "%s: --curve needs a session directory with a BTF", compare->a);
         return FALSE;
     }
-    compare->points = curve_measure(btf, work, error);
+    if (!left_out_draw(&compare->left_out, compare->a, &btf->layout, &compare->held, error))
+        return FALSE;
+    const gboolean some = compare->held.n_views || compare->held.n_lights;
+    compare->points = curve_measure(btf, some ? &compare->held : NULL, work, error);
     return compare->points && draw_curve(compare, btf->name, error);
 }
 
@@ -193,8 +208,9 @@ static void tell_comparison(Record *to, const struct compare *compare) {
 }
 
 static void tell_curve(Record *to, const struct compare *compare) {
-    const double raw = (double)material_info(compare->of_a)->bytes;
+    const double raw = seen_bytes(compare);
     record_string(to, "plot", curve_option);
+    left_out_tell(to, &compare->left_out, material_info(compare->of_a)->layout, &compare->held);
     record_begin_list(to, "points");
     for (guint i = 0; i < compare->points->len; i++) {
         const struct plot_point *point = &g_array_index(compare->points, struct plot_point, i);
@@ -249,23 +265,13 @@ static const GOptionEntry entries[] = {
 };
 
 /* Reports the errors of methods at directions that they have not seen. */
-static int run_methods(const struct call *call, GError **error) {
-    struct compare_methods_asked asked = {.path = call->arguments[0],
-                                          .views = -1,
-                                          .lights = -1,
-                                          .seed = (guint32)seed_option,
-                                          .codec =
-                                              method_option ? codecs_find(method_option) : NULL};
+static int run_methods(const struct call *call, const struct left_out *left_out, GError **error) {
+    const struct compare_methods_asked asked = {call->arguments[0], *left_out,
+                                                codecs_find(method_option)};
     if (method_option && !asked.codec)
         return cli_usage(call->command,
-                         "there is no --method=%s; “mesorig compress --help” lists "
-                         "the methods",
+                         "there is no --method=%s; “mesorig compress --help” lists the methods",
                          method_option);
-    if (leave_out_option && !compare_methods_parse(leave_out_option, &asked.views, &asked.lights))
-        return cli_usage(call->command,
-                         "--leave-out: “%s” is not a number above 0, such as 4, views=4 or "
-                         "lights=4",
-                         leave_out_option);
     return compare_methods(&asked, call->record, error) ? CLI_DONE : CLI_FAILED;
 }
 
@@ -275,12 +281,19 @@ static int run(const struct call *call, GError **error) {
         return cli_usage(call->command,
                          "give two materials to compare, or one session, or one session with "
                          "--curve FILE");
-    if ((b || curve_option) && (leave_out_option || method_option || seed_option != 1))
+    struct left_out left_out = {-1, -1, (guint32)seed_option};
+    if (b && (leave_out_option || seed_option != 1))
         return cli_usage(call->command,
-                         "--leave-out, --seed and --method need one session, whose BTF is "
-                         "compressed without some directions");
+                         "--leave-out and --seed need one session, whose BTF is compressed without "
+                         "some directions");
+    if (method_option && (b || curve_option))
+        return cli_usage(call->command, "--method needs one session, and no --curve");
+    if (leave_out_option && !left_out_parse(leave_out_option, &left_out))
+        return cli_usage(call->command,
+                         "--leave-out: “%s” is not a number, such as 4, views=4 or lights=4",
+                         leave_out_option);
     if (!b && !curve_option)
-        return run_methods(call, error);
+        return run_methods(call, &left_out, error);
     if (!curve_option && compare_is_picture(a) && compare_is_picture(b)) {
         if (plot_option)
             return cli_usage(call->command,
@@ -291,7 +304,7 @@ static int run(const struct call *call, GError **error) {
     g_autoptr(OutputFile) plot = NULL;
     if (drawn && !(plot = cli_output(drawn, "plot", error)))
         return CLI_FAILED;
-    struct compare compare = {a, b, plot};
+    struct compare compare = {.a = a, .b = b, .plot = plot, .left_out = left_out};
     const gboolean ok =
         cli_work_run(curve_option ? work_curve : work_compare, &compare, NULL, error);
     if (ok)
@@ -299,6 +312,7 @@ static int run(const struct call *call, GError **error) {
     material_free(compare.of_a);
     material_free(compare.of_b);
     comparison_free(compare.comparison);
+    held_out_clear(&compare.held);
     curve_free(compare.points);
     return ok ? CLI_DONE : CLI_FAILED;
 }

@@ -1,15 +1,9 @@
 #include "compare_methods.h"
 
-#include "base/data_error.h"
 #include "base/plural.h"
-#include "codecs/codec/held_out.h"
 #include "common/work.h"
 
 #include <math.h>
-#include <string.h>
-
-#define SHARE    10 /* one of so many directions is left out by default */
-#define MIN_KEPT 3
 
 /* Errors of one codec. */
 struct method_errors {
@@ -24,40 +18,6 @@ struct methods {
     struct btf_matrix *btf;
     GArray *found; /* of struct method_errors */
 };
-
-gboolean compare_methods_parse(const char *text, int *ret_views, int *ret_lights) {
-    const char *equals = strchr(text, '=');
-    const gboolean views = !equals || g_str_has_prefix(text, "views=");
-    const gboolean lights = !equals || g_str_has_prefix(text, "lights=");
-    guint64 n;
-    if (!(views || lights) ||
-        !g_ascii_string_to_unsigned(equals ? equals + 1 : text, 10, 1, G_MAXINT, &n, NULL))
-        return FALSE;
-    *ret_views = views ? (int)n : 0;
-    *ret_lights = lights ? (int)n : 0;
-    return TRUE;
-}
-
-/* Returns the number of directions to leave out of n. */
-static int number(int asked, gsize n) {
-    if (asked >= 0)
-        return asked;
-    return n > MIN_KEPT ? (int)((n + SHARE - 1) / SHARE) : 0;
-}
-
-static gboolean draw(struct methods *methods, GError **error) {
-    const struct btf_layout *layout = &methods->btf->layout;
-    const int views = number(methods->asked->views, layout->views.n);
-    const int lights = number(methods->asked->lights, layout->lights.n);
-    if (views > 0 || lights > 0)
-        return held_out_draw(layout, views, lights, methods->asked->seed, &methods->held, error);
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: it has %d %s and %d %s, of which none can be left out; compare it with a "
-                "compressed file",
-                methods->asked->path, PLURAL((int)layout->views.n, "view"),
-                PLURAL((int)layout->lights.n, "light"));
-    return FALSE;
-}
 
 /* Adds the errors of a model of the BTF without the directions. */
 static gboolean measure(struct methods *methods, const struct codec *codec, gconstpointer model,
@@ -96,7 +56,8 @@ static gboolean work_methods(const struct work *work, gpointer data, GError **er
     struct methods *methods = data;
     const struct codec *only = methods->asked->codec;
     methods->btf = btf_matrix_read(methods->asked->path, work, error);
-    if (!methods->btf || !draw(methods, error))
+    if (!methods->btf || !left_out_draw(&methods->asked->left_out, methods->asked->path,
+                                        &methods->btf->layout, &methods->held, error))
         return FALSE;
     struct btf_matrix *rest = held_out_rest(methods->btf, &methods->held);
     gboolean ok = measure(methods, &material_btf_codec, rest, 0, work, error);
@@ -105,18 +66,6 @@ static gboolean work_methods(const struct work *work, gpointer data, GError **er
             ok = encode(methods, codecs[i], rest, work, error);
     btf_matrix_free(rest);
     return ok;
-}
-
-static void tell_left_out(Record *to, const char *key, const struct direction_list *list,
-                          const int *indices, int n) {
-    record_begin_list(to, key);
-    for (int i = 0; i < n; i++) {
-        record_begin(to, NULL);
-        record_add(to, "%d{index} %g{theta_deg} %g{phi_deg}", indices[i],
-                   (double)list->theta_deg[indices[i]], (double)list->phi_deg[indices[i]]);
-        record_end(to);
-    }
-    record_end(to);
 }
 
 static void tell_method(Record *to, const struct method_errors *errors) {
@@ -136,24 +85,15 @@ static void tell_method(Record *to, const struct method_errors *errors) {
 
 static void tell(Record *to, const struct methods *methods) {
     const struct btf_layout *layout = &methods->btf->layout;
-    const struct held_out *held = &methods->held;
     const struct comparison *first =
         g_array_index(methods->found, struct method_errors, 0).comparison;
-    const int pairs = first->n_views * first->n_lights;
-    record_say(to, "%s{session}: %d{views} views × %d{lights} lights, ", methods->asked->path,
+    record_say(to, "%s{session}: %d{views} views × %d{lights} lights\n", methods->asked->path,
                (int)layout->views.n, (int)layout->lights.n);
-    record_say(to, "of which %d %s and %d %s were left out (seed %u{seed})\n",
-               PLURAL(held->n_views, "view"), PLURAL(held->n_lights, "light"),
-               methods->asked->seed);
-    record_say(
-        to,
-        "Errors are those at %d{pairs} %s of a view and a light that no method has seen. SSIM "
-        "and FLIP\nare means over %d{pictures} %s.\n",
-        PLURAL(pairs, "pair"), PLURAL(first->n_pictures, "picture"));
+    left_out_tell(to, &methods->asked->left_out, layout, &methods->held);
+    record_say(to, "SSIM and FLIP are means over %d{pictures} %s.\n",
+               PLURAL(first->n_pictures, "picture"));
     record_say(to, "\n%-12s %11s  %8s  %8s  %7s  %6s  %6s %6s %6s\n", "method", "bytes/texel",
                "error", "seen", "PSNR/dB", "SSIM", "FLIP", "ΔE", "ns");
-    tell_left_out(to, "left_out_views", &layout->views, held->views, held->n_views);
-    tell_left_out(to, "left_out_lights", &layout->lights, held->lights, held->n_lights);
     record_begin_list(to, "methods");
     for (guint i = 0; i < methods->found->len; i++)
         tell_method(to, &g_array_index(methods->found, struct method_errors, i));

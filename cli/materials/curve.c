@@ -7,6 +7,7 @@
 
 struct curve {
     const struct btf_matrix *btf;
+    const struct held_out *held; /* NULL: errors at the measured directions */
     GArray *points;
     struct work quiet; /* can be cancelled, reports nothing */
 };
@@ -20,12 +21,22 @@ void curve_free(GArray *points) {
         g_array_unref(points);
 }
 
+static gboolean measure(const struct curve *curve, const struct codec *codec,
+                        const struct codec_point *point, double *ret_error, GError **error) {
+    double luminance;
+    if (curve->held)
+        return held_out_error(curve->btf, curve->held, codec, point->model, &curve->quiet,
+                              ret_error, error);
+    *ret_error = point->error;
+    return point->error >= 0 || compare_model(codec, point->model, curve->btf, &curve->quiet,
+                                              ret_error, &luminance, error);
+}
+
 static gboolean add_point(const struct codec *codec, const struct codec_point *point, gpointer data,
                           GError **error) {
     struct curve *curve = data;
-    double found = point->error, luminance;
-    if (found < 0 &&
-        !compare_model(codec, point->model, curve->btf, &curve->quiet, &found, &luminance, error)) {
+    double found;
+    if (!measure(curve, codec, point, &found, error)) {
         g_free(point->label);
         return FALSE;
     }
@@ -57,16 +68,21 @@ static void keep_best(GArray *points) {
     g_array_set_size(points, kept);
 }
 
-GArray *curve_measure(const struct btf_matrix *btf, const struct work *work, GError **error) {
+GArray *curve_measure(const struct btf_matrix *btf, const struct held_out *held,
+                      const struct work *work, GError **error) {
     static const struct work none;
-    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), {0}};
+    struct curve curve = {btf, held, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), {0}};
+    struct btf_matrix *rest = held ? held_out_rest(btf, held) : NULL;
+    gboolean ok = TRUE;
     work = work ? work : &none;
     curve.quiet.cancellable = work->cancellable;
-    for (gsize i = 0; codecs[i]; i++)
-        if (!codecs[i]->curve(codecs[i], btf, work, add_point, &curve, error)) {
-            curve_free(curve.points);
-            return NULL;
-        }
+    for (gsize i = 0; ok && codecs[i]; i++)
+        ok = codecs[i]->curve(codecs[i], held ? rest : btf, work, add_point, &curve, error);
+    btf_matrix_free(rest);
+    if (!ok) {
+        curve_free(curve.points);
+        return NULL;
+    }
     g_array_sort(curve.points, by_series_and_size);
     keep_best(curve.points);
     return curve.points;

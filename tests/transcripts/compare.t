@@ -5,9 +5,9 @@ Errors of compression at directions that it has not seen. The times, in the last
   $ mesorig process S >/dev/null
   $ methods() { mesorig compare "$@" | sed 's/ *[0-9]*$//'; }
   $ methods S
-  S: 4 views × 4 lights, of which 1 view and 1 light were left out (seed 1)
-  Errors are those at 1 pair of a view and a light that no method has seen. SSIM and FLIP
-  are means over 1 picture.
+  S: 4 views × 4 lights
+  1 view and 1 light were left out (seed 1). Errors are those at 1 pair of a view and a light that no method has seen.
+  SSIM and FLIP are means over 1 picture.
   
   method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
   btf                 54.0   14.08 %    0.00 %    27.69       –  0.1509   3.36
@@ -24,30 +24,55 @@ Errors of compression at directions that it has not seen. The times, in the last
   btf                 72.0   29.55 %    0.00 %    19.96       –  0.3536   7.93
   hsh                216.0   87.15 %    0.01 %     7.74       –  0.8580  40.69
   $ methods S --leave-out views=1 --seed 7 -m ptm
-  S: 4 views × 4 lights, of which 1 view and 0 lights were left out (seed 7)
-  Errors are those at 4 pairs of a view and a light that no method has seen. SSIM and FLIP
-  are means over 4 pictures.
+  S: 4 views × 4 lights
+  1 view and 0 lights were left out (seed 7). Errors are those at 4 pairs of a view and a light that no method has seen.
+  SSIM and FLIP are means over 4 pictures.
   
   method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
   btf                 72.0   22.73 %    0.00 %    20.62       –  0.2298   5.51
   ptm                 54.0   18.81 %    0.64 %    20.80       –  0.1833   4.53
+  $ methods S --leave-out 0 -m eigenmaps
+  S: 4 views × 4 lights
+  Errors are those at all 16 measured pairs of a view and a light, which every method has seen.
+  SSIM and FLIP are means over 16 pictures.
+  
+  method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
+  btf                 96.0   19.87 %    0.00 %    24.79       –  0.1631   3.43
+  eigenmaps           97.0   19.87 %    0.00 %    24.79       –  0.1631   3.43
   $ mesorig compare S --leave-out 1 -m lpca --json | sed 's/"evaluation_ns": [0-9.]*/"evaluation_ns": …/g'
-  {"session": "S", "views": 4, "lights": 4, "seed": 1, "pairs": 1, "pictures": 1, "left_out_views": [{"index": 1, "theta_deg": 30, "phi_deg": 180}], "left_out_lights": [{"index": 3, "theta_deg": 60, "phi_deg": 225}], "methods": [{"method": "btf", "bytes_per_texel": 54, "error": 0.140, "seen": 0, "psnr_db": 27.690, "ssim": null, "flip": 0.150, "delta_e": 3.358, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}, {"method": "lpca", "bytes_per_texel": 260, "error": 0.140, "seen": 0.000, "psnr_db": 27.689, "ssim": null, "flip": 0.150, "delta_e": 3.357, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}]}
+  {"session": "S", "views": 4, "lights": 4, "seed": 1, "pairs": 1, "left_out_views": [{"index": 1, "theta_deg": 30, "phi_deg": 180}], "left_out_lights": [{"index": 3, "theta_deg": 60, "phi_deg": 225}], "pictures": 1, "methods": [{"method": "btf", "bytes_per_texel": 54, "error": 0.140, "seen": 0, "psnr_db": 27.690, "ssim": null, "flip": 0.150, "delta_e": 3.358, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}, {"method": "lpca", "bytes_per_texel": 260, "error": 0.140, "seen": 0.000, "psnr_db": 27.689, "ssim": null, "flip": 0.150, "delta_e": 3.357, "evaluation_ns": …, "luminance_error": 0.017, "largest": 0.101}]}
   $ mesorig compare S --leave-out 2
-  mesorig: 2 of 4 views cannot be left out, because at least 3 must be kept
+  mesorig: S: 2 of 4 views cannot be left out, because at least 3 must be kept
   [1]
-  $ mesorig compare S --leave-out views=0
-  mesorig compare: --leave-out: “views=0” is not a number above 0, such as 4, views=4 or lights=4
+  $ mesorig compare S --leave-out views=-1
+  mesorig compare: --leave-out: “views=-1” is not a number, such as 4, views=4 or lights=4
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S --leave-out texels=1
-  mesorig compare: --leave-out: “texels=1” is not a number above 0, such as 4, views=4 or lights=4
+  mesorig compare: --leave-out: “texels=1” is not a number, such as 4, views=4 or lights=4
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m wavelets
   mesorig compare: there is no --method=wavelets; “mesorig compress --help” lists the methods
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
+  $ mesorig compare S -m lpca --curve curve.svg
+  mesorig compare: --method needs one session, and no --curve
+  Usage: mesorig compare A B | DIR | DIR --curve FILE
+  [2]
+
+Error against size, at directions that were left out and at the measured ones:
+
+  $ mesorig compare S --curve curve.svg | grep -E 'left out|eigen|curve.svg'
+  1 view and 1 light were left out (seed 1). Errors are those at 1 pair of a view and a light that no method has seen.
+  eigen-maps               1 term         1:2.969     19.158 %
+  eigen-maps               2 terms        1:1.485     12.055 %
+  plot curve.svg
+  $ mesorig compare S --curve curve.svg --leave-out 0 --force | grep -E 'measured|eigen'
+  Errors are those at all 16 measured pairs of a view and a light, which every method has seen.
+  eigen-maps               1 term         1:3.959     19.505 %
+  eigen-maps               2 terms        1:1.979      6.858 %
+  eigen-maps               4 terms        1:0.9897     0.000 %
 
 Both forms of a material at the measured directions:
 
@@ -65,7 +90,7 @@ Both forms of a material at the measured directions:
   mesorig: S/products/eigenmaps.exr: no session there: it is a file; give the directory of a session
   [1]
   $ mesorig compare S S/products/eigenmaps.exr --seed 2
-  mesorig compare: --leave-out, --seed and --method need one session, whose BTF is compressed without some directions
+  mesorig compare: --leave-out and --seed need one session, whose BTF is compressed without some directions
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 

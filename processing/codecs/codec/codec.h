@@ -52,8 +52,9 @@ struct codec_point {
      */
     char *label;
     gint64 bytes; /* bytes in a renderer's memory */
-    double error; /* relative RMS error; −1 if the function that is called must measure model */
-    gconstpointer model; /* only needed if error is −1 */
+    double error; /* relative RMS error of the BTF; −1 if the function that is called must measure
+                     it */
+    gconstpointer model;
 };
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
                                gpointer data, GError **error);

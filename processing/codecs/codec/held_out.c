@@ -7,8 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define COLOURS  3
-#define MIN_KEPT 3 /* directions, which can be triangulated */
+#define COLOURS 3
 
 static int by_value(gconstpointer a, gconstpointer b) {
     return *(const int *)a - *(const int *)b;
@@ -30,11 +29,11 @@ static int *draw(GRand *random, int n, int count) {
 }
 
 static gboolean enough(gsize n, int left_out, const char *what, GError **error) {
-    if (left_out == 0 || (gsize)left_out + MIN_KEPT <= n)
+    if (left_out == 0 || (gsize)left_out + HELD_OUT_MIN_KEPT <= n)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%d of %zu %s cannot be left out, because at least %d must be kept", left_out, n,
-                what, MIN_KEPT);
+                what, HELD_OUT_MIN_KEPT);
     return FALSE;
 }
 
@@ -160,9 +159,9 @@ static void set_places(struct held_out_pairs *pairs) {
     }
 }
 
-struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
-                                    const Material *model, const struct work *work,
-                                    GError **error) {
+static struct comparison *compare(const struct btf_matrix *btf, const struct held_out *held,
+                                  const Material *model, int max_pictures, const struct work *work,
+                                  GError **error) {
     const struct btf_layout *layout = &btf->layout;
     struct held_out_pairs pairs = {
         .btf = btf,
@@ -175,7 +174,7 @@ struct comparison *held_out_compare(const struct btf_matrix *btf, const struct h
     struct comparison *ret = NULL;
     if (codec_tables_init(&pairs.tables, material_codec(model), material_model(model), error)) {
         const struct compare_size size = {(int)layout->width, (int)layout->height, pairs.n_views,
-                                          pairs.n_lights, COMPARE_PICTURES};
+                                          pairs.n_lights, max_pictures};
         set_places(&pairs);
         ret =
             compare_sources(&(struct compare_source){btf->name, &pairs, measured},
@@ -191,4 +190,22 @@ struct comparison *held_out_compare(const struct btf_matrix *btf, const struct h
     if (!held->n_lights)
         g_free(pairs.lights);
     return ret;
+}
+
+struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
+                                    const Material *model, const struct work *work,
+                                    GError **error) {
+    return compare(btf, held, model, COMPARE_PICTURES, work, error);
+}
+
+gboolean held_out_error(const struct btf_matrix *btf, const struct held_out *held,
+                        const struct codec *codec, gconstpointer model, const struct work *work,
+                        double *ret_error, GError **error) {
+    g_autoptr(Material) material = material_borrow(codec->title, codec, model);
+    struct comparison *comparison = compare(btf, held, material, 0, work, error);
+    if (comparison)
+        *ret_error = comparison->all.error;
+    const gboolean ok = comparison != NULL;
+    comparison_free(comparison);
+    return ok;
 }

@@ -12,15 +12,17 @@
 #include "compare.h"
 
 /* The views and lights that are left out, as ascending indices. If one of the numbers is 0, all
- * views or all lights are kept. */
+ * views or all lights are kept. If both are 0, the error is that at the measured directions. */
 struct held_out {
     int n_views, n_lights;
     int *views, *lights;
 };
 
-/* Draws views and lights. The same seed gives the same directions. Both numbers must not be
- * negative, and one must be above 0. The error is DATA_ERROR_INVALID if fewer than 3 views or
- * lights would be left of those that are drawn from. Free with held_out_clear(). */
+#define HELD_OUT_MIN_KEPT 3 /* directions, which can be triangulated */
+
+/* Draws n_views views and n_lights lights. The same seed gives the same directions. The error is
+ * DATA_ERROR_INVALID if fewer than HELD_OUT_MIN_KEPT views or lights would be kept. Free with
+ * held_out_clear(). */
 gboolean held_out_draw(const struct btf_layout *layout, int n_views, int n_lights, guint32 seed,
                        struct held_out *ret, GError **error);
 void held_out_clear(struct held_out *held);
@@ -34,3 +36,8 @@ struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held
  * compare_materials(). */
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
+
+/* Gives only the relative RMS error of the same comparison. model is of codec. */
+gboolean held_out_error(const struct btf_matrix *btf, const struct held_out *held,
+                        const struct codec *codec, gconstpointer model, const struct work *work,
+                        double *ret_error, GError **error);

@@ -101,6 +101,7 @@ static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
                              .label = g_strdup_printf("%d terms", options.n_terms),
                              .bytes = hsh_bytes(hsh),
                              .error = hsh->error,
+                             .model = hsh,
                          },
                          data, error);
         hsh_free(hsh);

@@ -146,6 +146,7 @@ static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
                                          : g_strdup_printf(k > 1 ? "%d lobes" : "%d lobe", k),
                       .bytes = lobes_bytes(lobes),
                       .error = lobes->error,
+                      .model = lobes,
                   },
                   data, error);
         lobes_free(lobes);

@@ -347,6 +347,7 @@ static gboolean tell_quantised(const struct lpca *lpca, int components,
                       .label = g_strdup_printf("%d × %d", fewer->n_clusters, components),
                       .bytes = lpca_bytes(fewer),
                       .error = lpca_error(fewer, btf, 0),
+                      .model = fewer,
                   },
                   data, error);
     }
@@ -381,6 +382,7 @@ static gboolean curve_packed(const struct btf_matrix *btf, const struct work *wo
         if (ok) {
             point.label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n);
             point.error = lpca->error;
+            point.model = lpca;
             ok = tell(&lpca_codec, &point, data, error);
         }
     }

@@ -34,7 +34,7 @@ static struct btf_matrix *waves(gboolean constant) {
 }
 
 static GArray *measure(const struct btf_matrix *btf) {
-    GArray *points = ok(curve_measure(btf, NULL, ERR));
+    GArray *points = ok(curve_measure(btf, NULL, NULL, ERR));
     return points;
 }
 
@@ -111,15 +111,17 @@ static void assert_drawn(const char *folder, const GArray *points) {
     g_autoptr(GError) error = NULL;
     g_autofree char *png = g_build_filename(folder, "curve.png", NULL);
     g_autofree char *svg = g_build_filename(folder, "curve.svg", NULL);
-    g_assert_true(plot_curve(svg, "waves", 1e5, point_at(points, 0), (int)points->len, &error));
-    g_assert_true(plot_curve(png, "waves", 1e5, point_at(points, 0), (int)points->len, &error));
+    g_assert_true(
+        plot_curve(svg, "waves", "seen", 1e5, point_at(points, 0), (int)points->len, &error));
+    g_assert_true(
+        plot_curve(png, "waves", "seen", 1e5, point_at(points, 0), (int)points->len, &error));
     g_assert_cmpint(size_of_file(svg), >, 1000);
     cairo_surface_t *picture = cairo_image_surface_create_from_png(png);
     g_assert_cmpint(cairo_surface_status(picture), ==, CAIRO_STATUS_SUCCESS);
     for (int i = 0; i < (int)G_N_ELEMENTS(names); i++)
         g_assert_true(has_colour(picture, i));
     cairo_surface_destroy(picture);
-    g_assert_false(plot_curve("curve.jpg", "waves", 1e5, point_at(points, 0), 1, &error));
+    g_assert_false(plot_curve("curve.jpg", "waves", "seen", 1e5, point_at(points, 0), 1, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT);
 }
 
@@ -165,7 +167,7 @@ TEST(cancelled) {
     struct btf_matrix *btf = waves(FALSE);
     const struct work work = {
         .progress = cancel_packed, .data = cancellable, .cancellable = cancellable};
-    g_assert_null(curve_measure(btf, &work, &error));
+    g_assert_null(curve_measure(btf, NULL, &work, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     btf_matrix_free(btf);
 }

@@ -161,3 +161,14 @@ TEST(pictures) {
     g_assert_true(ok(compare_evaluation_ns(of_a, &ns, ERR)));
     g_assert_cmpfloat(ns, >, 1);
 }
+
+/* With nothing left out the comparison is that at the measured directions. */
+TEST(nothing_left_out) {
+    g_autoptr(BtfMatrix) btf = one_view(7);
+    const struct held_out none = {0};
+    double error = -1;
+    for (gsize i = 0; i < WIDTH * HEIGHT * btf_layout_values(&btf->layout); i++)
+        btf->values[i] *= 1 + 0.2F * (float)(i % 5);
+    g_assert_true(ok(held_out_error(btf, &none, &material_btf_codec, btf, NULL, &error, ERR)));
+    g_assert_cmpfloat_with_epsilon(error, 0, 1e-6);
+}
