@@ -4,9 +4,13 @@
 #include "triangulation.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Random displacement that brings the points into general position. */
 #define JITTER 1e-7
+/* Points are on a line if none is farther from it. Triangles so thin would be those of the
+ * displacements. */
+#define LINE (10 * JITTER)
 
 struct triangle {
     int corner[3]; /* counter-clockwise */
@@ -16,7 +20,8 @@ struct Triangulation {
     int n;
     double *points; /* n × 2, displaced */
     GArray *triangles;
-    GArray *hull; /* of int, counter-clockwise */
+    /* of int, counter-clockwise; points on a line have no triangles, and are here in their order */
+    GArray *hull;
     /* A grid over the points: cell k has triangles covering[first[k] … first[k + 1] − 1], in
      * ascending order. */
     int n_cells;            /* each way */
@@ -170,6 +175,39 @@ static void make_grid(Triangulation *t) {
     t->first[0] = 0;
 }
 
+struct along {
+    const double *points;
+    double x, y; /* direction of the line */
+};
+
+static int compare_along(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct along *along = data;
+    const double *p = along->points + (gsize)2 * *(const int *)a;
+    const double *q = along->points + (gsize)2 * *(const int *)b;
+    const double ahead = (p[0] - q[0]) * along->x + (p[1] - q[1]) * along->y;
+    return (ahead > 0.0) - (ahead < 0.0);
+}
+
+/* Returns whether all points are on a line, and then sorts them along it. */
+static gboolean triangulation_line(const double *points, int n, int *order) {
+    struct along along = {points, 0.0, 0.0};
+    double length = 0.0;
+    for (int k = 1; k < n; k++) {
+        const double x = points[2 * k] - points[0], y = points[2 * k + 1] - points[1];
+        if (hypot(x, y) > length) {
+            length = hypot(x, y);
+            along.x = x / length;
+            along.y = y / length;
+        }
+    }
+    for (int k = 1; k < n; k++)
+        if (fabs((points[2 * k] - points[0]) * along.y -
+                 (points[2 * k + 1] - points[1]) * along.x) > LINE)
+            return FALSE;
+    g_qsort_with_data(order, n, sizeof(int), compare_along, &along);
+    return TRUE;
+}
+
 Triangulation *triangulation_new(const double *points, int n) {
     Triangulation *t = g_new0(Triangulation, 1);
     t->n = n;
@@ -184,13 +222,15 @@ Triangulation *triangulation_new(const double *points, int n) {
             t->points[2 * k + axis] =
                 points[2 * k + axis] + g_rand_double_range(random, -JITTER, JITTER);
     }
-    g_qsort_with_data(order, n, sizeof(int), compare_x, t);
-    /* Makes a triangulation by adding points from left to right. */
-    g_array_append_vals(t->hull, order, MIN(n, 3));
-    if (n < 3) {
+    if (triangulation_line(points, n, order)) {
+        memcpy(t->points, points, sizeof *points * 2 * (gsize)n);
+        g_array_append_vals(t->hull, order, (guint)n);
         make_grid(t);
         return t;
     }
+    g_qsort_with_data(order, n, sizeof(int), compare_x, t);
+    /* Makes a triangulation by adding points from left to right. */
+    g_array_append_vals(t->hull, order, 3);
     struct triangle first = {{order[0], order[1], order[2]}};
     if (turn(t, order[0], order[1], order[2]) < 0.0) {
         first = (struct triangle){{order[0], order[2], order[1]}};
@@ -252,8 +292,9 @@ void triangulation_weights(const Triangulation *t, const double at[2], int ret_i
     }
     /* The nearest point a + s (b − a) of the border's edges a … b, 0 ≤ s ≤ 1. */
     const int *hull = (const int *)t->hull->data;
+    const gboolean open = t->triangles->len == 0 && t->hull->len > 1;
     double best = G_MAXDOUBLE;
-    for (guint k = 0; k < t->hull->len; k++) {
+    for (guint k = 0; k < t->hull->len - (open ? 1 : 0); k++) {
         const int i = hull[k], j = hull[(k + 1) % t->hull->len];
         const double *a = point(t, i), *b = point(t, j);
         const double along[2] = {b[0] - a[0], b[1] - a[1]};

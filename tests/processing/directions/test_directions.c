@@ -252,6 +252,28 @@ TEST(few) {
         1e-4);
 }
 
+/* Directions in one plane, as of lamps on an arc that does not turn. Each way of the arc in
+ * azimuth, and also given out of order. */
+TEST(arc) {
+    for (double turn = 0; turn < 180; turn += 22.5) {
+        struct set set = {.n = 0};
+        for (int k = 0; k < 7; k++) {
+            const int at = k * 3 % 7 - 3; /* −3 … 3 */
+            add(&set, 20.0 * abs(at), at < 0 ? turn + 180 : turn);
+        }
+        check_exact(&set, 1e-6);
+        check_continuous(&set, 200.0);
+        g_autoptr(Directions) directions = make(&set);
+        double values[512] = {0.0};
+        for (int k = 0; k < set.n; k++)
+            values[k] = tan(set.theta[k] * DEG / 2) * (set.phi[k] > turn + 90 ? -1 : 1);
+        for (double theta = -55; theta < 60; theta += 10) /* linear in the stereographic plane */
+            g_assert_cmpfloat_with_epsilon(
+                value_of(directions, &set, values, direction_of_deg(theta, turn)),
+                tan(theta * DEG / 2), 1e-6);
+    }
+}
+
 TEST(square) {
     double sum = 0.0, step = 2.0 / 400;
     for (int j = 0; j < 400; j++)
