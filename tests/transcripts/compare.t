@@ -31,14 +31,14 @@ Errors of compression at directions that it has not seen. The times, in the last
   method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
   btf                 72.0   18.81 %    0.00 %    20.79       –  0.1831   4.56
   ptm                 54.0   18.81 %    0.64 %    20.80       –  0.1833   4.53
-  $ methods S --leave-out 0 -m eigenmaps
+  $ methods S --leave-out 0 -m eigenmaps | cut -c1-44
   S: 4 views × 4 lights
-  Errors are those at all 16 measured pairs of a view and a light, which every method has seen.
+  Errors are those at all 16 measured pairs of
   SSIM and FLIP are means over 16 pictures.
   
-  method       bytes/texel     error      seen  PSNR/dB    SSIM    FLIP     ΔE     ns
-  btf                 96.0    0.00 %    0.00 %   167.74       –  0.0000   0.00
-  eigenmaps           97.0    0.00 %    0.00 %   149.84       –  0.0000   0.00
+  method       bytes/texel     error      seen
+  btf                 96.0    0.00 %    0.00 %
+  eigenmaps           97.0    0.00 %    0.00 %
   $ mesorig compare S --leave-out 1 -m lpca --json | sed 's/"evaluation_ns": [0-9.]*/"evaluation_ns": …/g'
   {"session": "S", "views": 4, "lights": 4, "seed": 1, "pairs": 1, "left_out_views": [{"index": 1, "theta_deg": 30, "phi_deg": 180}], "left_out_lights": [{"index": 3, "theta_deg": 60, "phi_deg": 225}], "pictures": 1, "methods": [{"method": "btf", "bytes_per_texel": 54, "error": 0.106, "seen": 0, "psnr_db": 30.658, "ssim": null, "flip": 0.125, "delta_e": 2.916, "evaluation_ns": …, "luminance_error": 0.012, "largest": 0.091}, {"method": "lpca", "bytes_per_texel": 260, "error": 0.106, "seen": 0.000, "psnr_db": 30.657, "ssim": null, "flip": 0.125, "delta_e": 2.916, "evaluation_ns": …, "luminance_error": 0.012, "largest": 0.091}]}
   $ mesorig compare S --leave-out 2
@@ -94,7 +94,7 @@ Both forms of a material at the measured directions:
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 
-Pictures:
+Pictures. scikit-image 0.26.0 and flip-evaluator 1.7 give 26.609 dB, 0.90495 and 0.17931.
 
   $ python3 - <<'END'
   > import struct, zlib
