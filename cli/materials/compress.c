@@ -100,8 +100,8 @@ static void tell(Record *to, const struct compress *compress, double seconds) {
     const struct codec_result *result = &compress->result;
     const gboolean mips = options_find(compress->asked->method.options, "mips") != NULL;
     g_autofree char *what = codec->describe(codec, result);
-    record_say(to, "%s{file}: done in %g{:time}: %s, error %.2f{:%%}", compress->written, seconds,
-               what, result->error);
+    record_say(to, "%s{file}: done in %g{:time}: %s, error %.2f{:%%} at the measured directions",
+               compress->written, seconds, what, result->error);
     record_add(to, "%s{method} %d{texels} %d{views} %d{lights}", compress->asked->method.name,
                compress->texels, compress->views, compress->lights);
     record_add(to, "%d{clusters} %d{components} %d{grid} %u{levels}", result->clusters,

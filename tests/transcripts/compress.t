@@ -7,7 +7,7 @@ Materials are compressed in different ways. The errors themselves are compared i
 Local PCA:
 
   $ mesorig compress S -k 3 --components 2
-  S/products/lpca.exr: done in … s: 3 clusters of 2 components, error 3.00 % (3.00 % before rounding), 1.2 kB, 1:5.19 of the BTF in half floats; 4.8 kB on disk
+  S/products/lpca.exr: done in … s: 3 clusters of 2 components, error 3.00 % at the measured directions (3.00 % before rounding), 1.2 kB, 1:5.19 of the BTF in half floats; 4.8 kB on disk
   $ mesorig info S/products/lpca.exr | head -1
   local PCA: 8 × 8 texels, clusters × components 3 × 2 in half, of 4 views × 4 lights, mip levels: 1; error 3.00 %
   $ mesorig compress --json S/products/btf -k 2 --error 50% -q 8bit -o other.exr
@@ -15,22 +15,22 @@ Local PCA:
   $ mesorig info other.exr | head -1
   local PCA: 8 × 8 texels, clusters × components 2 × 1 in 8bit, of 4 views × 4 lights, mip levels: 1; error 5.00 %
   $ mesorig compress S --grid 5 -k 1 --components 1 -o other.exr --force
-  other.exr: done in … s: 1 cluster of 1 component on a grid of 5, error 21.95 % (16.66 % before the grid and rounding), 7.7 kB, 1:0.799 of the BTF in half floats; 10.9 kB on disk
+  other.exr: done in … s: 1 cluster of 1 component on a grid of 5, error 21.95 % at the measured directions (16.66 % before the grid and rounding), 7.7 kB, 1:0.799 of the BTF in half floats; 10.9 kB on disk
   it replaces the “lpca” that Mesorig had written there
   $ mesorig compress --json S --size 20kB -o other.exr --force | grep -oE '"(error|exact_error)": [0-9.]*|"replaced".*'
   "exact_error": 0.000
   "error": 0.000
   "replaced": true}
   $ mesorig compress S -q packed --error 40% -o other.exr --force
-  other.exr: done in … s: 1 cluster of 2 components, error 9.67 %, 3.9 kB on disk, 1:1.56 of the BTF in half floats; 608 bytes unpacked
+  other.exr: done in … s: 1 cluster of 2 components, error 9.67 % at the measured directions, 3.9 kB on disk, 1:1.56 of the BTF in half floats; 608 bytes unpacked
   it replaces the “lpca” that Mesorig had written there
   $ mesorig compress S -q packed --size 4500B -o packed.exr >/dev/null
   $ test $(stat -c %s packed.exr) -le 4500
   $ mesorig compress S --mips -k 2 --components 1 -o other.exr --force
-  other.exr: done in … s: 2 clusters of 1 component, 4 mip levels, error 4.99 % (4.99 % before rounding), 1.6 kB, 1:3.84 of the BTF in half floats; 13.4 kB on disk
+  other.exr: done in … s: 2 clusters of 1 component, 4 mip levels, error 4.99 % at the measured directions (4.99 % before rounding), 1.6 kB, 1:3.84 of the BTF in half floats; 13.4 kB on disk
   it replaces the “lpca” that Mesorig had written there
   $ mesorig compress S --memory 60MB --colours log -k 1 --components 1 -q 8bit-weights -o other.exr --force
-  other.exr: done in … s: 1 cluster of 1 component, error 33.34 % (33.31 % before rounding), 288 bytes, 1:21.3 of the BTF in half floats; 4.0 kB on disk
+  other.exr: done in … s: 1 cluster of 1 component, error 33.34 % at the measured directions (33.31 % before rounding), 288 bytes, 1:21.3 of the BTF in half floats; 4.0 kB on disk
   it replaces the “lpca” that Mesorig had written there
   $ mesorig compress S -k 1 --components 1 --error 0.0001% --force
   mesorig: an error of 0.0001 % is not reached with 1 clusters of 1 components (16.7 %); allow more of them
@@ -47,25 +47,25 @@ Memory that is too little is told together with what would be enough.
   mesorig: 1 clusters of 1 components for 8 × 8 texels, 4 views and 4 lights take 322.1 kB of memory, but the limit is 1.0 kB; allow more memory, or fewer clusters or components
   $ enough=$(sed -n 's/.*take \([0-9.]*\)[^0-9A-Za-z]*\([kM]B\).*/\1\2/p' told)
   $ mesorig compress S --memory $enough -k 1 --components 1 -o other.exr --force
-  other.exr: done in … s: 1 cluster of 1 component, error 16.66 % (16.66 % before rounding), 384 bytes, 1:16 of the BTF in half floats; 3.3 kB on disk
+  other.exr: done in … s: 1 cluster of 1 component, error 16.66 % at the measured directions (16.66 % before rounding), 384 bytes, 1:16 of the BTF in half floats; 3.3 kB on disk
   it replaces the “lpca” that Mesorig had written there
 
 Eigen-maps. A view takes 3 kB as floats.
 
   $ mesorig compress S -m eigenmaps --components 1 -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the existing file
   $ mesorig compress S -m eigenmaps -o matrix.exr
-  matrix.exr: done in … s: 4 eigen-maps, error 0.00 % (0.00 % before rounding), 6.2 kB, 1:0.99 of the BTF in half floats; 14.1 kB on disk
+  matrix.exr: done in … s: 4 eigen-maps, error 0.00 % at the measured directions (0.00 % before rounding), 6.2 kB, 1:0.99 of the BTF in half floats; 14.1 kB on disk
   $ cmp matrix.exr S/products/eigenmaps.exr
   $ mesorig compress S -m eigenmaps --memory 7kB --components 1 -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --memory 5kB --components 1 -o other.exr --force
   mesorig: 1 eigen-maps of 8 × 8 texels and 4 lights take 3.1 kB of memory each, and reading one view takes the same. The limit is 5.0 kB; allow more
   [1]
   $ mesorig compress S -m eigenmaps --error 99% -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr --force
   mesorig: an error of 0.0001 % is not reached with 1 eigen-maps (19.5 %); allow more
@@ -74,13 +74,13 @@ Eigen-maps. A view takes 3 kB as floats.
 Other methods:
 
   $ mesorig compress S --method fields --components 1
-  S/products/fields.exr: done in … s: fields of 1 lobe, luminance off by 0.0014 on average, error 0.66 % (0.66 % before rounding), 3.6 kB, 1:1.71 of the BTF in half floats; 5.5 kB on disk
+  S/products/fields.exr: done in … s: fields of 1 lobe, luminance off by 0.0014 on average, error 0.66 % at the measured directions (0.66 % before rounding), 3.6 kB, 1:1.71 of the BTF in half floats; 5.5 kB on disk
   $ mesorig info S/products/fields.exr | head -1
   fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights; error 0.66 %, luminance off by 0.0014
   $ mesorig compress --json S -m ashikhmin
   {"file": "S/products/ashikhmin.exr", "method": "ashikhmin", "texels": 64, "views": 4, "lights": 4, "clusters": 0, "components": 0, "grid": 0, "levels": 1, "holes": 0, "lower_bounds": 0, "btf_bytes": 6144, "bytes": 1792, "file_bytes": 4981, "exact_error": 0.059, "error": 0.059, "luminance_error": 0.006, "real_s": …, "replaced": false}
   $ mesorig compress S -m ptm --mips -o other.exr --force
-  other.exr: done in … s: ptm, 4 mip levels, luminance off by 0.0014 on average, error 0.66 % (0.66 % before rounding), 6.1 kB, 1:1 of the BTF in half floats; 14.3 kB on disk
+  other.exr: done in … s: ptm, 4 mip levels, luminance off by 0.0014 on average, error 0.66 % at the measured directions (0.66 % before rounding), 6.1 kB, 1:1 of the BTF in half floats; 14.3 kB on disk
   it replaces the existing file
   $ mesorig compress S -m ptm --error 0.0001%
   mesorig: an error of 0.0001 % is not reached by ptm (0.66 %); use lpca
