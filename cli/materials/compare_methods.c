@@ -61,6 +61,8 @@ static gboolean work_methods(const struct work *work, gpointer data, GError **er
         return FALSE;
     struct btf_matrix *rest = held_out_rest(methods->btf, &methods->held);
     gboolean ok = measure(methods, &material_btf_codec, rest, 0, work, error);
+    if (!ok)
+        g_prefix_error(error, "%s: ", methods->asked->path);
     for (gsize i = 0; ok && codecs[i]; i++)
         if (!only || codecs[i] == only)
             ok = encode(methods, codecs[i], rest, work, error);
