@@ -89,8 +89,8 @@ static void tell(Record *to, const struct methods *methods) {
     const struct btf_layout *layout = &methods->btf->layout;
     const struct comparison *first =
         g_array_index(methods->found, struct method_errors, 0).comparison;
-    record_say(to, "%s{session}: %d{views} views × %d{lights} lights\n", methods->asked->path,
-               (int)layout->views.n, (int)layout->lights.n);
+    record_say(to, "%s{session}: %d{views} %s × %d{lights} %s\n", methods->asked->path,
+               PLURAL((int)layout->views.n, "view"), PLURAL((int)layout->lights.n, "light"));
     left_out_tell(to, &methods->asked->left_out, layout, &methods->held);
     record_say(to, "SSIM and FLIP are means over %d{pictures} %s.\n",
                PLURAL(first->n_pictures, "picture"));

@@ -5,8 +5,6 @@
 
 #include <string.h>
 
-#define SHARE 10 /* one of so many directions is left out by default */
-
 gboolean left_out_parse(const char *text, struct left_out *to) {
     const char *equals = strchr(text, '=');
     const gboolean views = !equals || g_str_has_prefix(text, "views=");
@@ -22,9 +20,7 @@ gboolean left_out_parse(const char *text, struct left_out *to) {
 
 /* Returns the number of directions to leave out of n. */
 static int number(int asked, gsize n) {
-    if (asked >= 0)
-        return asked;
-    return n > HELD_OUT_MIN_KEPT ? (int)((n + SHARE - 1) / SHARE) : 0;
+    return asked >= 0 ? asked : held_out_default(n);
 }
 
 gboolean left_out_draw(const struct left_out *left_out, const char *path,

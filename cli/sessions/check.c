@@ -2,6 +2,7 @@
  * on the surface. */
 #include "check.h"
 #include "base/data_error.h"
+#include "base/plural.h"
 #include "btf/btf_sigma.h"
 #include "capture/exposure_advice.h"
 #include "common/cli.h"
@@ -50,6 +51,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, -1, error) : NULL;
         if (!check->energy || (check->plot && !draw(check, error)) ||
+            !check_directions(check->btf, &check->directions, work, error) ||
             !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
         const struct btf_layout *layout = &check->btf->layout;
@@ -102,6 +104,17 @@ static void tell_energy(Record *to, const struct energy *e) {
         "of the mean over texels, %d pairs; %.2f{texel_asymmetry:%%} texel by texel\n",
         e->asymmetry, e->pairs, e->texel_asymmetry);
     record_say_if(to, e->pairs == 0, "reciprocity  no pair of directions was measured both ways\n");
+}
+
+static void tell_directions(Record *to, const struct check_directions *found) {
+    if (found->views == 0 && found->lights == 0)
+        return;
+    record_say(
+        to,
+        "directions   %.2f{interpolation_error:%%} RMS error of %d %s and %d %s, interpolated "
+        "from the others\n",
+        found->error, PLURAL(found->views, "view"), PLURAL(found->lights, "light"));
+    record_add(to, "%d{interpolated_views} %d{interpolated_lights}", found->views, found->lights);
 }
 
 static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
@@ -173,6 +186,7 @@ static void tell(Record *to, const struct check *check) {
                    "{predicted}",
                    btf->holes, btf->bounds, btf->shorter, btf->predicted);
         tell_energy(to, check->energy);
+        tell_directions(to, &check->directions);
         record_say(
             to,
             "flags        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "

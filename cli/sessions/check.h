@@ -7,12 +7,21 @@
 #include "mdf/mdf_views.h"
 #include "pipeline/prediction_product.h"
 
+/* The error of interpolation between the measured directions: views and lights that were measured
+ * are predicted from the others. */
+struct check_directions {
+    int views, lights; /* numbers that were predicted; both are 0 if there are too few directions,
+                        * or if they cannot be interpolated */
+    double error;      /* RMS of R, G, B, relative to the measured values */
+};
+
 struct check {
     const char *path;
     OutputFile *plot; /* the picture to draw, or NULL */
     /* results */
     struct btf_matrix *btf; /* NULL if there is none */
     struct energy *energy;
+    struct check_directions directions;
     gboolean has_mdf;
     struct mdf_views_sums mdf;
     struct prediction_known predicted;
@@ -29,6 +38,11 @@ void check_clear(struct check *check);
  * texels, as in Meseth et al. 2003 Fig. 3. */
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
+
+/* Predicts a tenth of the views and of the lights, drawn with the seed 1, in at most 1024 texels
+ * (codecs/codec/held_out.h). */
+gboolean check_directions(const struct btf_matrix *btf, struct check_directions *ret,
+                          const struct work *work, GError **error);
 
 /* Appends sentences (g_free()) that name the mistake that explains impossible values: values that
  * contradict reciprocity, too much or too little energy. */

@@ -78,6 +78,7 @@ A BTF and an MDF are checked. Nothing is suspected of this session.
   $ mesorig check S --plot energy.svg
   energy       0.457 … 0.459 of a light's energy is reflected (views to 60°)
   reciprocity  no pair of directions was measured both ways
+  directions   10.61 % RMS error of 1 view and 1 light, interpolated from the others
   flags        0 % of the values are holes, 0 % lower bounds (saturated), 0 % only from shorter exposures, 0 % not taken: predicted from the pictures of other lights
   error bars   not known: the noise of the session's cameras is not calibrated
   surface      19.74 % of what a view sees is confirmed by others, 0.00 % refuted, 80.26 % hidden from all of them; 0.00 % of what other views say of it contradicts it
@@ -85,7 +86,7 @@ A BTF and an MDF are checked. Nothing is suspected of this session.
   $ ls energy.svg
   energy.svg
   $ mesorig check --json S
-  {"holes": 0, "lower_bounds": 0, "shorter_exposures": 0, "predicted": 0, "e_r": [0.467, 0.467, 0.435, 0.435], "e_i": [0.450, 0.450, 0.452, 0.452], "texel": 36, "texel_e_r": [0.496, 0.491, 0.493, 0.490], "texel_e_i": [0.492, 0.492, 0.494, 0.492], "albedo": [0.457, 0.457, 0.458, 0.459], "largest_albedo": 0.459, "reciprocal_pairs": 0, "asymmetry": 0, "texel_asymmetry": 0, "exposures": "", "sigma_known": 0, "sigma_median": 0, "sigma_relative": 0, "sigma_large": 0, "sigma_worst": 0, "mdf_views": 4, "mdf_texels": 256, "mdf_seen": 152, "mdf_confirmed": 30, "mdf_refuted": 0, "mdf_unknown": 122, "mdf_denied_share": 0, "line_sweeps": 8, "lines_found": 0, "lines_disagree": 0, "line_width": 0, "line_scatter": 0, "suspicions": []}
+  {"holes": 0, "lower_bounds": 0, "shorter_exposures": 0, "predicted": 0, "e_r": [0.467, 0.467, 0.435, 0.435], "e_i": [0.450, 0.450, 0.452, 0.452], "texel": 36, "texel_e_r": [0.496, 0.491, 0.493, 0.490], "texel_e_i": [0.492, 0.492, 0.494, 0.492], "albedo": [0.457, 0.457, 0.458, 0.459], "largest_albedo": 0.459, "reciprocal_pairs": 0, "asymmetry": 0, "texel_asymmetry": 0, "interpolation_error": 0.106, "interpolated_views": 1, "interpolated_lights": 1, "exposures": "", "sigma_known": 0, "sigma_median": 0, "sigma_relative": 0, "sigma_large": 0, "sigma_worst": 0, "mdf_views": 4, "mdf_texels": 256, "mdf_seen": 152, "mdf_confirmed": 30, "mdf_refuted": 0, "mdf_unknown": 122, "mdf_denied_share": 0, "line_sweeps": 8, "lines_found": 0, "lines_disagree": 0, "line_width": 0, "line_scatter": 0, "suspicions": []}
   $ mesorig check S --plot plot.jpg
   mesorig: plot.jpg: a plot's name ends in .png or .svg
   [1]

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define COLOURS 3
+#define SHARE   10 /* one of so many directions is left out by default */
 
 static int by_value(gconstpointer a, gconstpointer b) {
     return *(const int *)a - *(const int *)b;
@@ -28,12 +29,17 @@ static int *draw(GRand *random, int n, int count) {
     return ret;
 }
 
+int held_out_default(gsize n) {
+    return n > HELD_OUT_MIN_KEPT ? (int)((n + SHARE - 1) / SHARE) : 0;
+}
+
 static gboolean enough(gsize n, int left_out, const char *what, GError **error) {
     if (left_out == 0 || (gsize)left_out + HELD_OUT_MIN_KEPT <= n)
         return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%d of %zu %s cannot be left out, because at least %d must be kept", left_out, n,
-                what, HELD_OUT_MIN_KEPT);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "%d of %zu %s cannot be left out, because at least %d must be kept; leave out fewer",
+        left_out, n, what, HELD_OUT_MIN_KEPT);
     return FALSE;
 }
 

@@ -20,6 +20,10 @@ struct held_out {
 
 #define HELD_OUT_MIN_KEPT 3 /* directions, which can be triangulated */
 
+/* Returns how many of n directions are left out by default: a tenth, rounded up, or 0 if
+ * HELD_OUT_MIN_KEPT would not be kept. */
+int held_out_default(gsize n);
+
 /* Draws n_views views and n_lights lights. The same seed gives the same directions. The error is
  * DATA_ERROR_INVALID if fewer than HELD_OUT_MIN_KEPT views or lights would be kept. Free with
  * held_out_clear(). */
