@@ -246,23 +246,34 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
     return CLI_DONE;
 }
 
-static const GOptionEntry entries[] = {
-    {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
-     "Draw the errors of views and lights (.svg or .png)", "FILE"},
-    {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve_option,
-     "Compress a session by every method in several sizes, and draw error against size (.svg or "
-     ".png)",
-     "FILE"},
-    {"leave-out", 0, 0, G_OPTION_ARG_STRING, &leave_out_option,
-     "With one session: number of views and of lights that no method sees, or of one of them "
-     "(views=N, lights=N); a tenth of each",
-     "N"},
-    {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
-     "With one session: seed that draws the directions that are left out (1)", "N"},
-    {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
-     "With one session: only this method (all)", "METHOD"},
-    {NULL},
-};
+/* The placeholder of --method is a list of all codecs. */
+static const GOptionEntry *entries(void) {
+    static GOptionEntry table[] = {
+        {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
+         "Draw the errors of views and lights (.svg or .png)", "FILE"},
+        {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve_option,
+         "Compress a session by every method in several sizes, and draw error against size (.svg "
+         "or "
+         ".png)",
+         "FILE"},
+        {"leave-out", 0, 0, G_OPTION_ARG_STRING, &leave_out_option,
+         "With one session: number of views and of lights that no method sees, or of one of them "
+         "(views=N, lights=N); a tenth of each",
+         "N"},
+        {"seed", 0, 0, G_OPTION_ARG_INT, &seed_option,
+         "With one session: seed that draws the directions that are left out (1)", "N"},
+        {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
+         "With one session: only this method (all)", NULL},
+        {NULL},
+    };
+    g_autoptr(GString) names = g_string_new(codecs[0]->name);
+    for (gsize i = 1; codecs[i]; i++)
+        g_string_append_printf(names, "|%s", codecs[i]->name);
+    for (GOptionEntry *entry = table; entry->long_name; entry++)
+        if (entry->arg_data == &method_option)
+            entry->arg_description = g_intern_string(names->str);
+    return table;
+}
 
 /* Reports the errors of methods at directions that they have not seen. */
 static int run_methods(const struct call *call, const struct left_out *left_out, GError **error) {
@@ -270,7 +281,7 @@ static int run_methods(const struct call *call, const struct left_out *left_out,
                                                 codecs_find(method_option)};
     if (method_option && !asked.codec)
         return cli_usage(call->command,
-                         "there is no --method=%s; “mesorig compress --help” lists the methods",
+                         "there is no --method=%s; “mesorig compare --help” lists the methods",
                          method_option);
     return compare_methods(&asked, call->record, error) ? CLI_DONE : CLI_FAILED;
 }
@@ -324,7 +335,7 @@ const struct command cli_compare = {
                 "  mesorig compare weave.session weave.session/products/lpca.exr\n"
                 "  mesorig compare weave.session --curve curve.svg\n",
     .help = "Compare two materials or pictures, or all methods of compression.",
-    .options = entries,
+    .list_options = entries,
     .writes = TRUE,
     .min = 1,
     .max = 2,

@@ -53,7 +53,7 @@ Errors of compression at directions that it has not seen. The times, in the last
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m wavelets
-  mesorig compare: there is no --method=wavelets; “mesorig compress --help” lists the methods
+  mesorig compare: there is no --method=wavelets; “mesorig compare --help” lists the methods
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m lpca --curve curve.svg
