@@ -1,6 +1,8 @@
 /* Grey pictures and the balance of colour filter mosaics. */
 #include "picture.h"
 
+#include "base/srgb.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -27,10 +29,8 @@ void picture_free(struct picture *picture) {
 }
 
 void picture_srgb(float ret[256]) {
-    for (int i = 0; i < 256; i++) {
-        const double v = i / 255.0;
-        ret[i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
-    }
+    for (int i = 0; i < 256; i++)
+        ret[i] = (float)srgb_decode(i / 255.0);
 }
 
 /* Scales each colour by mean(green) / mean(colour). */

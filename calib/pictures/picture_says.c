@@ -1,6 +1,7 @@
 #include "picture_says.h"
 
 #include "base/input_file.h"
+#include "base/srgb.h"
 #include "picture.h"
 #include "tiff_tags.h"
 
@@ -47,7 +48,7 @@ static double from_709(double v) {
 double picture_tone_light(const struct picture_tone *tone, double number) {
     switch (tone->tones) {
     case PICTURE_TONES_SRGB: /* the linear part continues below 0 */
-        return number <= 0.04045 ? number / 12.92 : pow((number + 0.055) / 1.055, 2.4);
+        return srgb_decode(number);
     case PICTURE_TONES_GAMMA:
         return number > 0 ? pow(number, tone->gamma) : number;
     case PICTURE_TONES_CURVE: {

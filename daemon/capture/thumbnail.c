@@ -1,5 +1,7 @@
 #include "thumbnail.h"
 
+#include "base/srgb.h"
+
 #include <math.h>
 
 /* Computes the mean of each colour above black, over a square of side × side pixels. */
@@ -68,9 +70,8 @@ void thumbnail_make_sized(const Frame *frame, int max_pixels, int *ret_width, in
     float white = MAX(select_value(copy, n, (gsize)((n - 1) * 0.99)), 1.0f);
     *ret_rgb = g_new(guint8, n);
     for (gsize i = 0; i < n; i++) {
-        double v = CLAMP((double)(values[i] / white), 0, 1); /* linear, then sRGB */
-        v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-        (*ret_rgb)[i] = (guint8)lround(255 * v);
+        const double linear = CLAMP((double)(values[i] / white), 0, 1);
+        (*ret_rgb)[i] = (guint8)lround(255 * srgb_encode(linear));
     }
     *ret_width = width;
     *ret_height = height;

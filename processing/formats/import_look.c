@@ -17,6 +17,7 @@
 
 #include "base/direction.h"
 #include "base/robust.h"
+#include "base/srgb.h"
 
 #define SAMPLES    400 /* number of texels */
 #define MIN_LIGHTS 6
@@ -119,21 +120,15 @@ void import_look_add(struct import_look *look, int view, int light, const float 
         look->means[view * look->n_lights + light] = sum / (double)known / gain;
 }
 
-static double encode(double v) {
-    return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-}
-
-static double decode(double v) {
-    return picture_tone_light(&(struct picture_tone){.tones = PICTURE_TONES_SRGB}, v);
-}
-
 static double forth(int candidate, double v) {
-    return candidate == DECODED_WRONGLY ? encode(v) : candidate == TO_BE_DECODED ? decode(v) : v;
+    return candidate == DECODED_WRONGLY ? srgb_encode(v)
+           : candidate == TO_BE_DECODED ? srgb_decode(v)
+                                        : v;
 }
 
 static double back(int candidate, double v) {
-    return candidate == DECODED_WRONGLY ? decode(v)
-           : candidate == TO_BE_DECODED ? encode(MAX(v, 0))
+    return candidate == DECODED_WRONGLY ? srgb_decode(v)
+           : candidate == TO_BE_DECODED ? srgb_encode(MAX(v, 0))
                                         : v;
 }
 

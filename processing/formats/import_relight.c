@@ -20,6 +20,7 @@
 
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "base/srgb.h"
 #include "btf/btf_directions.h"
 #include "codecs/hsh/hsh.h"
 
@@ -239,7 +240,7 @@ static gboolean relight_give_picture(int view, int light, const struct import_re
         }
         for (int c = 0; c < 3; c++) {
             const double v = MAX(relight->lrgb ? f[c] * lit : f[c], 0);
-            ret_planes[c][i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+            ret_planes[c][i] = (float)srgb_decode(v);
         }
     }
     return TRUE;

@@ -2,6 +2,7 @@
 
 #include "base/output_file.h"
 #include "base/png_bytes.h"
+#include "base/srgb.h"
 #include "exr/exr.h"
 
 #include <string.h>
@@ -32,8 +33,7 @@ static guint8 shown(double x) {
         return 0;
     if (x > 0.8)
         x = 1.0 - 0.2 * exp((0.8 - x) / 0.2);
-    const double srgb = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055;
-    return (guint8)CLAMP(lround(255.0 * srgb), 0, 255);
+    return (guint8)CLAMP(lround(255.0 * srgb_encode(x)), 0, 255);
 }
 
 gboolean trace_write_png(const TracePicture *picture, double exposure_ev, const char *path,

@@ -1,5 +1,6 @@
 #include "trace_texture.h"
 
+#include "base/srgb.h"
 #include "trace_scene.h"
 
 #include <math.h>
@@ -138,11 +139,8 @@ TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GEr
         return NULL;
     TraceTexture *ret = g_new0(TraceTexture, 1);
     *ret = (TraceTexture){.size = {size[0], size[1]}, .wrap = {wrap[0], wrap[1]}, .rgb = rgb};
-    for (int k = 0; k < 256; k++) {
-        const double coded = k / 255.0;
-        ret->linear[k] =
-            (float)(coded <= 0.04045 ? coded / 12.92 : pow((coded + 0.055) / 1.055, 2.4));
-    }
+    for (int k = 0; k < 256; k++)
+        ret->linear[k] = (float)srgb_decode(k / 255.0);
     return ret;
 }
 

@@ -7,6 +7,7 @@
 
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "base/srgb.h"
 #include "exr/exr.h"
 
 #define STEP_THETA_DEG 15.0
@@ -101,7 +102,7 @@ static float decode(float number, const struct brdf_coding *coding) {
     const double scale = coding && coding->scale > 0 ? coding->scale : 1;
     double value = MAX((double)number, 0) / divide;
     if (coding && coding->srgb)
-        value = value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4);
+        value = srgb_decode(value);
     return (float)(value * scale);
 }
 

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/data_error.h"
+#include "base/srgb.h"
 #include "btf/btf.h"
 #include "formats/rti/rti.h"
 #include "session_views.h"
@@ -15,8 +16,7 @@ struct export_rti_source {
 };
 
 static float encode(float linear) {
-    const double v = MAX((double)linear, 0);
-    return (float)(v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055);
+    return (float)srgb_encode(MAX((double)linear, 0));
 }
 
 static gboolean picture(int view G_GNUC_UNUSED, int light, const float *const planes[4],

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/data_error.h"
+#include "base/srgb.h"
 #include "btf/btf_directions.h"
 #include "codecs/hsh/hsh.h"
 #include "formats/brdf/utia.h"
@@ -111,10 +112,8 @@ static gboolean ptm_picture(int view G_GNUC_UNUSED, int light, const struct impo
         const gsize x = (gsize)region->x + i % width, y = (gsize)region->y + i / width;
         float f[3];
         rti_evaluate(source->rti, y * (gsize)source->rti->width + x, basis, f);
-        for (int c = 0; c < 3; c++) {
-            const double v = MAX((double)f[c], 0);
-            ret_planes[c][i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
-        }
+        for (int c = 0; c < 3; c++)
+            ret_planes[c][i] = (float)srgb_decode(MAX((double)f[c], 0));
     }
     return TRUE;
 }
