@@ -25,6 +25,7 @@ struct picture_comparison {
 gboolean compare_is_picture(const char *path);
 
 /* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. Values that are
- * masked or not finite count as black. The error is DATA_ERROR_INVALID if a picture cannot be read. */
+ * masked or not finite count as black. The error is DATA_ERROR_INVALID if a picture cannot be read.
+ */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);
