@@ -37,9 +37,12 @@
 #define MIN_SPOTS  8    /* smallest number of markers that can show a size */
 #define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */
 /* largest number of markers that fit another size, relative to those that fit the size found */
-#define ALONE     0.7
-#define TOLERANCE 0.12 /* tolerance of the homography, in marker sides */
-#define ANY_PX    1e6  /* no bound */
+#define ALONE 0.7
+/* Random samples of a homography. A size that fewer than AGREEING · ALONE of the markers fit does
+ * not matter. With this share of right corners, one of seven samples has four of them. */
+#define MAX_SAMPLES 200
+#define TOLERANCE   0.12 /* tolerance of the homography, in marker sides */
+#define ANY_PX      1e6  /* no bound */
 
 /* A place next to the board where the next column or row would be dark. */
 struct outside {
@@ -389,7 +392,8 @@ static int count_on_plane(const struct board *board, const GArray *found, double
     }
     *ret_rows = 0;
     if (known < MIN_SPOTS ||
-        !vision_homography(from, to, 4 * known, MAX(2, TOLERANCE * side / known), ret_h, good))
+        !vision_try_homography(from, to, 4 * known, MAX(2, TOLERANCE * side / known), MAX_SAMPLES,
+                               ret_h, good))
         return 0;
     for (int i = 0; i < known; i++) {
         if (good[4 * i] + good[4 * i + 1] + good[4 * i + 2] + good[4 * i + 3] < 3)

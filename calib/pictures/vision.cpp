@@ -10,6 +10,7 @@
 
 namespace {
 
+constexpr int MAX_SAMPLES = 2000; /* of a robust homography; OpenCV's default */
 constexpr int FEWEST_CIRCLES = 9; /* smallest number of circles of a grid that is searched */
 
 /* OpenCV also prints the errors that it throws. One message is enough. OpenCV must not start
@@ -282,11 +283,18 @@ gboolean vision_find_circles(const struct picture *picture, int columns, int row
 
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good) {
+    return vision_try_homography(from_xy, to_xy_px, n, tolerance_px, MAX_SAMPLES, ret_h, ret_good);
+}
+
+gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, int n,
+                               double tolerance_px, int max_samples, double ret_h[9],
+                               guint8 *ret_good) {
     return n >= 4 && guarded(nullptr, "homography", [&] {
                const cv::Mat from(n, 1, CV_64FC2, (void *)from_xy),
                    to(n, 1, CV_64FC2, (void *)to_xy_px);
                cv::Mat good;
-               const cv::Mat h = cv::findHomography(from, to, cv::RANSAC, tolerance_px, good);
+               const cv::Mat h =
+                   cv::findHomography(from, to, cv::RANSAC, tolerance_px, good, max_samples);
                if (h.empty())
                    return false;
                std::memcpy(ret_h, h.ptr<double>(), sizeof(double) * 9);

@@ -53,6 +53,12 @@ gboolean vision_find_circles(const struct picture *picture, int columns, int row
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 
+/* The same with at most max_samples random samples of four pairs instead of 2000. A homography that
+ * less than half of the pairs agree with may be missed. */
+gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, int n,
+                               double tolerance_px, int max_samples, double ret_h[9],
+                               guint8 *ret_good);
+
 /* Computes an initial focal length without distortion (Zhang 2000) from n_views views of a flat
  * target (x, y in mm, z = 0). points[v] has n[v] × 4 numbers: x_mm, y_mm, x_px, y_px. */
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
