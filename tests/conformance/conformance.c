@@ -26,7 +26,7 @@ static void run(gconstpointer data) {
         test->suite->end(bench);
     }
     if (test->check->reopens)
-        conformance_expect_files(test->with, files);
+        conformance_expect_files(test->with, files, WAIT_S);
 }
 
 gboolean conformance_opened(gconstpointer device, const GError *error) {
@@ -147,9 +147,9 @@ int conformance_open_files(void) {
     return n;
 }
 
-void conformance_expect_files(const struct conformance *with, int files) {
+void conformance_expect_files(const struct conformance *with, int files, int limit_s) {
     g_autoptr(Clock) clock = conformance_clock(with);
-    UNTIL (conformance_open_files() <= files) {
+    UNTIL_WITHIN (limit_s, conformance_open_files() <= files) {
         conformance_pass(clock, 0.05);
         g_usleep(1000);
     }

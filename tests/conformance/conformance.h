@@ -68,6 +68,6 @@ void conformance_expect_error(GError **error, GQuark domain, int code, const cha
 
 int conformance_open_files(void);
 
-/* What runs in this process on threads of its own may let go of its descriptors a little later:
- * runs the main loop until no more than so many are open; fails the test after five seconds. */
-void conformance_expect_files(const struct conformance *with, int files);
+/* Runs the main loop until at most this number of descriptors is open, because threads of this
+ * process may close theirs a little later. Fails the test after limit_s, usually WAIT_S. */
+void conformance_expect_files(const struct conformance *with, int files, int limit_s);

@@ -1,6 +1,7 @@
 /* The conformance suite over every simulated driver. */
 #include "lib/camera_open.h"
 #include "lib/simulated.h"
+#include "lib/wait.h"
 
 static const struct conformance slide = {
     .name = "sim-slide",
@@ -43,11 +44,11 @@ static void test_late_close(void) {
     g_main_context_iteration(NULL, FALSE); /* opens its own */
     const int files = conformance_open_files();
     GThread *thread = g_thread_new("close", close_later, GINT_TO_POINTER(dup(0)));
-    conformance_expect_files(&door, files);
+    conformance_expect_files(&door, files, WAIT_S);
     g_thread_join(thread);
     if (g_test_subprocess()) {
         g_assert_cmpint(dup(0), >=, 0);
-        conformance_expect_files(&door, files);
+        conformance_expect_files(&door, files, 1);
         return;
     }
     g_test_trap_subprocess("/conformance/late-close", 0, G_TEST_SUBPROCESS_DEFAULT);

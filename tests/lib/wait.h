@@ -15,12 +15,18 @@
 #define WAIT_S 120
 
 #define UNTIL(condition)                                                                           \
-    for (const gint64 wait_limit_us = g_get_monotonic_time() + WAIT_S * G_USEC_PER_SEC;            \
-         !(condition); wait_check(wait_limit_us, G_STRLOC, #condition))
+    for (const gint64 wait_begun_us = g_get_monotonic_time(); !(condition);                        \
+         wait_check(wait_begun_us, WAIT_S, G_STRLOC, #condition))
 
-static inline void wait_check(gint64 limit_us, const char *where, const char *condition) {
-    if (g_get_monotonic_time() > limit_us)
-        g_error("%s: waited %d s for: %s", where, WAIT_S, condition);
+/* The same with another limit, for a test of the failure itself. */
+#define UNTIL_WITHIN(limit_s, condition)                                                           \
+    for (const gint64 wait_begun_us = g_get_monotonic_time(); !(condition);                        \
+         wait_check(wait_begun_us, limit_s, G_STRLOC, #condition))
+
+static inline void wait_check(gint64 begun_us, int limit_s, const char *where,
+                              const char *condition) {
+    if (g_get_monotonic_time() > begun_us + limit_s * G_USEC_PER_SEC)
+        g_error("%s: waited %d s for: %s", where, limit_s, condition);
 }
 
 /* Lets the default main loop run for a time. */
