@@ -89,10 +89,35 @@ static double normal(GRand *rand) {
     return sqrt(-2 * log(1 - g_rand_double(rand))) * cos(2 * G_PI * g_rand_double(rand));
 }
 
+/* Directions x / z, y / z of the samples of a photograph: in each row those of its pixels, n each.
+ * They are the same in all photographs, and are computed once. */
+static const double *sample_rays(void) {
+    static double *rays;
+    if (rays)
+        return rays;
+    rays = g_new(double, 2 * SAMPLES * SAMPLES * PIXELS);
+    for (int i = 0; i < SAMPLES * SAMPLES * PIXELS; i++) {
+        const int k = i % (SAMPLES * SAMPLES), pixel = i / (SAMPLES * SAMPLES);
+        const double u = (pixel % WIDTH + (k % SAMPLES + 0.5) / SAMPLES - 0.5 - CX) / FOCAL;
+        const int row = k / SAMPLES;
+        const double v = (pixel / WIDTH + (row + 0.5) / SAMPLES - 0.5 - CY) / FOCAL;
+        double a = u, b = v; /* x' = x (1 + k1 r² + k2 r⁴), inverted */
+        for (int step = 0; step < 8; step++) {
+            const double rr = a * a + b * b, bend = 1 + K1 * rr + K2 * rr * rr;
+            a = u / bend;
+            b = v / bend;
+        }
+        rays[2 * i] = a;
+        rays[2 * i + 1] = b;
+    }
+    return rays;
+}
+
 /* R, G, B of a photograph, linear. lit: with the laser. */
 static float *take(const struct scene *scene, const struct pose *pose, gboolean lit, guint32 seed) {
     const struct board board = parse(scene->board);
     const int n = WIDTH * SAMPLES * SAMPLES;
+    const double *rays = sample_rays();
     g_autofree double *at = g_new(double, 2 * n), *sheet_mm = g_new(double, n);
     g_autofree float *printed = g_new(float, n);
     float *rgb = g_new(float, 3 * PIXELS);
@@ -106,17 +131,7 @@ static float *take(const struct scene *scene, const struct pose *pose, gboolean 
     const double facing = r[0][2] * t[0] + r[1][2] * t[1] + r[2][2] * t[2];
     for (int y = 0; y < HEIGHT; y++) {
         for (int i = 0; i < n; i++) {
-            const int k = i % (SAMPLES * SAMPLES);
-            const double u =
-                (i / (SAMPLES * SAMPLES) + (k % SAMPLES + 0.5) / SAMPLES - 0.5 - CX) / FOCAL;
-            const int row = k / SAMPLES;
-            const double v = (y + (row + 0.5) / SAMPLES - 0.5 - CY) / FOCAL;
-            double a = u, b = v; /* x' = x (1 + k1 r² + k2 r⁴), inverted */
-            for (int step = 0; step < 8; step++) {
-                const double rr = a * a + b * b, bend = 1 + K1 * rr + K2 * rr * rr;
-                a = u / bend;
-                b = v / bend;
-            }
+            const double a = rays[2 * (y * n + i)], b = rays[2 * (y * n + i) + 1];
             const double far = facing / (r[0][2] * a + r[1][2] * b + r[2][2]);
             const double p[3] = {far * a, far * b, far};
             const double d[3] = {p[0] - t[0], p[1] - t[1], p[2] - t[2]};
@@ -134,8 +149,9 @@ static float *take(const struct scene *scene, const struct pose *pose, gboolean 
                                       : on            ? 0.85
                                                       : 0.15;
                 room += albedo / (SAMPLES * SAMPLES);
-                line += albedo * exp(-sheet_mm[i] * sheet_mm[i] / (2 * 0.3 * 0.3)) /
-                        (SAMPLES * SAMPLES);
+                if (lit && fabs(sheet_mm[i]) < 12) /* further away exp() is 0 */
+                    line += albedo * exp(-sheet_mm[i] * sheet_mm[i] / (2 * 0.3 * 0.3)) /
+                            (SAMPLES * SAMPLES);
             }
             static const double red[3] = {1, 0.05, 0.02}, warm[3] = {0.55, 0.5, 0.4};
             line *= lit ? scene->laser * (1 + scene->speckle * normal(rand)) : 0;
@@ -156,16 +172,14 @@ static float *take(const struct scene *scene, const struct pose *pose, gboolean 
 static void write_photograph(const char *folder, int i, const float *rgb) {
     g_autofree char *name = g_strdup_printf("%02d.ppm", i);
     g_autofree char *path = g_build_filename(folder, name, NULL);
-    g_autoptr(GByteArray) bytes = g_byte_array_new();
-    g_autofree char *head = g_strdup_printf("P6\n%d %d\n255\n", WIDTH, HEIGHT);
-    g_byte_array_append(bytes, (const guint8 *)head, (guint)strlen(head));
+    g_autoptr(GString) file = g_string_sized_new(3 * PIXELS + 32);
+    g_string_printf(file, "P6\n%d %d\n255\n", WIDTH, HEIGHT);
     for (gsize k = 0; k < 3 * PIXELS; k++) {
         const double v = CLAMP((double)rgb[k], 0, 1);
         const double code = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-        const guint8 byte = (guint8)lround(255 * code);
-        g_byte_array_append(bytes, &byte, 1);
+        g_string_append_c(file, (char)(guint8)lround(255 * code));
     }
-    g_assert_true(g_file_set_contents(path, (const char *)bytes->data, (gssize)bytes->len, NULL));
+    g_assert_true(g_file_set_contents(path, file->str, (gssize)file->len, NULL));
 }
 
 static struct rig_camera true_camera(void) {
