@@ -198,14 +198,17 @@ void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpo
     float of_lights[4], of_views[4];
     direction_grid_weights(GRID, light, lights, of_lights);
     direction_grid_weights(GRID, view, views, of_views);
-    for (gsize c = 0; c < 3; c++) {
-        const float *samples = abrdf->samples + c * SAMPLES * SAMPLES;
-        float sum = 0;
-        for (int k = 0; k < 16; k++)
-            sum += of_views[k / 4] * of_lights[k % 4] *
-                   samples[views[k / 4] * SAMPLES + lights[k % 4]];
-        ret[c] = MAX(sum, 0);
-    }
+    float sum[3] = {0, 0, 0};
+    for (int v = 0; v < 4; v++)
+        for (int l = 0; l < 4; l++) {
+            const float weight = of_views[v] * of_lights[l];
+            const float *sample = abrdf->samples + views[v] * SAMPLES + lights[l];
+            sum[0] += weight * sample[0];
+            sum[1] += weight * sample[SAMPLES * SAMPLES];
+            sum[2] += weight * sample[2 * SAMPLES * SAMPLES];
+        }
+    for (int c = 0; c < 3; c++)
+        ret[c] = MAX(sum[c], 0);
 }
 
 /* Compares the interpolated B with the measured one. */
