@@ -3,6 +3,7 @@
 #include "aravis/camera.h"
 #include "devices/devices.h"
 #include "modbus/devices.h"
+#include "program/devices.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
@@ -12,8 +13,8 @@
 /* All drivers. Add a new driver in drivers/ and name it here. */
 static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
                                                          &tic_axis_driver, NULL};
-static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
-                                                           &usb_relays_driver, NULL};
+static const struct lamps_driver *const lamps_drivers[] = {
+    &sim_lamps_driver, &modbus_relays_driver, &usb_relays_driver, &program_lamps_driver, NULL};
 static const struct camera_driver *const camera_drivers[] = {
     &sim_camera_driver, &aravis_camera_driver, &v4l2_camera_driver, NULL};
 static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,

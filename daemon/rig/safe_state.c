@@ -39,7 +39,7 @@ static const char *const harmless[] = {
 
 /* Keys of the line. If one of them is wrong, the device does not answer and counts as not off. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
-                                        "late_ms", "retries", NULL};
+                                        "late_ms", "retries", "start_s",   NULL};
 
 static void job_free(gpointer data) {
     struct job *job = data;
@@ -80,12 +80,14 @@ static void add_job(SafeState *state, const struct config_section *section) {
     const char *bus = config_value(section, "bus", NULL);
     const char *serial = config_value(section, "serial", NULL);
     const char *path = config_value(section, "path", NULL);
+    const char *program = config_value(section, "program", NULL);
     struct job *job = g_new0(struct job, 1);
     job->section = section;
     job->info = info;
     job->name = g_strconcat(class_of(job), section->name ? " " : "", section->name, NULL);
-    job->line =
-        bus ? g_strdup(bus) : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
+    job->line = bus       ? g_strdup(bus)
+                : program ? g_strdup_printf("program %s of [%s]", program, section->group)
+                          : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
     g_ptr_array_add(state->jobs, job);
 }
 

@@ -1,0 +1,51 @@
+#!/usr/bin/env python3
+"""A lamp on a pin of the computer, as a program for the driver program-lamps.
+
+usage: gpio-lamp.py VALUE_FILE, for instance /sys/class/gpio/gpio17/value
+
+docs/build-a-rig/programs.md describes the requests. A pin that is low when the lamp is off is needed.
+"""
+import json
+import signal
+import sys
+
+path = sys.argv[1]
+
+
+def switch(on):
+    with open(path, "w", encoding="ascii") as file:
+        file.write("1" if on else "0")
+
+
+def make_safe(*unused):
+    switch(False)
+    sys.exit()
+
+
+def answer(method, params):
+    if method == "hello":
+        device = f"lamp on {path}"
+        return {"version": 1, "class": "lamps", "device": device, "capabilities": ["silence"]}
+    if method == "open":
+        return {"lamps": 1}
+    if method == "set":
+        switch(params["on"])
+    if method in ("stop", "close"):
+        switch(False)
+    if method == "get":
+        with open(path, encoding="ascii") as file:
+            return {"on": [file.read().strip() == "1"]}
+    return {}
+
+
+signal.signal(signal.SIGALRM, make_safe)
+for line in sys.stdin:
+    signal.alarm(10)  # no request for ten seconds: the lamp goes off
+    request = json.loads(line)
+    reply = {"jsonrpc": "2.0", "id": request["id"]}
+    try:
+        reply["result"] = answer(request["method"], request["params"])
+    except OSError as error:
+        reply["error"] = {"code": 1, "message": str(error)}
+    print(json.dumps(reply), flush=True)
+make_safe()  # the end of the input: mesorigd has closed the lamp, or has ended

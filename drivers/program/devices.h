@@ -1,0 +1,6 @@
+/* The drivers of devices that are programs. docs/build-a-rig/programs.md says how to write one. */
+#pragma once
+
+#include "drivers/lamps.h"
+
+extern const struct lamps_driver program_lamps_driver;

@@ -1,0 +1,776 @@
+#include "program.h"
+
+#include "drivers/lock.h"
+#include "message.h"
+
+#include "base/program.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib-unix.h>
+#include <poll.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define RUNNER        "mesorig-run-program"
+#define RUNNER_SOCKET 3
+#define PING_US       G_USEC_PER_SEC
+#define END_MS        1000 /* time that a program has to end after "close", or after it was killed */
+#define READ_SIZE     16384
+
+enum state {
+    DOWN,     /* there is no process */
+    STARTING, /* "hello" and "open" are not answered yet */
+    READY,
+    ENDING, /* the process was killed or has ended, and its end was not seen yet */
+};
+
+struct call {
+    Program *program;
+    char *method;
+    JsonObject *params;
+    int timeout_ms;
+    enum program_turn turn;
+    gboolean read_back;
+    int tag;
+    guint64 number;        /* counts requests; a "get" that reads back has that of its request */
+    gboolean is_read_back; /* the "get" after a request that was answered */
+    guint64 id;            /* 0: not sent */
+    gboolean overtaken;
+    /* Takes the answer; NULL: the listener gets it. */
+    void (*take)(struct call *call, JsonObject *values, const GError *error);
+    gpointer data;
+    guint deadline;
+};
+
+struct Program {
+    int refs;
+    gboolean closed;
+    struct device *device;
+    const struct program_command *command;
+    char *folder;
+    Lock *lock;
+    struct program_listener listener;
+    enum state state;
+    pid_t pid;
+    int in, out, socket; /* −1: closed */
+    guint out_source, socket_source;
+    GByteArray *line;     /* what was read of a line */
+    GQueue starting;      /* of struct call: "hello" and "open" */
+    GQueue waiting, sent; /* of struct call */
+    GQueue dropped;       /* of struct call that were overtaken, until that is told */
+    guint64 last_id, n_calls;
+    guint pump, ping, start, ending;
+    JsonObject *hello, *opened; /* its answers */
+    GError *failure;            /* why it was killed, until that is told */
+};
+
+static Program *ref(Program *program) {
+    program->refs++;
+    return program;
+}
+
+static void unref(Program *program) {
+    if (--program->refs > 0)
+        return;
+    g_byte_array_unref(program->line);
+    g_free(program->folder);
+    g_free(program);
+}
+
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Program, unref)
+
+static Clock *clock_of(const Program *program) {
+    return program->device->clock;
+}
+
+static void call_free(gpointer data) {
+    struct call *call = data;
+    clock_cancel(clock_of(call->program), &call->deadline);
+    g_clear_pointer(&call->params, json_object_unref);
+    g_free(call->method);
+    g_free(call);
+}
+
+static const char *name_of(const Program *program) {
+    return program->command->path;
+}
+
+static void fail(Program *program, GError *error);
+static void pump(Program *program);
+
+static void on_pump(gpointer data) {
+    Program *program = data;
+    program->pump = 0;
+    pump(program);
+}
+
+static void pump_later(Program *program) {
+    if (program->pump == 0)
+        program->pump = clock_call_in(clock_of(program), 0, on_pump, program);
+}
+
+/* Ends a call, which is in no queue any more. Call it last. */
+static void end_call(struct call *call, JsonObject *values, const GError *error) {
+    g_autoptr(Program) program = ref(call->program);
+    const struct program_answer answer = {values, error, call->tag, call->overtaken};
+    clock_cancel(clock_of(program), &call->deadline);
+    if (call->take)
+        call->take(call, values, error);
+    else if (program->listener.answer)
+        program->listener.answer(&answer, program->listener.data);
+    call_free(call);
+}
+
+/* The time of a call is over. One that was not sent leaves the program alone: it works for another
+ * one, or still starts. */
+static void on_deadline(gpointer data) {
+    struct call *call = data;
+    Program *program = call->program;
+    call->deadline = 0;
+    if (call->id) {
+        fail(program, device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
+                                       "%s did not answer “%s” within %d ms; it was "
+                                       "ended" ERROR_ADVICE "see what it has printed",
+                                       name_of(program), call->method, call->timeout_ms));
+        return;
+    }
+    g_autoptr(GError) error =
+        device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who, "%s %s%s", name_of(program),
+                         program->state == READY    ? "is still busy with another request"
+                         : program->state == ENDING ? "was killed, and does not end"
+                                                    : "has not started yet",
+                         program->state == ENDING ? ERROR_ADVICE "unplug its device" : "");
+    g_queue_remove(&program->waiting, call);
+    end_call(call, NULL, error);
+}
+
+static void set_deadline(struct call *call) {
+    Clock *clock = clock_of(call->program);
+    clock_cancel(clock, &call->deadline);
+    call->deadline = clock_call_in(clock, call->timeout_ms * (gint64)1000, on_deadline, call);
+}
+
+static struct call *call_new(Program *program, const struct program_request *request) {
+    struct call *call = g_new0(struct call, 1);
+    *call =
+        (struct call){.program = program,
+                      .method = g_strdup(request->method),
+                      .params = request->params,
+                      .timeout_ms = request->timeout_ms ? request->timeout_ms : PROGRAM_ANSWER_MS,
+                      .turn = request->turn,
+                      .read_back = request->read_back,
+                      .number = ++program->n_calls,
+                      .tag = request->tag};
+    return call;
+}
+
+static int compare_calls(gconstpointer a, gconstpointer b, gpointer unused) {
+    const struct call *x = a, *y = b;
+    if (x->turn != y->turn)
+        return x->turn > y->turn ? -1 : 1;
+    return x->number < y->number ? -1 : x->number > y->number;
+}
+
+static void enqueue(struct call *call) {
+    g_queue_insert_sorted(&call->program->waiting, call, compare_calls, NULL);
+    set_deadline(call);
+    pump_later(call->program);
+}
+
+/* Writes a request. A program that has not read 64 KiB of requests reads nothing. */
+static void send_call(struct call *call) {
+    Program *program = call->program;
+    call->id = ++program->last_id;
+    g_autofree char *line =
+        message_write(call->id, call->method, call->timeout_ms, g_steal_pointer(&call->params));
+    g_queue_push_tail(&program->sent, call);
+    set_deadline(call);
+    const gssize length = (gssize)strlen(line);
+    if (write(program->in, line, (gsize)length) != length && errno != EPIPE)
+        fail(program,
+             device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
+                              "%s does not read its requests; it was ended", name_of(program)));
+}
+
+static gboolean start_process(Program *program, GError **error);
+
+/* Starts the program if somebody waits for it, and sends what may be sent now. */
+static void pump(Program *program) {
+    g_autoptr(Program) guard = ref(program);
+    GError *error = NULL;
+    while (program->dropped.length > 0 && !program->closed) {
+        struct call *call = g_queue_pop_head(&program->dropped);
+        g_autoptr(GError) why =
+            device_error_new(DEVICE_ERROR_BUSY, program->device->who,
+                             "a later “off” or “stop” came before “%s” was sent", call->method);
+        end_call(call, NULL, why);
+    }
+    if (program->closed)
+        return;
+    if (program->state == DOWN && program->waiting.length > 0 && !start_process(program, &error)) {
+        fail(program, error);
+        return;
+    }
+    GQueue *queue = program->state == STARTING ? &program->starting : &program->waiting;
+    while (
+        (program->state == STARTING || program->state == READY) && queue->length > 0 &&
+        (program->sent.length == 0 || ((struct call *)queue->head->data)->turn == PROGRAM_AT_ONCE))
+        send_call(g_queue_pop_head(queue));
+}
+
+/* Sends all failed calls home, and says that the program is lost. */
+static void tell_failure(Program *program, gboolean was_ready) {
+    g_autoptr(Program) guard = ref(program);
+    g_autoptr(GError) error = g_steal_pointer(&program->failure);
+    GQueue failed = program->sent;
+    gboolean answered = FALSE;
+    struct call *call;
+    g_queue_init(&program->sent);
+    while ((call = g_queue_pop_head(&program->starting)))
+        g_queue_push_tail(&failed, call);
+    while ((call = g_queue_pop_head(&program->waiting)))
+        g_queue_push_tail(&failed, call);
+    while ((call = g_queue_pop_head(&failed))) {
+        if (program->closed && !call->take) {
+            call_free(call);
+            continue;
+        }
+        answered |= !call->take;
+        end_call(call, NULL, error);
+    }
+    if (was_ready && !program->closed && program->listener.lost)
+        program->listener.lost(error, answered, program->listener.data);
+}
+
+static void drop_process(Program *program) {
+    g_clear_handle_id(&program->out_source, g_source_remove);
+    clock_cancel(clock_of(program), &program->ping);
+    clock_cancel(clock_of(program), &program->start);
+    for (int i = 0; i < 2; i++) {
+        int *fd = i ? &program->in : &program->out;
+        if (*fd >= 0)
+            close(*fd);
+        *fd = -1;
+    }
+}
+
+static gboolean kill_process(const Program *program) {
+    return program->socket >= 0 && send(program->socket, "k", 1, MSG_NOSIGNAL) == 1;
+}
+
+/* Ends the program because of an error, of which it takes ownership. Call it last. */
+static void fail(Program *program, GError *error) {
+    const gboolean was_ready = program->state == READY;
+    g_clear_error(&program->failure);
+    program->failure = error;
+    if (program->state == STARTING || program->state == READY) {
+        drop_process(program);
+        kill_process(program);
+        program->state = ENDING;
+    }
+    tell_failure(program, was_ready);
+}
+
+/* Reads how the process has ended. Returns a text, or NULL if that is not known. */
+static char *reap(Program *program) {
+    int status = 0;
+    pid_t pid;
+    while ((pid = waitpid(program->pid, &status, 0)) < 0 && errno == EINTR)
+        ;
+    program->pid = 0;
+    g_clear_handle_id(&program->socket_source, g_source_remove);
+    close(program->socket);
+    program->socket = -1;
+    if (pid < 0 || !WIFEXITED(status))
+        return NULL;
+    const int code = WEXITSTATUS(status);
+    return code > 128
+               ? g_strdup_printf("was ended by signal %d (%s)", code - 128, g_strsignal(code - 128))
+               : g_strdup_printf("has ended with exit code %d", code);
+}
+
+/* Nothing of the process is left. Call it last. */
+static void on_end(Program *program) {
+    const enum state before = program->state;
+    g_autofree char *how = reap(program);
+    clock_cancel(clock_of(program), &program->ending);
+    drop_process(program);
+    program->state = DOWN;
+    if (before == STARTING || before == READY) {
+        g_clear_error(&program->failure);
+        program->failure = device_error_new(DEVICE_ERROR_DISCONNECTED, program->device->who,
+                                            "%s %s" ERROR_ADVICE "see what it has printed",
+                                            name_of(program), how ? how : "has ended");
+        tell_failure(program, before == READY);
+        return;
+    }
+    pump_later(program); /* somebody may wait until it can be started again */
+}
+
+static gboolean on_socket(gint fd, GIOCondition condition, gpointer data) {
+    Program *program = data;
+    program->socket_source = 0;
+    on_end(program);
+    return G_SOURCE_REMOVE;
+}
+
+/* A process that has closed its output without ending, and without being killed by that. */
+static void on_ending(gpointer data) {
+    Program *program = data;
+    program->ending = 0;
+    kill_process(program);
+}
+
+static void on_ping(gpointer data);
+
+static void ping_later(Program *program) {
+    clock_cancel(clock_of(program), &program->ping);
+    program->ping = clock_call_in(clock_of(program), PING_US, on_ping, program);
+}
+
+static void on_pong(struct call *call, JsonObject *values, const GError *error) {
+}
+
+static void on_ping(gpointer data) {
+    Program *program = data;
+    program->ping = 0;
+    ping_later(program);
+    if (program->sent.length > 0 || program->waiting.length > 0)
+        return;
+    struct call *call = call_new(program, &(struct program_request){.method = "ping"});
+    call->take = on_pong;
+    enqueue(call);
+}
+
+static void take_event(Program *program, const struct message *message) {
+    if (program->state == READY && program->listener.event)
+        program->listener.event(message->event, message->values, program->listener.data);
+}
+
+/* Takes an answer. Call it last. */
+static void take_answer(Program *program, const struct message *message) {
+    GList *l = program->sent.head;
+    while (l && ((const struct call *)l->data)->id != message->id)
+        l = l->next;
+    if (!l)
+        return; /* it answers a request that has failed meanwhile */
+    struct call *call = l->data;
+    g_queue_delete_link(&program->sent, l);
+    pump_later(program);
+    if (!message->failure && call->read_back) {
+        struct call *get = call_new(
+            program,
+            &(struct program_request){.method = "get", .turn = PROGRAM_FIRST, .tag = call->tag});
+        get->take = call->take;
+        get->data = call->data;
+        get->overtaken = call->overtaken;
+        get->is_read_back = TRUE;
+        get->number = call->number;
+        call_free(call);
+        enqueue(get);
+        return;
+    }
+    g_autoptr(GError) error = NULL;
+    if (message->failure)
+        error = device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who, "%s refused “%s”: %s",
+                                 name_of(program), call->method, message->failure);
+    end_call(call, message->values, error);
+}
+
+static void take_line(Program *program, const char *line, gsize length) {
+    struct message message = {0};
+    GError *error = NULL;
+    if (!message_read(line, length, &message, &error)) {
+        g_prefix_error(&error, "%s ", name_of(program));
+        error_details_add_subject(&error, program->device->who);
+        fail(program, error);
+        return;
+    }
+    if (message.event)
+        take_event(program, &message);
+    else
+        take_answer(program, &message);
+    message_clear(&message);
+}
+
+/* Takes the lines that were read, as long as the program is what it was. */
+static void take_lines(Program *program) {
+    GByteArray *bytes = program->line;
+    const pid_t pid = program->pid;
+    const char *end;
+    while (!program->closed && program->pid == pid && program->state != ENDING &&
+           (end = memchr(bytes->data, '\n', bytes->len))) {
+        const gsize length = (gsize)(end - (const char *)bytes->data);
+        g_autofree char *line = g_strndup((const char *)bytes->data, length);
+        g_byte_array_remove_range(bytes, 0, (guint)length + 1);
+        take_line(program, line, length);
+    }
+    if (!program->closed && program->pid == pid && program->state != ENDING &&
+        bytes->len > MESSAGE_MAX)
+        fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
+                                       "%s sent a line of more than %d bytes; it was ended",
+                                       name_of(program), MESSAGE_MAX));
+}
+
+/* Reads a part of the output, so that a program that never stops writing does not stop the main
+ * loop. Call it last. */
+static void read_output(Program *program) {
+    g_autoptr(Program) guard = ref(program);
+    guint8 bytes[READ_SIZE];
+    const gssize n = read(program->out, bytes, sizeof bytes);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR))
+        return;
+    if (n > 0) {
+        g_byte_array_append(program->line, bytes, (guint)n);
+        take_lines(program);
+        return;
+    }
+    /* The end of its output. The end of the process follows, and says how it has ended. */
+    g_clear_handle_id(&program->out_source, g_source_remove);
+    close(program->out);
+    program->out = -1;
+    program->ending = clock_call_in(clock_of(program), END_MS * 1000, on_ending, program);
+}
+
+static gboolean on_output(gint fd, GIOCondition condition, gpointer data) {
+    read_output(data);
+    return G_SOURCE_CONTINUE;
+}
+
+/* What a program gets of the environment. systemd's variables are not for it. */
+static char **environment(void) {
+    static const char *const names[] = {"PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TZ", NULL};
+    char **env = NULL;
+    for (int i = 0; names[i]; i++)
+        if (g_getenv(names[i]))
+            env = g_environ_setenv(env, names[i], g_getenv(names[i]), TRUE);
+    return env ? env : g_new0(char *, 1);
+}
+
+static gboolean spawn(Program *program, int socket, GError **error) {
+    static const int target = RUNNER_SOCKET;
+    g_autofree char *runner = program_find(RUNNER, error);
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_auto(GStrv) env = environment();
+    if (!runner)
+        return FALSE;
+    g_ptr_array_add(argv, runner);
+    g_ptr_array_add(argv, program->command->path);
+    for (char **argument = program->command->arguments; argument && *argument; argument++)
+        g_ptr_array_add(argv, *argument);
+    g_ptr_array_add(argv, NULL);
+    return g_spawn_async_with_pipes_and_fds(
+        NULL, (const char *const *)argv->pdata, (const char *const *)env, G_SPAWN_DO_NOT_REAP_CHILD,
+        NULL, NULL, -1, -1, -1, &socket, &target, 1, &program->pid, &program->in, &program->out,
+        NULL, error);
+}
+
+static void on_hello(struct call *call, JsonObject *values, const GError *error);
+static void on_opened(struct call *call, JsonObject *values, const GError *error);
+
+static void start_call(Program *program, const char *method, JsonObject *params,
+                       void (*take)(struct call *, JsonObject *, const GError *)) {
+    const int timeout_ms = (int)(program->command->start_s * 1000);
+    const struct program_request request = {method, params, .timeout_ms = timeout_ms};
+    struct call *call = call_new(program, &request);
+    call->take = take;
+    g_queue_push_tail(&program->starting, call);
+}
+
+static void on_start(gpointer data) {
+    Program *program = data;
+    program->start = 0;
+    fail(program, device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
+                                   "%s has not started within %g s; it was ended" ERROR_ADVICE
+                                   "see what it has printed, or give it more time with start_s",
+                                   name_of(program), program->command->start_s));
+}
+
+static gboolean start_process(Program *program, GError **error) {
+    int ends[2];
+    /* A program that has ended must not end this process when it is written to. GIO does the same
+     * as soon as it has made a socket. */
+    signal(SIGPIPE, SIG_IGN);
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
+        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
+                                "%s cannot be started: %s", name_of(program), g_strerror(errno));
+    g_autoptr(GError) why = NULL;
+    const gboolean spawned = spawn(program, ends[1], &why);
+    close(ends[1]);
+    if (!spawned) {
+        close(ends[0]);
+        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
+                                "%s cannot be started: %s", name_of(program), why->message);
+    }
+    program->socket = ends[0];
+    g_unix_set_fd_nonblocking(program->in, TRUE, NULL);
+    g_unix_set_fd_nonblocking(program->out, TRUE, NULL);
+    g_byte_array_set_size(program->line, 0);
+    program->state = STARTING;
+    program->out_source = g_unix_fd_add(program->out, G_IO_IN | G_IO_HUP, on_output, program);
+    program->socket_source = g_unix_fd_add(program->socket, G_IO_IN | G_IO_HUP, on_socket, program);
+    program->start = clock_call_in(clock_of(program), (gint64)(program->command->start_s * 1e6),
+                                   on_start, program);
+    JsonObject *hello = json_object_new();
+    json_object_set_int_member(hello, "version", MESSAGE_VERSION);
+    json_object_set_string_member(hello, "class", program->device->info->class_name);
+    json_object_set_string_member(hello, "name", program->device->name);
+    json_object_set_int_member(hello, "silence_ms", PROGRAM_SILENCE_MS);
+    if (program->folder)
+        json_object_set_string_member(hello, "folder", program->folder);
+    start_call(program, "hello", hello, on_hello);
+    start_call(program, "open", NULL, on_opened);
+    pump_later(program);
+    return TRUE;
+}
+
+static void keep(JsonObject **kept, JsonObject *values) {
+    g_clear_pointer(kept, json_object_unref);
+    *kept = json_object_ref(values);
+}
+
+static void on_hello(struct call *call, JsonObject *values, const GError *error) {
+    Program *program = call->program;
+    gint64 version;
+    GError *wrong = NULL;
+    if (error) {
+        if (program->state == STARTING)
+            fail(program, g_error_copy(error));
+        return;
+    }
+    keep(&program->hello, values);
+    g_autofree char *class_name = message_text(values, "class");
+    if (message_integer(values, "version", 1, MESSAGE_VERSION, &version, &wrong) &&
+        !g_str_equal(class_name, program->device->info->class_name))
+        wrong = device_error_new(DEVICE_ERROR_PROTOCOL, NULL, "is of the class “%s”, not “%s”",
+                                 class_name, program->device->info->class_name);
+    if (!wrong)
+        return;
+    g_prefix_error(&wrong, "%s ", name_of(program));
+    error_details_add_subject(&wrong, program->device->who);
+    fail(program, wrong);
+}
+
+static void on_opened(struct call *call, JsonObject *values, const GError *error) {
+    Program *program = call->program;
+    if (error) {
+        if (program->state == STARTING)
+            fail(program, g_error_copy(error));
+        return;
+    }
+    g_autofree char *device = message_text(program->hello, "device");
+    g_autofree char *serial = message_text(program->hello, "serial");
+    keep(&program->opened, values);
+    device_set_identity(program->device, device, serial, name_of(program));
+    clock_cancel(clock_of(program), &program->start);
+    program->state = READY;
+    ping_later(program);
+    pump_later(program);
+}
+
+void program_check(const struct program_command *command, const struct config_section *section,
+                   Mistakes *mistakes) {
+    if (!g_file_test(command->path, G_FILE_TEST_IS_EXECUTABLE) ||
+        g_file_test(command->path, G_FILE_TEST_IS_DIR))
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "program",
+                       "%s is not a program that can be run; give its path, and make it executable",
+                       command->path);
+}
+
+static char *words_of(const struct program_command *command) {
+    g_autofree char *arguments = command->arguments ? g_strjoinv(" ", command->arguments) : NULL;
+    return g_strdup_printf("the program %s%s%s", command->path, arguments && *arguments ? " " : "",
+                           arguments ? arguments : "");
+}
+
+void program_need(const struct program_command *command, GPtrArray *to) {
+    g_ptr_array_add(to, words_of(command));
+}
+
+Program *program_new(const struct program_command *command, struct device *device,
+                     const char *folder, GError **error) {
+    g_autofree char *words = words_of(command);
+    if (!device_check_real_clock(device, error))
+        return NULL;
+    Lock *lock = lock_take(words, LOCK_ALONE, words, error);
+    if (!lock) {
+        error_details_add_subject(error, device->who);
+        return NULL;
+    }
+    Program *program = g_new0(Program, 1);
+    *program = (struct Program){.refs = 1,
+                                .device = device,
+                                .command = command,
+                                .folder = g_strdup(folder),
+                                .lock = lock,
+                                .in = -1,
+                                .out = -1,
+                                .socket = -1,
+                                .line = g_byte_array_new()};
+    if (start_process(program, error))
+        return program;
+    program_close(program);
+    return NULL;
+}
+
+void program_listen(Program *program, const struct program_listener *listener) {
+    struct call *call;
+    program->listener = listener ? *listener : (struct program_listener){0};
+    while (!listener && (call = g_queue_pop_head(&program->waiting)))
+        call_free(call);
+}
+
+void program_call(Program *program, const struct program_request *request) {
+    enqueue(call_new(program, request));
+}
+
+void program_overtake(Program *program, int tag) {
+    for (GList *l = program->sent.head; l; l = l->next) {
+        struct call *call = l->data;
+        call->overtaken |= call->tag == tag && !call->take;
+    }
+    for (GList *l = program->waiting.head, *next; l; l = next) {
+        struct call *call = l->data;
+        next = l->next;
+        if (call->tag != tag || call->take)
+            continue;
+        call->overtaken = TRUE;
+        if (call->is_read_back)
+            continue;
+        g_queue_delete_link(&program->waiting, l);
+        clock_cancel(clock_of(program), &call->deadline);
+        g_queue_push_tail(&program->dropped, call);
+        pump_later(program);
+    }
+}
+
+gboolean program_can(const Program *program, const char *what) {
+    return program->hello && message_has(program->hello, "capabilities", what);
+}
+
+/* Waits until the condition holds, outside of the main loop. Returns FALSE at the deadline. */
+static gboolean await(Program *program, const gboolean *done, gint64 deadline_us) {
+    while (!*done) {
+        const gint64 left_us = deadline_us - clock_now_us(clock_of(program));
+        if (left_us <= 0)
+            return FALSE;
+        if (program->pump) {
+            clock_cancel(clock_of(program), &program->pump);
+            pump(program);
+            continue;
+        }
+        struct pollfd ready[] = {{program->out, POLLIN, 0}, {program->socket, POLLIN, 0}};
+        if (poll(ready, 2, (int)(left_us / 1000) + 1) < 0 && errno != EINTR)
+            return FALSE;
+        if (ready[0].revents)
+            read_output(program);
+        else if (ready[1].revents)
+            on_end(program);
+    }
+    return TRUE;
+}
+
+struct asked {
+    gboolean done;
+    JsonObject *values;
+    GError *error;
+};
+
+static void on_asked(struct call *call, JsonObject *values, const GError *error) {
+    struct asked *asked = call->data;
+    asked->done = TRUE;
+    asked->values = values ? json_object_ref(values) : NULL;
+    asked->error = error ? g_error_copy(error) : NULL;
+}
+
+JsonObject *program_ask(Program *program, const struct program_request *request, GError **error) {
+    struct asked asked = {0};
+    struct call *call = call_new(program, request);
+    const gint64 limit_us = clock_now_us(clock_of(program)) +
+                            call->timeout_ms * (gint64)(request->read_back ? 2000 : 1000);
+    call->take = on_asked;
+    call->data = &asked;
+    enqueue(call);
+    if (!await(program, &asked.done, limit_us))
+        fail(program,
+             device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
+                              "%s did not answer “%s” within %d ms; it was "
+                              "ended" ERROR_ADVICE "see what it has printed",
+                              name_of(program), request->method,
+                              request->timeout_ms ? request->timeout_ms : PROGRAM_ANSWER_MS));
+    if (asked.error)
+        g_propagate_error(error, asked.error);
+    return asked.values;
+}
+
+JsonObject *program_await(Program *program, GError **error) {
+    struct asked asked = {0};
+    const gint64 limit_us =
+        clock_now_us(clock_of(program)) + (gint64)(program->command->start_s * 1e6);
+    /* Any request waits until the program has started. */
+    struct call *call = call_new(
+        program, &(struct program_request){.method = "ping",
+                                           .timeout_ms = PROGRAM_ANSWER_MS +
+                                                         (int)(program->command->start_s * 1000)});
+    call->take = on_asked;
+    call->data = &asked;
+    enqueue(call);
+    if (!await(program, &asked.done, limit_us)) {
+        clock_cancel(clock_of(program), &program->start);
+        on_start(program);
+    }
+    g_clear_pointer(&asked.values, json_object_unref);
+    if (!asked.error)
+        return program->opened;
+    g_propagate_error(error, asked.error);
+    return NULL;
+}
+
+static gboolean await_end(Program *program, int wait_ms) {
+    const gint64 limit_us = clock_now_us(clock_of(program)) + wait_ms * (gint64)1000;
+    while (program->socket >= 0 && clock_now_us(clock_of(program)) < limit_us) {
+        struct pollfd ready = {program->socket, POLLIN, 0};
+        if (poll(&ready, 1, (int)((limit_us - clock_now_us(clock_of(program))) / 1000) + 1) > 0)
+            g_free(reap(program));
+    }
+    return program->socket < 0;
+}
+
+static void clear(GQueue *queue) {
+    g_queue_clear_full(queue, call_free);
+}
+
+void program_close(Program *program) {
+    if (!program)
+        return;
+    program_listen(program, NULL);
+    if (program->state == READY) {
+        JsonObject *closed =
+            program_ask(program, &(struct program_request){.method = "close"}, NULL);
+        g_clear_pointer(&closed, json_object_unref);
+    }
+    program->closed = TRUE;
+    drop_process(program); /* the end of its input: it makes its device safe and ends */
+    if (!await_end(program, program->state == ENDING ? 0 : END_MS)) {
+        kill_process(program);
+        await_end(program, END_MS);
+    }
+    g_clear_handle_id(&program->socket_source, g_source_remove);
+    if (program->socket >= 0)
+        close(program->socket);
+    clear(&program->starting);
+    clear(&program->waiting);
+    clear(&program->sent);
+    clear(&program->dropped);
+    clock_cancel(clock_of(program), &program->pump);
+    clock_cancel(clock_of(program), &program->ending);
+    g_clear_error(&program->failure);
+    g_clear_pointer(&program->hello, json_object_unref);
+    g_clear_pointer(&program->opened, json_object_unref);
+    g_clear_pointer(&program->lock, lock_release);
+    unref(program);
+}

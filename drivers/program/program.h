@@ -1,0 +1,125 @@
+/*
+ * A program that is a device: it runs as long as the device is open, and answers requests on its
+ * standard input by lines on its standard output. docs/build-a-rig/programs.md is the
+ * specification, and message.h has the lines.
+ *
+ * A program has one request at a time. The others wait here, until each is sent or its time is
+ * over. "stop" is sent immediately, also while another request runs. A program that does not answer
+ * in time, or sends something else than answers and events, is killed. All its requests then fail.
+ * The next request starts it again, with "hello" and "open" before that request. While nothing else
+ * is to be sent, the program gets a "ping" each second, so that it is missed soon.
+ *
+ * mesorig-run-program.c runs the program with few rights, and ends it when this process ends.
+ *
+ * All functions belong to the main loop's thread. Only program_await(), program_ask() and
+ * program_close() wait, each until a deadline.
+ */
+#pragma once
+
+#include "drivers/device.h"
+
+#include <json-glib/json-glib.h>
+
+typedef struct Program Program;
+
+/* What a section says about its program. */
+struct program_command {
+    char *path;
+    char **arguments;
+    double start_s;
+};
+
+/* The options of a struct program_command at an offset, for a driver's table. */
+/* clang-format off */
+#define PROGRAM(at, field) ((at) + G_STRUCT_OFFSET(struct program_command, field))
+#define PROGRAM_OPTIONS(at)                                                                        \
+    {"program", OPTION_PATH, NULL, 0, 0, NULL, NULL, PROGRAM(at, path),                            \
+     "The program"},                                                                               \
+    {"arguments", OPTION_STRINGS, NULL, 0, 0, "", NULL, PROGRAM(at, arguments),                    \
+     "Its arguments"},                                                                             \
+    {"start_s", OPTION_DOUBLE, "s", 0.1, 60, "5", NULL, PROGRAM(at, start_s),                      \
+     "Time that it may take to start and to open its device"}
+/* clang-format on */
+
+/* For a driver's check() and needs(). */
+void program_check(const struct program_command *command, const struct config_section *section,
+                   Mistakes *mistakes);
+void program_need(const struct program_command *command, GPtrArray *to);
+
+/* Time in which any request but "hello", "open" and "trigger" must be answered. It is shorter than
+ * the deadline of the classes, so that the error of the program is reported. */
+#define PROGRAM_ANSWER_MS 1500
+
+enum program_turn {
+    PROGRAM_IN_TURN,
+    PROGRAM_FIRST,   /* before all requests in turn */
+    PROGRAM_AT_ONCE, /* the same, and also while another request runs */
+};
+
+struct program_answer {
+    JsonObject *values;  /* NULL with an error */
+    const GError *error; /* begins with class and name of the device */
+    int tag;             /* of the request */
+    gboolean overtaken;  /* program_overtake() came when the request was already sent */
+};
+
+/* Called once for each request, from the main loop, unless the program is closed before. It may
+ * close the program. */
+typedef void (*ProgramAnswer)(const struct program_answer *answer, gpointer data);
+
+struct program_request {
+    const char *method;
+    JsonObject *params; /* owned by the call that takes the request; NULL: none */
+    int timeout_ms;     /* 0: PROGRAM_ANSWER_MS */
+    enum program_turn turn;
+    /* After the answer the program is asked with "get". The answer to "get" is the answer of the
+     * request. Requests that are read back and go before those in turn are answered in the order in
+     * which they were made. */
+    gboolean read_back;
+    int tag; /* chosen by the driver */
+};
+
+/* What a driver hears of its program. Called from the main loop. Each may close the program. */
+struct program_listener {
+    /* The program was started, has opened its device, and has then ended or was killed. answered
+     * says that a request has just failed because of it. The program is not started again before
+     * the next request. May be NULL. */
+    void (*lost)(const GError *error, gboolean answered, gpointer data);
+    /* An event. May be NULL. */
+    void (*event)(const char *event, JsonObject *values, gpointer data);
+    ProgramAnswer answer;
+    gpointer data;
+};
+
+/* Starts the program of a device. folder is the folder for its pictures, or NULL. The program keeps
+ * neither section nor command: both are those of the device. Takes a lock (drivers/lock.h). */
+Program *program_new(const struct program_command *command, struct device *device,
+                     const char *folder, GError **error);
+
+/* Waits until the program has opened its device. Returns its answer to "open", owned by the
+ * program. Sets the identity of the device. */
+JsonObject *program_await(Program *program, GError **error);
+
+/* Makes a request and waits for its answer. Returns NULL on error. The caller owns the answer. */
+JsonObject *program_ask(Program *program, const struct program_request *request, GError **error);
+
+/* From now on the driver is told of answers, events and the end of the program. NULL: nothing more
+ * is told, and requests that wait are dropped. */
+void program_listen(Program *program, const struct program_listener *listener);
+
+/* Makes a request, whose answer the listener gets. */
+void program_call(Program *program, const struct program_request *request);
+
+/* Says that the requests with this tag are overtaken by one that follows. Those that were not sent
+ * are never sent, and end with DEVICE_ERROR_BUSY. */
+void program_overtake(Program *program, int tag);
+
+/* Returns whether the program says in its answer to "hello" that it can do something. */
+gboolean program_can(const Program *program, const char *what);
+
+/* Sends "close", and waits until the program has ended. Kills it if it does not. NULL is ignored.
+ */
+void program_close(Program *program);
+
+/* Time without any request after which a program makes its device safe and ends. */
+#define PROGRAM_SILENCE_MS 10000

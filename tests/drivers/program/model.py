@@ -1,0 +1,202 @@
+#!/usr/bin/env python3
+"""A device with its program, for tests: docs/build-a-rig/programs.md has the protocol.
+
+usage: model.py CLASS FOLDER
+
+FOLDER/hardware.json is the device. It stays as it is when the program ends, as the pin of a relay
+does. FOLDER/fault is the fault of the program, which the test writes at any time; without the file
+there is none. FOLDER/log has a line for each request that was read, and FOLDER/process says what the program may do.
+"""
+import json
+import os
+import select
+import sys
+import time
+
+
+class Hardware:
+    """The state of the device, in a file."""
+
+    def __init__(self, path, first):
+        self.path = path
+        if not os.path.exists(path):
+            self.write(first)
+
+    def read(self):
+        with open(self.path, encoding="utf-8") as file:
+            return json.load(file)
+
+    def write(self, state):
+        with open(self.path + ".new", "w", encoding="utf-8") as file:
+            json.dump(state, file)
+        os.rename(self.path + ".new", self.path)
+
+
+class Lamps:
+    def __init__(self, folder, fault):
+        self.hardware = Hardware(os.path.join(folder, "hardware.json"), {"on": [False] * 4})
+        self.fault = fault
+
+    def open(self, params):
+        return {"lamps": len(self.hardware.read()["on"])}
+
+    def set(self, params):
+        state = self.hardware.read()
+        state["on"][params["index"]] = params["on"]
+        self.hardware.write(state)
+
+    def stop(self, params):
+        self.hardware.write({"on": [False] * len(self.hardware.read()["on"])})
+
+    def get(self, params):
+        on = self.hardware.read()["on"]
+        if self.fault() == "lies":
+            on = [not lamp for lamp in on]
+        return {"on": on[1:] if self.fault() == "short" else on}
+
+
+CLASSES = {"lamps": Lamps}
+
+
+class Program:
+    def __init__(self, kind, folder):
+        self.kind, self.folder = kind, folder
+        self.device = CLASSES[kind](folder, self.fault)
+        self.silence_s = 10
+        self.late = []
+
+    def fault(self):
+        try:
+            with open(os.path.join(self.folder, "fault"), encoding="utf-8") as file:
+                return file.read()
+        except FileNotFoundError:
+            return ""
+
+    def log(self, method):
+        with open(os.path.join(self.folder, "log"), "a", encoding="utf-8") as file:
+            file.write(f"{os.getpid()} {method}\n")
+
+    def send(self, text):
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+
+    def describe_process(self):
+        with open("/proc/self/status", encoding="utf-8") as file:
+            status = dict(line.rstrip("\n").split(":\t", 1) for line in file if ":\t" in line)
+        state = {
+            "rights": [status["NoNewPrivs"], int(status["CapEff"], 16), int(status["CapBnd"], 16)],
+            "files": sorted(fd for fd in map(int, os.listdir("/proc/self/fd")) if fd < 100)[:-1],
+            "variables": sorted(os.environ),
+            "folder": os.getcwd(),
+            "leads": os.getpgrp() == os.getpid() and os.getsid(0) != os.getpid(),
+        }
+        with open(os.path.join(self.folder, "process"), "w", encoding="utf-8") as file:
+            json.dump(state, file, sort_keys=True)
+
+    def hello(self, params):
+        self.describe_process()
+        self.silence_s = params["silence_ms"] / 1000
+        return {
+            "version": 2 if self.fault() == "newer" else 1,
+            "class": "axes" if self.fault() == "other-class" else self.kind,
+            "device": "model of a device",
+            "serial": "7",
+            "capabilities": ["silence"],
+        }
+
+    def answer(self, request):
+        method, params = request["method"], request.get("params", {})
+        if method == "hello":
+            return self.hello(params)
+        if method in ("ping", "close"):
+            return {}
+        return getattr(self.device, method)(params) or {}
+
+    def misbehave(self, fault, request):
+        """Returns whether the request is done with."""
+        method = request["method"]
+        if fault == "cut" or (fault == "mute" and method != "hello"):
+            return True
+        if fault == "unanswered":
+            self.answer(request)
+            return True
+        if fault == "dies" and method in ("set", "move", "trigger"):
+            self.answer(request)
+            os._exit(3)
+        if fault == "dies-at-start":
+            sys.exit("no device here")
+        if fault == "crashes" and method != "hello":
+            os.abort()
+        if fault == "garbage":
+            self.send('{"jsonrpc": "2.0", "id": 1, "resu')
+            return True
+        if fault == "deep":
+            self.send('{"a":' + "[" * 60000)
+            return True
+        if fault == "huge":
+            try:
+                while True:
+                    sys.stdout.write("[" * 4096)
+            except BrokenPipeError:
+                os._exit(1)
+        if fault == "closes-output":
+            os.close(1)
+            time.sleep(3600)
+        if fault == "refuses" and method in ("set", "move", "trigger"):
+            self.send(
+                json.dumps(
+                    {
+                        "jsonrpc": "2.0",
+                        "id": request["id"],
+                        "error": {"code": 1, "message": "the fuse has\nblown"},
+                    }
+                )
+            )
+            return True
+        if fault == "chatters":
+            for i in range(1000):
+                self.send('{"jsonrpc": "2.0", "method": "weather", "params": {"rain": true}}')
+                self.send(f'{{"jsonrpc": "2.0", "id": {100000 + i}, "result": {{}}}}')
+        if fault == "waits-for-stop" and method in ("set", "stop"):
+            self.late.append(request)
+            if method == "set":
+                return True
+            for late in self.late[::-1]:
+                self.send(json.dumps({"jsonrpc": "2.0", "id": late["id"], "result": {}}))
+            self.late = []
+            return True
+        if fault == "sleeps" and method != "hello":
+            time.sleep(3600)
+        if fault == "slow" and method in ("set", "get", "stop"):
+            time.sleep(0.3)
+        return False
+
+    def serve(self, request):
+        self.log(request["method"])
+        fault = self.fault()
+        if self.misbehave(fault, request):
+            return True
+        result = self.answer(request)
+        self.send(json.dumps({"jsonrpc": "2.0", "id": request["id"], "result": result}))
+        if fault == "loses":
+            self.send('{"jsonrpc":"2.0","method":"lost","params":{"message":"a fuse has blown"}}')
+            os.unlink(os.path.join(self.folder, "fault"))
+        return request["method"] != "close"
+
+    def run(self):
+        """Until the end of the input or silence: both mean that the device has to be made safe."""
+        unread = b""
+        while select.select([0], [], [], self.silence_s)[0]:
+            read = os.read(0, 65536)
+            if not read:
+                break
+            *lines, unread = (unread + read).split(b"\n")
+            for line in lines:
+                if not self.serve(json.loads(line)):
+                    return
+        if self.fault() != "stays":
+            self.log("safe")
+            self.device.stop({})
+
+
+Program(*sys.argv[1:3]).run()
