@@ -11,8 +11,8 @@
 #include "base/json.h"
 
 /* All drivers. Add a new driver in drivers/ and name it here. */
-static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
-                                                         &tic_axis_driver, NULL};
+static const struct axis_driver *const axis_drivers[] = {
+    &sim_axis_driver, &modbus_axis_driver, &tic_axis_driver, &program_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {
     &sim_lamps_driver, &modbus_relays_driver, &usb_relays_driver, &program_lamps_driver, NULL};
 static const struct camera_driver *const camera_drivers[] = {

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """A device with its program, for tests: docs/build-a-rig/programs.md has the protocol.
 
-usage: model.py CLASS FOLDER
+usage: model.py CLASS FOLDER [where]
 
 FOLDER/hardware.json is the device. It stays as it is when the program ends, as the pin of a relay
 does. FOLDER/fault is the fault of the program, which the test writes at any time; without the file
 there is none. FOLDER/log has a line for each request that was read, and FOLDER/process says what the program may do.
+With “where” the program prints where the axis truly is, and whether it moves.
 """
 import json
 import os
@@ -55,7 +56,79 @@ class Lamps:
         return {"on": on[1:] if self.fault() == "short" else on}
 
 
-CLASSES = {"lamps": Lamps}
+class Axis:
+    """An axis whose controller goes on by itself: its motion is a list of pieces, each with its
+    start time, position, speed and acceleration, and the last one stands."""
+
+    HOME_DEG = 2.0
+
+    def __init__(self, folder, fault):
+        first = {"pieces": [[0, 3.5, 0, 0]], "homed": False}
+        self.hardware = Hardware(os.path.join(folder, "hardware.json"), first)
+        self.fault = fault
+
+    def open(self, params):
+        return {}
+
+    def where(self):
+        now = time.monotonic()
+        state = self.hardware.read()
+        pieces = state["pieces"]
+        last = max(i for i, piece in enumerate(pieces) if piece[0] <= now or i == 0)
+        start, deg, speed, accel = pieces[last]
+        t = now - start
+        moving = last < len(pieces) - 1
+        return deg + speed * t + accel * t * t / 2, speed + accel * t, moving, state["homed"]
+
+    def go(self, to, params, homed):
+        deg = self.where()[0]
+        way = abs(to - deg)
+        accel = params.get("accel_deg_s2", 100)
+        speed = min(params.get("speed_deg_s", 20), (way * accel) ** 0.5)
+        sign = 1 if to > deg else -1
+        now = time.monotonic()
+        pieces = [[now, deg, 0, sign * accel]]
+        if way > 0:
+            ramp = speed / accel
+            cruise = way / speed - ramp
+            at = deg + sign * speed * ramp / 2
+            pieces.append([now + ramp, at, sign * speed, 0])
+            at += sign * speed * cruise
+            pieces.append([now + ramp + cruise, at, sign * speed, -sign * accel])
+            now += 2 * ramp + cruise
+        if self.fault() == "stalls":
+            pieces = pieces[:1] + [[pieces[0][0] + 0.2, deg, 0, 0]]
+        else:
+            pieces.append([now, to, 0, 0])
+        self.hardware.write({"pieces": pieces, "homed": homed})
+
+    def move(self, params):
+        if params.get("home"):
+            self.go(self.HOME_DEG, params, self.fault() != "no-switch")
+        else:
+            self.go(params["deg"], params, True)
+
+    def stop(self, params):
+        deg, speed, moving, homed = self.where()
+        if not moving or self.fault() == "moves-on":
+            return
+        now = time.monotonic()
+        t = 0.05
+        pieces = [[now, deg, speed, -speed / t], [now + t, deg + speed * t / 2, 0, 0]]
+        self.hardware.write({"pieces": pieces, "homed": homed})
+
+    def get(self, params):
+        deg, speed, moving, homed = self.where()
+        if self.fault() == "lies":
+            deg += 1
+        if self.fault() == "far":
+            deg = 1e300
+        if self.fault() == "no-number":
+            deg = "thirty"
+        return {"deg": deg, "moving": moving, "homed": homed and not moving}
+
+
+CLASSES = {"lamps": Lamps, "axis": Axis}
 
 
 class Program:
@@ -199,4 +272,7 @@ class Program:
             self.device.stop({})
 
 
-Program(*sys.argv[1:3]).run()
+if sys.argv[3:] == ["where"]:
+    print("%.4f %.4f" % Axis(sys.argv[2], str).where()[:2])
+else:
+    Program(*sys.argv[1:3]).run()

@@ -3,21 +3,18 @@
 #include "conformance/conformance.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/program_model.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "lib/wait.h"
 #include "program/devices.h"
 
-#include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#define MODEL  SOURCE_DIR "/tests/drivers/program/model.py"
-#define PYTHON "/usr/bin/python3"
 
 struct bench {
     const char *folder;
@@ -27,12 +24,6 @@ struct bench {
     gboolean on;
     GError *error;
 };
-
-static char *section_of(const char *folder) {
-    return g_strdup_printf("[lamps test]\ndriver = program-lamps\nprogram = " PYTHON
-                           "\narguments = " MODEL ";lamps;%s\nstart_s = 20\n",
-                           folder);
-}
 
 static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                     gpointer data) {
@@ -44,21 +35,8 @@ static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const 
     bench->error = error ? g_error_copy(error) : NULL;
 }
 
-static void set_fault(const char *folder, const char *fault) {
-    g_autofree char *path = g_build_filename(folder, "fault", NULL);
-    if (*fault)
-        text_file_write(folder, "fault", fault);
-    else
-        g_unlink(path);
-}
-
-static char *read_file(const char *folder, const char *name) {
-    g_autofree char *path = g_build_filename(folder, name, NULL);
-    return g_file_test(path, G_FILE_TEST_EXISTS) ? text_file_read(path) : g_strdup("");
-}
-
 static void assert_hardware(const char *folder, const char *on) {
-    g_autofree char *is = read_file(folder, "hardware.json");
+    g_autofree char *is = program_model_read(folder, "hardware.json");
     g_autofree char *expected = g_strdup_printf("{\"on\": [%s]}", on);
     g_assert_cmpstr(is, ==, expected);
 }
@@ -66,7 +44,7 @@ static void assert_hardware(const char *folder, const char *on) {
 #define DARK "false, false, false, false"
 
 static gboolean open_bank(struct bench *bench, const char *more, GError **error) {
-    g_autofree char *section = section_of(bench->folder);
+    g_autofree char *section = program_model_section("lamps", bench->folder, 20, "");
     const struct conformance with = {.section = section};
     const struct config_section *read;
     g_autoptr(Config) config = conformance_config(&with, more, &read);
@@ -84,8 +62,7 @@ static void begin(struct bench *bench, const char *folder) {
 
 /* No program of a test is left when its device was closed. */
 static void assert_ended(const char *folder) {
-    g_autoptr(GArray) left = process_find("cmdline", folder);
-    g_assert_cmpuint(left->len, ==, 0);
+    g_assert_cmpint(program_model_processes(folder), ==, 0);
 }
 
 static void end(struct bench *bench) {
@@ -167,14 +144,14 @@ static void run_fault(gconstpointer data) {
     struct bench bench;
     begin(&bench, folder);
     set_and_wait(&bench, 1, TRUE);
-    set_fault(folder, fault->name);
+    program_model_fail(folder, fault->name);
     set(&bench, 0, TRUE);
     conformance_wait(bench.clock, &bench.n, 1, 10);
     g_assert_error(bench.error, DEVICE_ERROR, (int)fault->code);
     g_assert_true(g_str_has_prefix(bench.error->message, "lamps test: "));
     assert_has(bench.error->message, fault->says);
     g_assert_true(lamps_is_on(bench.bank, 0));
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     ok(lamps_all_off(bench.bank, ERR));
     wait_safe(&bench);
     assert_hardware(folder, DARK);
@@ -190,11 +167,11 @@ static void other_lamp(const char *fault) {
     struct bench bench;
     begin(&bench, folder);
     set_and_wait(&bench, 1, TRUE);
-    set_fault(folder, fault);
+    program_model_fail(folder, fault);
     set(&bench, 0, TRUE);
     conformance_wait(bench.clock, &bench.n, 2, 10);
     g_assert_cmpint(lamps_light(bench.bank, 1), ==, LIGHT_UNSAFE);
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     wait_safe(&bench);
     assert_hardware(folder, DARK);
     end(&bench);
@@ -213,14 +190,14 @@ static void no_fault(const char *name) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder);
-    set_fault(folder, name);
+    program_model_fail(folder, name);
     set_and_wait(&bench, 1, TRUE);
     g_assert_no_error(bench.error);
     assert_hardware(folder, "false, true, false, false");
     set_and_wait(&bench, 1, FALSE);
     g_assert_no_error(bench.error);
     g_assert_false(device_is_unsafe(&bench.bank->device));
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     end(&bench);
 }
 
@@ -239,9 +216,8 @@ TEST(dies_idle) {
     struct bench bench;
     begin(&bench, folder);
     set_and_wait(&bench, 1, TRUE);
-    g_autofree char *log = read_file(folder, "log");
     bench.n = 0;
-    g_assert_cmpint(kill((pid_t)g_ascii_strtoll(log, NULL, 10), SIGKILL), ==, 0);
+    program_model_kill(folder);
     conformance_wait(bench.clock, &bench.n, 1, 10);
     g_assert_error(bench.error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
     assert_has(bench.error->message, "was ended by signal 9");
@@ -259,10 +235,10 @@ TEST(hangs_idle) {
     begin(&bench, folder);
     set_and_wait(&bench, 1, TRUE);
     bench.n = 0;
-    set_fault(folder, "sleeps");
+    program_model_fail(folder, "sleeps");
     conformance_wait(bench.clock, &bench.n, 1, 10);
     assert_has(bench.error->message, "did not answer “ping” within 1500 ms; it was ended");
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     wait_safe(&bench);
     assert_hardware(folder, DARK);
     end(&bench);
@@ -274,7 +250,7 @@ TEST(lost) {
     struct bench bench;
     begin(&bench, folder);
     set_and_wait(&bench, 1, TRUE);
-    set_fault(folder, "loses");
+    program_model_fail(folder, "loses");
     bench.n = 0;
     conformance_wait(bench.clock, &bench.n, 1, 10);
     assert_has(bench.error->message, "lamps test: its program reports: a fuse has blown");
@@ -288,14 +264,14 @@ TEST(stop_at_once) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder);
-    set_fault(folder, "waits-for-stop");
+    program_model_fail(folder, "waits-for-stop");
     set(&bench, 0, TRUE);
     ok(lamps_all_off(bench.bank, ERR));
     conformance_wait(bench.clock, &bench.n, 2, 10);
     g_assert_cmpint(bench.index, ==, -1);
     g_assert_no_error(bench.error);
     g_assert_cmpint(lamps_safety(bench.bank), ==, DEVICE_SAFE);
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     end(&bench);
 }
 
@@ -304,16 +280,14 @@ TEST(overtaken) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder);
-    set_fault(folder, "slow");
+    program_model_fail(folder, "slow");
     set(&bench, 0, TRUE);
     ok(lamps_set(bench.bank, 1, TRUE, ERR));
     ok(lamps_set(bench.bank, 1, FALSE, ERR));
     conformance_wait(bench.clock, &bench.n, 3, 10);
-    g_autofree char *log = read_file(folder, "log");
-    g_auto(GStrv) sets = g_strsplit(log, " set\n", -1);
-    g_assert_cmpuint(g_strv_length(sets) - 1, ==, 2); /* lamp 0 on, lamp 1 off */
+    g_assert_cmpint(program_model_asked(folder, "set"), ==, 2); /* lamp 0 on, lamp 1 off */
     assert_hardware(folder, "true, false, false, false");
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     end(&bench);
 }
 
@@ -321,11 +295,7 @@ TEST(pings) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder);
-    UNTIL (({
-        g_autofree char *log = read_file(folder, "log");
-        g_auto(GStrv) pings = g_strsplit(log, " ping\n", -1);
-        g_strv_length(pings) > 3; /* one of them while it was opened */
-    }))
+    UNTIL (program_model_asked(folder, "ping") > 2) /* one of them while it was opened */
         conformance_pass(bench.clock, 0.05);
     end(&bench);
 }
@@ -338,7 +308,7 @@ TEST(rights) {
     g_assert_cmpint(dup(0), >, 2); /* stays open in this process only */
     begin(&bench, folder);
     g_unsetenv("NOTIFY_SOCKET");
-    g_autofree char *process = read_file(folder, "process");
+    g_autofree char *process = program_model_read(folder, "process");
     assert_has(process, "\"files\": [0, 1, 2]");
     assert_has(process, "\"folder\": \"/\"");
     assert_has(process, "\"leads\": true");
@@ -365,11 +335,9 @@ static void run_open_fault(gconstpointer data) {
     struct bench bench = {.folder = folder, .clock = clock_new_real()};
     g_autoptr(GError) error = NULL;
     const gboolean late = fault->code == DEVICE_ERROR_TIMEOUT;
-    set_fault(folder, fault->name);
-    g_autofree char *section = section_of(folder);
-    g_autofree char *quick =
-        g_strdup_printf("%.*sstart_s = 1\n", (int)(strstr(section, "start_s") - section), section);
-    const struct conformance with = {.section = late ? quick : section};
+    program_model_fail(folder, fault->name);
+    g_autofree char *section = program_model_section("lamps", folder, late ? 1 : 20, "");
+    const struct conformance with = {.section = section};
     const struct config_section *read;
     g_autoptr(Config) config = conformance_config(&with, "", &read);
     g_assert_null(lamps_open(&program_lamps_driver, read, NULL, bench.clock, &error));
@@ -415,7 +383,7 @@ static pid_t light_up(const char *folder, const char *fault) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         begin(&bench, folder);
         set_and_wait(&bench, 1, TRUE);
-        set_fault(folder, fault);
+        program_model_fail(folder, fault);
         if (*fault)
             set(&bench, 2, TRUE);
         conformance_pass(bench.clock, 0.1);
@@ -436,14 +404,11 @@ TEST(parent_killed) {
     TEMPORARY_FOLDER(folder);
     light_up(folder, "");
     UNTIL (({
-        g_autofree char *is = read_file(folder, "hardware.json");
+        g_autofree char *is = program_model_read(folder, "hardware.json");
         strcmp(is, "{\"on\": [" DARK "]}") == 0;
     }))
         wait_ms(10);
-    UNTIL (({
-        g_autoptr(GArray) left = process_find("cmdline", folder);
-        left->len == 0;
-    }))
+    UNTIL (program_model_processes(folder) == 0)
         wait_ms(10);
 }
 
@@ -453,25 +418,16 @@ TEST(parent_killed__sleeps) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     light_up(folder, "sleeps");
-    UNTIL (({
-        g_autoptr(GArray) left = process_find("cmdline", folder);
-        left->len == 0;
-    }))
+    UNTIL (program_model_processes(folder) == 0)
         wait_ms(10);
     assert_hardware(folder, "false, true, false, false");
-    set_fault(folder, "");
+    program_model_fail(folder, "");
     begin(&bench, folder);
     assert_hardware(folder, DARK);
     end(&bench);
 }
 
 static char *model_folder;
-
-static void fail(gpointer folder, enum conformance_fault fault) {
-    set_fault(folder, fault == CONFORMANCE_WELL  ? ""
-                      : fault == CONFORMANCE_CUT ? "cut"
-                                                 : "unanswered");
-}
 
 /* The examples of contrib/ must do what every driver must do. */
 static struct conformance examples[] = {
@@ -482,10 +438,10 @@ static struct conformance examples[] = {
 static void add_example(struct conformance *example) {
     g_autofree char *pin = g_build_filename(model_folder, example->name, NULL);
     text_file_write(model_folder, example->name, "0");
-    example->section = g_strdup_printf("[lamps test]\ndriver = program-lamps\nprogram = %s\n"
-                                       "arguments = " SOURCE_DIR "/contrib/programs/%s;%s\n",
-                                       g_str_has_suffix(example->name, "py") ? PYTHON : "/bin/bash",
-                                       example->name, pin);
+    example->section = g_strdup_printf(
+        "[lamps test]\ndriver = program-lamps\nprogram = %s\n"
+        "arguments = " SOURCE_DIR "/contrib/programs/%s;%s\n",
+        g_str_has_suffix(example->name, "py") ? PROGRAM_PYTHON : "/bin/bash", example->name, pin);
     conformance_lamps(&program_lamps_driver, example);
 }
 
@@ -499,20 +455,19 @@ static void run_example(gconstpointer data) {
     lamps_listen(bench.bank, on_lamp, &bench);
     for (int on = 1; on >= 0; on--) {
         set_and_wait(&bench, 0, on);
-        g_autofree char *pin = read_file(model_folder, example->name);
+        g_autofree char *pin = program_model_read(model_folder, example->name);
         g_assert_cmpstr(g_strstrip(pin), ==, on ? "1" : "0");
     }
     lamps_close(bench.bank);
     clock_unref(bench.clock);
 }
 
-static struct conformance model = {.name = "program-lamps", .real_clock = TRUE, .fail = fail};
+static struct conformance model = {
+    .name = "program-lamps", .real_clock = TRUE, .fail = program_model_conformance_fail};
 
 BEFORE_TESTS {
     model_folder = remove_tree_begin();
-    g_autofree char *section = section_of(model_folder);
-    model.section =
-        g_strdup_printf("%.*sstart_s = 3\n", (int)(strstr(section, "start_s") - section), section);
+    model.section = program_model_section("lamps", model_folder, 3, "");
     model.fail_data = model_folder;
     conformance_lamps(&program_lamps_driver, &model);
     for (gsize i = 0; i < G_N_ELEMENTS(examples); i++) {
