@@ -2,7 +2,9 @@
 #pragma once
 
 #include "drivers/axis.h"
+#include "drivers/camera.h"
 #include "drivers/lamps.h"
 
 extern const struct axis_driver program_axis_driver;
+extern const struct camera_driver program_camera_driver;
 extern const struct lamps_driver program_lamps_driver;

@@ -10,7 +10,9 @@ With “where” the program prints where the axis truly is, and whether it move
 """
 import json
 import os
+import random
 import select
+import struct
 import sys
 import time
 
@@ -128,11 +130,91 @@ class Axis:
         return {"deg": deg, "moving": moving, "homed": homed and not moving}
 
 
-CLASSES = {"lamps": Lamps, "axis": Axis}
+class Camera:
+    """Pictures of 8 × 6 pixels of 12 bits: the first is the exposure in µs, the others are noise."""
+
+    WIDTH, HEIGHT = 8, 6
+
+    def __init__(self, folder, fault):
+        self.told = os.path.join(folder, "pictures")
+        self.fault = fault
+        self.n = 0
+        self.noise = random.Random()
+        self.last = b""
+
+    def hello(self, params):
+        self.folder = params["folder"]
+        with open(self.told, "w", encoding="utf-8") as file:
+            file.write(self.folder)
+
+    def open(self, params):
+        bits = 17 if self.fault() == "too-many-bits" else 12
+        return {
+            "width": self.WIDTH,
+            "height": self.HEIGHT,
+            "cfa": "rgbg" if self.fault() == "new-filter" else "mono",
+            "bits": bits,
+            "black_level": 64,
+            "min_exposure_us": 100,
+            "max_exposure_us": 1000000,
+            "trigger_ms": 5,
+            "readout_ms": 50,
+        }
+
+    def stop(self, params):
+        pass
+
+    def write(self, name, exposure_us):
+        fault = self.fault()
+        width = self.WIDTH + (fault == "wider")
+        values = [exposure_us % 4096] + [
+            self.noise.randrange(64, 4096) for _ in range(width * self.HEIGHT - 1)
+        ]
+        if fault == "too-bright":
+            values[9] = 4096
+        data = struct.pack(f">{len(values)}H", *values)
+        if fault == "same" and self.last:
+            data = self.last
+        self.last = data
+        head = b"P6" if fault == "colour" else b"P5"
+        head += b"\n# a comment\n%d %d\n65535\n" % (width, self.HEIGHT)
+        path = os.path.join(self.folder, name)
+        if fault == "pipe":
+            os.mkfifo(path)
+            return
+        if fault == "link":
+            os.symlink("/etc/passwd", path)
+            return
+        with open(path, "wb") as file:
+            file.write(head + (data[:-6] if fault == "cut-off" else data))
+            if fault == "long":
+                file.write(bytes(10000))
+
+    def trigger(self, params):
+        start_us = time.monotonic_ns() // 1000
+        fault = self.fault()
+        if fault != "early":
+            time.sleep(params["exposure_us"] / 1e6)
+        Program.current.send('{"jsonrpc":"2.0","method":"exposed","params":{}}')
+        self.n += fault != "repeats"
+        name = f"{self.n}.pgm"
+        if fault != "no-file":
+            self.write(name, params["exposure_us"])
+        result = {"file": "../" + name if fault == "outside" else name, "id": self.n}
+        if fault in ("", "late", "future", "unnumbered"):
+            shift_us = {"late": -1000000, "future": 3000000}.get(fault, 0)
+            result["exposure_start_us"] = start_us + shift_us
+        if fault == "unnumbered":
+            del result["id"]
+        return result
+
+
+CLASSES = {"lamps": Lamps, "axis": Axis, "camera": Camera}
 
 
 class Program:
     def __init__(self, kind, folder):
+        Program.current = self
         self.kind, self.folder = kind, folder
         self.device = CLASSES[kind](folder, self.fault)
         self.silence_s = 10
@@ -180,6 +262,8 @@ class Program:
     def answer(self, request):
         method, params = request["method"], request.get("params", {})
         if method == "hello":
+            if self.kind == "camera":
+                self.device.hello(params)
             return self.hello(params)
         if method in ("ping", "close"):
             return {}

@@ -1,0 +1,47 @@
+#!/usr/bin/env python3
+"""A camera of a Raspberry Pi, as a program for the driver program-camera: rpicam-still takes a raw
+picture, and dcraw writes its values as PGM. Both have Debian packages (rpicam-apps, dcraw).
+
+usage: rpicam.py WIDTH HEIGHT CFA BITS BLACK_LEVEL, for instance 4056 3040 bggr 12 256
+
+docs/build-a-rig/programs.md describes the requests.
+"""
+import json
+import os
+import subprocess
+import sys
+
+width, height, cfa, bits, black_level = (a if a.isalpha() else int(a) for a in sys.argv[1:6])
+count = 0
+
+
+def trigger(params):
+    global count
+    count += 1
+    shot = ["--shutter", str(params["exposure_us"]), "--gain", str(10 ** (params["gain_db"] / 20))]
+    command = ["rpicam-still", "--raw", "--immediate", "--nopreview", "--output", "a.jpg"]
+    run = {"check": True, "stdin": subprocess.DEVNULL, "cwd": folder}
+    subprocess.run(command + shot, stdout=subprocess.DEVNULL, **run)
+    with open(os.path.join(folder, "a.pgm"), "wb") as file:
+        subprocess.run(["dcraw", "-D", "-4", "-c", "a.dng"], stdout=file, **run)
+    return {"file": "a.pgm", "id": count}
+
+
+for line in sys.stdin:
+    request = json.loads(line)
+    method, params, result = request["method"], request["params"], {}
+    reply = {"jsonrpc": "2.0", "id": request["id"], "result": result}
+    try:
+        if method == "hello":
+            folder = params["folder"]
+            result |= {"version": 1, "class": "camera", "capabilities": ["gain"]}
+        if method == "open":
+            result |= {"width": width, "height": height, "cfa": cfa, "bits": bits}
+            result |= {"black_level": black_level, "trigger_ms": 1500, "readout_ms": 1500}
+            result |= {"min_exposure_us": 100, "max_exposure_us": 10000000}
+        if method == "trigger":
+            result |= trigger(params)
+    except (OSError, subprocess.CalledProcessError) as error:
+        del reply["result"]
+        reply["error"] = {"code": 1, "message": str(error)}
+    print(json.dumps(reply), flush=True)

@@ -1,0 +1,245 @@
+/* A camera that a program triggers. The answer to "trigger" names a file with the picture. */
+#include "devices.h"
+#include "message.h"
+#include "pgm.h"
+#include "program.h"
+
+#include <errno.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+/* A trigger has its delay + exposure + 3 read-outs + 1.5 s. The class adds 2 s. */
+#define READOUTS 3
+
+#define MAX_SIDE 65536
+#define MAX_US   3.6e9
+#define MAX_MS   60000.0
+
+struct program_camera {
+    struct program_command command;
+    Program *program;
+    char *folder; /* for pictures */
+    struct camera_settings settings;
+    guint64 shot;
+    gint64 triggered_us;
+    int n_triggers; /* the tag of the last trigger */
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct program_camera, name)
+
+static const struct option options[] = {
+    PROGRAM_OPTIONS(FIELD(command)),
+    {NULL},
+};
+
+static void add_program(const Camera *camera, GError **error) {
+    const struct program_camera *priv = camera->device.priv;
+    g_prefix_error(error, "%s ", priv->command.path);
+    error_details_add_subject(error, camera->device.who);
+}
+
+/* Removes pictures that nobody waits for. */
+static void empty_folder(const struct program_camera *priv) {
+    g_autoptr(GDir) dir = g_dir_open(priv->folder, 0, NULL);
+    for (const char *name; dir && (name = g_dir_read_name(dir));) {
+        g_autofree char *path = g_build_filename(priv->folder, name, NULL);
+        g_remove(path);
+    }
+}
+
+/* Makes the frame of an answer. Without a time stamp the exposure may have begun as soon as the
+ * trigger was sent. A picture that comes before it can have been exposed is refused by the class.
+ */
+static Frame *read_frame(Camera *camera, JsonObject *values, GError **error) {
+    const struct program_camera *priv = camera->device.priv;
+    const struct camera_format *format = &camera->format;
+    gint64 id, start_us = priv->triggered_us;
+    g_autofree char *name = message_text(values, "file");
+    if (!message_integer(values, "id", 0, G_MAXINT64, &id, error) ||
+        (json_object_has_member(values, "exposure_start_us") &&
+         !message_integer(values, "exposure_start_us", 0, G_MAXINT64, &start_us, error)))
+        return NULL;
+    Frame *frame = pgm_take(priv->folder, name, format->width, format->height, format->bits, error);
+    if (!frame)
+        return NULL;
+    frame->shot = priv->shot;
+    frame->id = (guint64)id;
+    frame->exposure_us = priv->settings.exposure_us;
+    frame->exposure_start_us = start_us;
+    frame->exposure_end_us = start_us + frame->exposure_us;
+    frame->cfa = format->cfa;
+    frame->black_level = format->black_level;
+    return frame;
+}
+
+static void on_answer(const struct program_answer *answer, gpointer data) {
+    Camera *camera = data;
+    const struct program_camera *priv = camera->device.priv;
+    if (answer->tag != priv->n_triggers || !camera_is_waiting(camera))
+        return; /* of a trigger that was given up */
+    GError *error = answer->error ? g_error_copy(answer->error) : NULL;
+    if (error) {
+        camera_report_fault(camera, error);
+        return;
+    }
+    Frame *frame = read_frame(camera, answer->values, &error);
+    if (frame) {
+        camera_report_frame(camera, frame);
+        return;
+    }
+    add_program(camera, &error);
+    camera_report_fault(camera, error);
+}
+
+/* A trigger that waits has been answered before. */
+static void on_lost(const GError *error, gboolean answered, gpointer data) {
+    Camera *camera = data;
+    if (camera_is_armed(camera))
+        camera_report_fault(camera, g_error_copy(error));
+}
+
+static void on_event(const char *event, JsonObject *values, gpointer data) {
+    Camera *camera = data;
+    if (g_str_equal(event, "exposed")) {
+        camera_report_exposed(camera);
+    } else if (g_str_equal(event, "lost")) {
+        g_autofree char *message = message_text(values, "message");
+        camera_report_fault(camera, device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
+                                                     "its program reports: %s", message));
+    }
+}
+
+static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+    struct program_camera *priv = camera->device.priv;
+    if (settings->gain_db != 0 && !program_can(priv->program, "gain"))
+        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
+                                "%s has no gain" ERROR_ADVICE "use gain_db = 0",
+                                priv->command.path);
+    priv->settings = *settings;
+    return TRUE;
+}
+
+/* A program that has ended is started now, so that the next trigger need not wait for it. */
+static gboolean arm(Camera *camera, GError **error) {
+    const struct program_camera *priv = camera->device.priv;
+    program_call(priv->program, &(struct program_request){.method = "ping", .tag = -1});
+    return TRUE;
+}
+
+static void disarm(Camera *camera) {
+    struct program_camera *priv = camera->device.priv;
+    program_overtake(priv->program, priv->n_triggers);
+}
+
+static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+    struct program_camera *priv = camera->device.priv;
+    const struct camera_format *format = &camera->format;
+    const gint64 wait_us =
+        format->trigger_us + priv->settings.exposure_us + READOUTS * format->readout_us;
+    struct program_request request = {.method = "trigger",
+                                      .params = json_object_new(),
+                                      .timeout_ms = (int)(wait_us / 1000) + PROGRAM_ANSWER_MS,
+                                      .tag = ++priv->n_triggers};
+    json_object_set_int_member(request.params, "shot", (gint64)shot);
+    json_object_set_int_member(request.params, "exposure_us", priv->settings.exposure_us);
+    json_object_set_double_member(request.params, "gain_db", priv->settings.gain_db);
+    priv->shot = shot;
+    priv->triggered_us = clock_now_us(camera->device.clock);
+    empty_folder(priv);
+    program_call(priv->program, &request);
+    return TRUE;
+}
+
+static gboolean read_time(JsonObject *values, const char *name, gint64 *ret_us, GError **error) {
+    double ms = 0;
+    if (json_object_has_member(values, name) &&
+        !message_number(values, name, 0, MAX_MS, &ms, error))
+        return FALSE;
+    *ret_us = (gint64)(ms * 1000);
+    return TRUE;
+}
+
+static gboolean read_format(JsonObject *values, struct camera_format *ret, GError **error) {
+    gint64 width, height, bits;
+    *ret = (struct camera_format){.stamp_us = -1};
+    if (!message_integer(values, "width", 1, MAX_SIDE, &width, error) ||
+        !message_integer(values, "height", 1, MAX_SIDE, &height, error) ||
+        !message_integer(values, "bits", 1, 16, &bits, error) ||
+        !message_number(values, "black_level", 0, 65535, &ret->black_level, error) ||
+        !message_integer(values, "min_exposure_us", 1, (gint64)MAX_US, &ret->min_exposure_us,
+                         error) ||
+        !message_integer(values, "max_exposure_us", ret->min_exposure_us, (gint64)MAX_US,
+                         &ret->max_exposure_us, error) ||
+        !read_time(values, "trigger_ms", &ret->trigger_us, error) ||
+        !read_time(values, "readout_ms", &ret->readout_us, error))
+        return FALSE;
+    g_autofree char *cfa = message_text(values, "cfa");
+    ret->width = (int)width;
+    ret->height = (int)height;
+    ret->bits = (int)bits;
+    if (cfa_parse(cfa, &ret->cfa))
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                "answered cfa = “%s”, which is not mono, rggb, bggr, grbg or gbrg", cfa);
+    return FALSE;
+}
+
+static void close_camera(Camera *camera) {
+    struct program_camera *priv = camera->device.priv;
+    g_clear_pointer(&priv->program, program_close);
+    if (!priv->folder)
+        return;
+    empty_folder(priv);
+    g_rmdir(priv->folder);
+    g_clear_pointer(&priv->folder, g_free);
+}
+
+static gboolean open_camera(Camera *camera, GError **error) {
+    struct program_camera *priv = camera->device.priv;
+    g_autoptr(GError) why = NULL;
+    priv->folder = g_dir_make_tmp("mesorig-program-XXXXXX", &why);
+    if (!priv->folder)
+        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
+                                "there is no folder for its pictures: %s", why->message);
+    priv->program = program_new(&priv->command, &camera->device, priv->folder, error);
+    if (priv->program)
+        return TRUE;
+    close_camera(camera);
+    return FALSE;
+}
+
+static gboolean opened(Camera *camera, GError **error) {
+    struct program_camera *priv = camera->device.priv;
+    const struct program_listener listener = {on_lost, on_event, on_answer, camera};
+    JsonObject *values = program_await(priv->program, error);
+    if (!values)
+        return FALSE;
+    if (!read_format(values, &camera->format, error)) {
+        add_program(camera, error);
+        return FALSE;
+    }
+    program_listen(priv->program, &listener);
+    return TRUE;
+}
+
+static void check(gconstpointer given, const struct config_section *section, Mistakes *mistakes) {
+    program_check(&((const struct program_camera *)given)->command, section, mistakes);
+}
+
+static void needs(gconstpointer given, GPtrArray *to) {
+    program_need(&((const struct program_camera *)given)->command, to);
+}
+
+const struct camera_driver program_camera_driver = {
+    .info = {"camera", "program-camera",
+             "A camera that a program of yours triggers (docs/build-a-rig/programs.md)", options,
+             sizeof(struct program_camera), check, needs},
+    .open = open_camera,
+    .opened = opened,
+    .close = close_camera,
+    .configure = configure,
+    .arm = arm,
+    .disarm = disarm,
+    .trigger = trigger,
+};

@@ -1,0 +1,16 @@
+/* Pictures of programs: PGM (netpbm's P5) with 8 or 16 bits, a value for each pixel. The functions
+ * are for any thread. Errors are DEVICE_ERROR_PROTOCOL without a subject. */
+#pragma once
+
+#include "drivers/frame.h"
+
+/* Reads width × height values, each of at most bits bits, from the bytes of a file. pixels has room
+ * for them, top row first. If the file ends early, *ret_complete is FALSE and the missing pixels
+ * are 0. */
+gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits, guint16 *pixels,
+                   gboolean *ret_complete, GError **error);
+
+/* Reads a file of a folder and removes it. name comes from a program: it must be the name of a
+ * regular file, without a path. Returns a frame with pixels, width, height, bits and incomplete. */
+Frame *pgm_take(const char *folder, const char *name, int width, int height, int bits,
+                GError **error);
