@@ -131,12 +131,14 @@ class Axis:
 
 
 class Camera:
-    """Pictures of 8 × 6 pixels of 12 bits: the first is the exposure in µs, the others are noise."""
+    """Pictures of 8 × 6 pixels of 12 bits: the first is the exposure in µs, the others are noise, and
+    are brighter while a lamp of the model in ../lamps is on."""
 
     WIDTH, HEIGHT = 8, 6
 
     def __init__(self, folder, fault):
         self.told = os.path.join(folder, "pictures")
+        self.lamps = os.path.join(folder, "..", "lamps", "hardware.json")
         self.fault = fault
         self.n = 0
         self.noise = random.Random()
@@ -164,11 +166,19 @@ class Camera:
     def stop(self, params):
         pass
 
+    def is_lit(self):
+        try:
+            with open(self.lamps, encoding="utf-8") as file:
+                return any(json.load(file)["on"])
+        except FileNotFoundError:
+            return False
+
     def write(self, name, exposure_us):
         fault = self.fault()
         width = self.WIDTH + (fault == "wider")
+        base = 1064 if self.is_lit() else 64
         values = [exposure_us % 4096] + [
-            self.noise.randrange(64, 4096) for _ in range(width * self.HEIGHT - 1)
+            base + self.noise.randrange(200) for _ in range(width * self.HEIGHT - 1)
         ]
         if fault == "too-bright":
             values[9] = 4096
