@@ -49,7 +49,8 @@ struct call {
 struct Program {
     int refs;
     gboolean closed;
-    struct device *device;
+    Clock *clock;          /* also after the device was closed */
+    struct device *device; /* until the program is closed */
     const struct program_command *command;
     char *folder;
     Lock *lock;
@@ -77,19 +78,16 @@ static void unref(Program *program) {
     if (--program->refs > 0)
         return;
     g_byte_array_unref(program->line);
+    clock_unref(program->clock);
     g_free(program->folder);
     g_free(program);
 }
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Program, unref)
 
-static Clock *clock_of(const Program *program) {
-    return program->device->clock;
-}
-
 static void call_free(gpointer data) {
     struct call *call = data;
-    clock_cancel(clock_of(call->program), &call->deadline);
+    clock_cancel(call->program->clock, &call->deadline);
     g_clear_pointer(&call->params, json_object_unref);
     g_free(call->method);
     g_free(call);
@@ -110,14 +108,14 @@ static void on_pump(gpointer data) {
 
 static void pump_later(Program *program) {
     if (program->pump == 0)
-        program->pump = clock_call_in(clock_of(program), 0, on_pump, program);
+        program->pump = clock_call_in(program->clock, 0, on_pump, program);
 }
 
 /* Ends a call, which is in no queue any more. Call it last. */
 static void end_call(struct call *call, JsonObject *values, const GError *error) {
     g_autoptr(Program) program = ref(call->program);
     const struct program_answer answer = {values, error, call->tag, call->overtaken};
-    clock_cancel(clock_of(program), &call->deadline);
+    clock_cancel(program->clock, &call->deadline);
     if (call->take)
         call->take(call, values, error);
     else if (program->listener.answer)
@@ -149,7 +147,7 @@ static void on_deadline(gpointer data) {
 }
 
 static void set_deadline(struct call *call) {
-    Clock *clock = clock_of(call->program);
+    Clock *clock = call->program->clock;
     clock_cancel(clock, &call->deadline);
     call->deadline = clock_call_in(clock, call->timeout_ms * (gint64)1000, on_deadline, call);
 }
@@ -248,8 +246,8 @@ static void tell_failure(Program *program, gboolean was_ready) {
 
 static void drop_process(Program *program) {
     g_clear_handle_id(&program->out_source, g_source_remove);
-    clock_cancel(clock_of(program), &program->ping);
-    clock_cancel(clock_of(program), &program->start);
+    clock_cancel(program->clock, &program->ping);
+    clock_cancel(program->clock, &program->start);
     for (int i = 0; i < 2; i++) {
         int *fd = i ? &program->in : &program->out;
         if (*fd >= 0)
@@ -297,7 +295,7 @@ static char *reap(Program *program) {
 static void on_end(Program *program) {
     const enum state before = program->state;
     g_autofree char *how = reap(program);
-    clock_cancel(clock_of(program), &program->ending);
+    clock_cancel(program->clock, &program->ending);
     drop_process(program);
     program->state = DOWN;
     if (before == STARTING || before == READY) {
@@ -318,7 +316,7 @@ static gboolean on_socket(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* A process that has closed its output without ending, and without being killed by that. */
+/* The process has closed its output, but does not end. */
 static void on_ending(gpointer data) {
     Program *program = data;
     program->ending = 0;
@@ -328,8 +326,8 @@ static void on_ending(gpointer data) {
 static void on_ping(gpointer data);
 
 static void ping_later(Program *program) {
-    clock_cancel(clock_of(program), &program->ping);
-    program->ping = clock_call_in(clock_of(program), PING_US, on_ping, program);
+    clock_cancel(program->clock, &program->ping);
+    program->ping = clock_call_in(program->clock, PING_US, on_ping, program);
 }
 
 static void on_pong(struct call *call, JsonObject *values, const GError *error) {
@@ -433,7 +431,7 @@ static void read_output(Program *program) {
     g_clear_handle_id(&program->out_source, g_source_remove);
     close(program->out);
     program->out = -1;
-    program->ending = clock_call_in(clock_of(program), END_MS * 1000, on_ending, program);
+    program->ending = clock_call_in(program->clock, END_MS * 1000, on_ending, program);
 }
 
 static gboolean on_output(gint fd, GIOCondition condition, gpointer data) {
@@ -513,8 +511,8 @@ static gboolean start_process(Program *program, GError **error) {
     program->state = STARTING;
     program->out_source = g_unix_fd_add(program->out, G_IO_IN | G_IO_HUP, on_output, program);
     program->socket_source = g_unix_fd_add(program->socket, G_IO_IN | G_IO_HUP, on_socket, program);
-    program->start = clock_call_in(clock_of(program), (gint64)(program->command->start_s * 1e6),
-                                   on_start, program);
+    program->start =
+        clock_call_in(program->clock, (gint64)(program->command->start_s * 1e6), on_start, program);
     JsonObject *hello = json_object_new();
     json_object_set_int_member(hello, "version", MESSAGE_VERSION);
     json_object_set_string_member(hello, "class", program->device->info->class_name);
@@ -566,7 +564,7 @@ static void on_opened(struct call *call, JsonObject *values, const GError *error
     g_autofree char *serial = message_text(program->hello, "serial");
     keep(&program->opened, values);
     device_set_identity(program->device, device, serial, name_of(program));
-    clock_cancel(clock_of(program), &program->start);
+    clock_cancel(program->clock, &program->start);
     program->state = READY;
     ping_later(program);
     pump_later(program);
@@ -603,6 +601,7 @@ Program *program_new(const struct program_command *command, struct device *devic
     }
     Program *program = g_new0(Program, 1);
     *program = (struct Program){.refs = 1,
+                                .clock = clock_ref(device->clock),
                                 .device = device,
                                 .command = command,
                                 .folder = g_strdup(folder),
@@ -642,7 +641,7 @@ void program_overtake(Program *program, int tag) {
         if (call->is_read_back)
             continue;
         g_queue_delete_link(&program->waiting, l);
-        clock_cancel(clock_of(program), &call->deadline);
+        clock_cancel(program->clock, &call->deadline);
         g_queue_push_tail(&program->dropped, call);
         pump_later(program);
     }
@@ -655,11 +654,11 @@ gboolean program_can(const Program *program, const char *what) {
 /* Waits until the condition holds, outside of the main loop. Returns FALSE at the deadline. */
 static gboolean await(Program *program, const gboolean *done, gint64 deadline_us) {
     while (!*done) {
-        const gint64 left_us = deadline_us - clock_now_us(clock_of(program));
+        const gint64 left_us = deadline_us - clock_now_us(program->clock);
         if (left_us <= 0)
             return FALSE;
         if (program->pump) {
-            clock_cancel(clock_of(program), &program->pump);
+            clock_cancel(program->clock, &program->pump);
             pump(program);
             continue;
         }
@@ -690,7 +689,7 @@ static void on_asked(struct call *call, JsonObject *values, const GError *error)
 JsonObject *program_ask(Program *program, const struct program_request *request, GError **error) {
     struct asked asked = {0};
     struct call *call = call_new(program, request);
-    const gint64 limit_us = clock_now_us(clock_of(program)) +
+    const gint64 limit_us = clock_now_us(program->clock) +
                             call->timeout_ms * (gint64)(request->read_back ? 2000 : 1000);
     call->take = on_asked;
     call->data = &asked;
@@ -710,7 +709,7 @@ JsonObject *program_ask(Program *program, const struct program_request *request,
 JsonObject *program_await(Program *program, GError **error) {
     struct asked asked = {0};
     const gint64 limit_us =
-        clock_now_us(clock_of(program)) + (gint64)(program->command->start_s * 1e6);
+        clock_now_us(program->clock) + (gint64)(program->command->start_s * 1e6);
     /* Any request waits until the program has started. */
     struct call *call = call_new(
         program, &(struct program_request){.method = "ping",
@@ -720,7 +719,7 @@ JsonObject *program_await(Program *program, GError **error) {
     call->data = &asked;
     enqueue(call);
     if (!await(program, &asked.done, limit_us)) {
-        clock_cancel(clock_of(program), &program->start);
+        clock_cancel(program->clock, &program->start);
         on_start(program);
     }
     g_clear_pointer(&asked.values, json_object_unref);
@@ -731,10 +730,10 @@ JsonObject *program_await(Program *program, GError **error) {
 }
 
 static gboolean await_end(Program *program, int wait_ms) {
-    const gint64 limit_us = clock_now_us(clock_of(program)) + wait_ms * (gint64)1000;
-    while (program->socket >= 0 && clock_now_us(clock_of(program)) < limit_us) {
+    const gint64 limit_us = clock_now_us(program->clock) + wait_ms * (gint64)1000;
+    while (program->socket >= 0 && clock_now_us(program->clock) < limit_us) {
         struct pollfd ready = {program->socket, POLLIN, 0};
-        if (poll(&ready, 1, (int)((limit_us - clock_now_us(clock_of(program))) / 1000) + 1) > 0)
+        if (poll(&ready, 1, (int)((limit_us - clock_now_us(program->clock)) / 1000) + 1) > 0)
             g_free(reap(program));
     }
     return program->socket < 0;
@@ -750,7 +749,7 @@ void program_close(Program *program) {
     program_listen(program, NULL);
     if (program->state == READY) {
         JsonObject *closed =
-            program_ask(program, &(struct program_request){.method = "close"}, NULL);
+            program_ask(program, &(struct program_request){"close", NULL, END_MS}, NULL);
         g_clear_pointer(&closed, json_object_unref);
     }
     program->closed = TRUE;
@@ -766,8 +765,8 @@ void program_close(Program *program) {
     clear(&program->waiting);
     clear(&program->sent);
     clear(&program->dropped);
-    clock_cancel(clock_of(program), &program->pump);
-    clock_cancel(clock_of(program), &program->ending);
+    clock_cancel(program->clock, &program->pump);
+    clock_cancel(program->clock, &program->ending);
     g_clear_error(&program->failure);
     g_clear_pointer(&program->hello, json_object_unref);
     g_clear_pointer(&program->opened, json_object_unref);

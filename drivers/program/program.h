@@ -50,6 +50,9 @@ void program_need(const struct program_command *command, GPtrArray *to);
  * the deadline of the classes, so that the error of the program is reported. */
 #define PROGRAM_ANSWER_MS 1500
 
+/* Time without any request after which a program makes its device safe and ends. */
+#define PROGRAM_SILENCE_MS 10000
+
 enum program_turn {
     PROGRAM_IN_TURN,
     PROGRAM_FIRST,   /* before all requests in turn */
@@ -120,6 +123,3 @@ gboolean program_can(const Program *program, const char *what);
 /* Sends "close", and waits until the program has ended. Kills it if it does not. NULL is ignored.
  */
 void program_close(Program *program);
-
-/* Time without any request after which a program makes its device safe and ends. */
-#define PROGRAM_SILENCE_MS 10000
