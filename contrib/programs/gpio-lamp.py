@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """A lamp on a pin of the computer, as a program for the driver program-lamps.
 
 usage: gpio-lamp.py VALUE_FILE, for instance /sys/class/gpio/gpio17/value

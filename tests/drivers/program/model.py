@@ -208,9 +208,14 @@ class Camera:
         Program.current.send('{"jsonrpc":"2.0","method":"exposed","params":{}}')
         self.n += fault != "repeats"
         name = f"{self.n}.pgm"
-        if fault != "no-file":
+        if fault == "leaves-a-copy":
+            self.write("copy.pgm", params["exposure_us"])
+        if fault == "names-the-copy":
+            name = "copy.pgm"
+        elif fault != "no-file":
             self.write(name, params["exposure_us"])
-        result = {"file": "../" + name if fault == "outside" else name, "id": self.n}
+        places = {"outside": "../", "elsewhere": "pictures/../"}
+        result = {"file": places.get(fault, "") + name, "id": self.n}
         if fault in ("", "late", "future", "unnumbered"):
             shift_us = {"late": -1000000, "future": 3000000}.get(fault, 0)
             result["exposure_start_us"] = start_us + shift_us

@@ -143,6 +143,7 @@ static const struct fault {
     {"too-bright", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "value 4096, which has more than 12 bits"},
     {"colour", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "is not a PGM file"},
     {"outside", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
+    {"elsewhere", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
     {"no-file", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
     {"pipe", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "that is not a file of at most"},
     {"link", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
@@ -163,6 +164,19 @@ static void run_fault(gconstpointer data) {
     program_model_fail(folder, "");
     ok(camera_arm(bench.camera, ERR));
     shoot(&bench, 3, CAMERA_FRAME);
+    end(&bench);
+}
+
+/* A file that the program has written for an earlier picture is no picture. */
+TEST(left_behind) {
+    TEMPORARY_FOLDER(folder);
+    struct bench bench;
+    begin(&bench, folder);
+    program_model_fail(folder, "leaves-a-copy");
+    shoot(&bench, 1, CAMERA_FRAME);
+    program_model_fail(folder, "names-the-copy");
+    shoot(&bench, 2, CAMERA_FAULT);
+    assert_has(bench.error->message, "wrote no picture “copy.pgm”");
     end(&bench);
 }
 
