@@ -110,7 +110,7 @@ TEST(truth) {
 TEST(wraps) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
-    begin(&bench, folder, "wraps = yes\nspeed_deg_s = 90\naccel_deg_s2 = 900\n");
+    begin(&bench, folder, "wraps = yes\nspeed_deg_s = 300\naccel_deg_s2 = 3000\n");
     home(&bench);
     for (int i = 1; i <= 4; i++) {
         ok(axis_move(bench.axis, 100 * i % 360, ERR));
