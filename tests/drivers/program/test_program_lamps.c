@@ -397,6 +397,27 @@ TEST(no_program) {
     assert_has(error->message, "test.conf:3: [lamps test] program: /etc/passwd is not a program");
 }
 
+/* Every key of a preset is one of its driver. */
+TEST(presets) {
+    static const struct {
+        const char *name;
+        const struct driver_info *info;
+    } presets[] = {{"program-axis.conf", &program_axis_driver.info},
+                   {"program-camera.conf", &program_camera_driver.info},
+                   {"program-lamps.conf", &program_lamps_driver.info}};
+    static const char *const also[] = {"driver", NULL};
+    for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
+        const struct driver_info *info = presets[i].info;
+        g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/devices", presets[i].name, NULL);
+        g_autoptr(Config) config = ok(config_load(path, ERR));
+        const struct config_section *section = config_find(config, info->class_name, NULL);
+        g_autofree gpointer priv = g_malloc0(info->priv_size);
+        g_assert_cmpstr(config_value(section, "driver", NULL), ==, info->name);
+        ok(options_parse(info->options, section, also, priv, ERR));
+        options_clear(info->options, priv);
+    }
+}
+
 /* Two sections, or two daemons, do not run the same program. */
 TEST(used_twice) {
     TEMPORARY_FOLDER(folder);
