@@ -69,12 +69,11 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
     return (used >= MIN_PICTURES && 2 * used >= all) ||
            cameras_refuse(
                error, CAMERAS_ERROR_PICTURES,
-               "only %d of %d photographs agree on one lens, but at least half of them "
-               "and %d must: the "
-               "board was not found in %d, and %d contradict the others; for example, %s; take out "
-               "photographs of another board, camera, zoom or focus, or give "
-               "more",
-               used, all, MIN_PICTURES, all - used - contradict, contradict, first_reason(work, 0));
+               "only %d of %d photographs agree on one lens, but %d must; the board was not found "
+               "in %d, and %d contradict the others; for example, %s; take out photographs of "
+               "another board, camera, zoom or focus, or give more",
+               used, all, MAX(MIN_PICTURES, (all + 1) / 2), all - used - contradict, contradict,
+               first_reason(work, 0));
 }
 
 /* On the turntable, a tilted board faces away from some cameras. Only pictures in which the board

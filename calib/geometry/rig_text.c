@@ -170,9 +170,9 @@ static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const st
                 index < (guint64)rig_text_count(rig, k))
                 continue;
             g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                        "%s: there is a section [%s], but the number of such sections in [rig] is "
-                        "%d, and the first has the number 0",
-                        path, *group, rig_text_count(rig, k));
+                        "%s: [rig] says %d for the number of sections [%s 0], [%s 1] and so on; "
+                        "remove [%s], or correct the number",
+                        path, rig_text_count(rig, k), devices[k].prefix, devices[k].prefix, *group);
             return FALSE;
         }
     return TRUE;

@@ -83,7 +83,8 @@ static void take_fields(const struct config_section *section, const struct field
         memcpy(target->plate_mm, read->plate_mm.values, sizeof target->plate_mm);
     else
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "plate_mm",
-                       "%d numbers are given: give width; height of the plate", read->plate_mm.n);
+                       "%d numbers are given: give two, the size of the plate along x and along y",
+                       read->plate_mm.n);
 }
 
 gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error) {

@@ -543,7 +543,10 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     }
     for (int i = 0; i < n; i++)
         if (!view_of(camera, board, &photographs[i], NULL, &views[i])) {
-            refuse(error, LASER_PLANE_ERROR_PICTURES, "%s: its corners and its line fit no plane",
+            refuse(error, LASER_PLANE_ERROR_PICTURES,
+                   "%s: the pose of its board or the line of the laser on it cannot be computed; "
+                   "leave "
+                   "this photograph out",
                    photographs[i].name);
             return NULL;
         }

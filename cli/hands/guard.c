@@ -222,8 +222,9 @@ static void judge_camera(struct guard *guard, int camera) {
     const double reached = (seen->high_dn - seen->dark_dn) / range_dn(guard, camera);
     if (!seen->any) {
         warn(guard,
-             "camera %s sees none of the %d lamps, at %g µs: is it covered, and does it look "
-             "at the sample?",
+             "camera %s sees none of the %d lamps that were tried, with exposures of up to %g µs: "
+             "is "
+             "it covered, and does it look at the sample?",
              name, MIN(guard->trial.n_lamps, TRIAL_FIRST_LAMPS), longest_us);
     } else if (seen->saturated > SATURATED_PART) {
         g_autofree char *to_what =

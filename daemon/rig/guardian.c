@@ -145,7 +145,10 @@ static gboolean do_start(Guardian *guardian, GError **error) {
     close(fds[1]);
     if (!started) {
         close(fds[0]);
-        g_prefix_error(error, "no guardian for %s: ", guardian->rig_path);
+        g_prefix_error(
+            error,
+            "%s: its guardian, which makes the rig safe if mesorigd fails, cannot be started: ",
+            guardian->rig_path);
         return FALSE;
     }
     guardian->socket = fds[0];

@@ -228,10 +228,11 @@ static gboolean check_horizon(const struct list *list, GError **error) {
             first = light;
     }
     return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MAX_ON_IT * list->lights->len)) ||
-           data_error_fail(list->path, first->line, error,
-                           "%u of %u lights are not above the sample, this one first; z must be "
-                           "the height above the sample, or theta the angle from the normal",
-                           n, list->lights->len);
+           data_error_fail(
+               list->path, first->line, error,
+               "this is the first of %u of %u lights that are not above the sample; z "
+               "must be the height above the sample, or theta the angle from the normal",
+               n, list->lights->len);
 }
 
 GArray *import_lights_read(const char *path, GError **error) {

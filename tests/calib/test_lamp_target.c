@@ -58,7 +58,7 @@ TEST(mistakes) {
          {":4: [target] places_mm: 2 numbers are given: give x; y; height"}},
         {"[target]\nkind = poles\nplane_mm = 2\nplate_mm = 84\nplaces_mm = 1;2;8\n",
          {"[target] radius_mm: 0 mm is no radius of posts",
-          ":4: [target] plate_mm: 1 numbers are given: give width; height"}},
+          ":4: [target] plate_mm: 1 numbers are given: give two, the size of"}},
         {"[session]\nname = x\n", {"it has no section [target]; see etc/demo/poles.conf"}},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {

@@ -269,11 +269,11 @@ TEST(mistakes_of_posts) {
     g_free(RUN(0, NULL, "calibrate", "lights", "poles.session", "-t", "target.conf", "-o",
                "again.conf"));
     note("poles.session", RADIANS("turntable_deg"));
-    g_free(RUN(1, "the turntable has its angles noted in radians", "calibrate", "lights",
+    g_free(RUN(1, "the turntable has its angles in radians", "calibrate", "lights",
                "poles.session", "-t", "target.conf", "-o", "no.conf"));
     note("poles.session", DEGREES("turntable_deg"));
     note("poles.session", RADIANS("arc_deg"));
-    g_free(RUN(1, "the arc has its angles noted in radians", "calibrate", "lights", "poles.session",
+    g_free(RUN(1, "the arc has its angles in radians", "calibrate", "lights", "poles.session",
                "-t", "target.conf", "-o", "no.conf"));
 }
 

@@ -227,8 +227,10 @@ static struct lpca *find(struct search *search, GError **error) {
         }
         g_autofree char *wanted = g_format_size((guint64)target->bytes);
         g_autofree char *least = g_format_size((guint64)search->nearest);
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s is too small: with the coarsest rounding the file has %s; allow a larger file",
+            wanted, least);
         return NULL;
     }
 }

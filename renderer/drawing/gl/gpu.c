@@ -356,9 +356,11 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
         return FALSE;
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
         return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "%s cannot draw into a picture of the format 0x%04x", gpu_renderer(),
-                internal_format);
+    g_set_error(
+        error, GPU_ERROR, GPU_ERROR_FAILED,
+        "%s cannot draw into a picture of the OpenGL format 0x%04x; update its driver, or draw "
+        "without it: LIBGL_ALWAYS_SOFTWARE=1",
+        gpu_renderer(), internal_format);
     return FALSE;
 }
 

@@ -35,11 +35,11 @@ IndexTexture *index_texture_new(const struct index_map *map, GError **error) {
     lay_out(t, map, size);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     if (MAX(size[0], size[1]) > most) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "an index map of %d × %d texels is too large: %s takes %d × %d with its levels; "
-            "synthesize a smaller one",
-            map->width, map->height, gpu_renderer(), most, most);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "an index map of %d × %d texels has %d × %d texels with its mip levels, but %s "
+                    "supports "
+                    "at most %d × %d; synthesize a smaller one",
+                    map->width, map->height, size[0], size[1], gpu_renderer(), most, most);
         return NULL;
     }
     t->texture = gpu_texture(GL_RG16UI, size[0], size[1], 0);

@@ -50,7 +50,8 @@ TEST(spoilt) {
         {.rig = {"[lamps bank]", "fault_dead = lamp60"},
          .told = {"lamp lamp60 changes no camera's picture"}},
         {.world = {"[camera cam60]", "response = 0.01"},
-         .told = {"camera cam60 sees none of the 2 lamps, at 16000 µs"}},
+         .told = {"camera cam60 sees none of the 2 lamps that were tried, with exposures of up to "
+                  "16000 µs"}},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
         struct operation *run = new_run(&all[i]);
