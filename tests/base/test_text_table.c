@@ -111,7 +111,7 @@ TEST(directions) {
     btf_directions_free(read);
     g_assert_true(g_file_set_contents(path, "of,theta_deg,phi\nboth,0,0\n", -1, NULL));
     g_assert_null(btf_directions_read(path, &error));
-    assert_has(error->message, "there is no column “phi”");
+    assert_has(error->message, "the column “phi” is not known");
 }
 
 /* Configuration files say it in the same words. */

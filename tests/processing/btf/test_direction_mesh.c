@@ -98,7 +98,7 @@ TEST(table) {
     static const struct {
         const char *text, *what;
     } cases[] = {{"theta_deg,phi_deg\n1,2\n", "has the columns of, theta_deg and phi_deg"},
-                 {"of,theta_deg,phi_deg\neye,1,2\n", ":2: “eye” is none of"},
+                 {"of,theta_deg,phi_deg\neye,1,2\n", ":2: “eye” is not view, light or both"},
                  {"of,theta_deg,phi_deg\nboth,90,2\n", ":2: θ must be"},
                  {"of,theta_deg,phi_deg\nboth,nan,2\n", ":2: "},
                  {"of,theta_deg,phi_deg\nboth,,2\n", ":2: "},
