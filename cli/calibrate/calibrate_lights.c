@@ -380,7 +380,8 @@ static gboolean try_balls(struct job *job, const struct calibrate_frame *noted,
 
 static void tell_mistake(const struct job *job, const struct mistake *mistake, double is,
                          double would_be, GError **error) {
-    static const char sign[] = "turns the wrong way, clockwise seen from above";
+    const char *sign =
+        mistake->arc < 0 ? "turns the wrong way" : "turns the wrong way, clockwise seen from above";
     static const char radians[] = "has its angles in radians, not in degrees";
     const struct rig *rig = &job->base.calibration->rig;
     const gboolean turntable = mistake->turntable != 1, arc = mistake->arc != 1;

@@ -269,12 +269,12 @@ TEST(mistakes_of_posts) {
     g_free(RUN(0, NULL, "calibrate", "lights", "poles.session", "-t", "target.conf", "-o",
                "again.conf"));
     note("poles.session", RADIANS("turntable_deg"));
-    g_free(RUN(1, "the turntable has its angles in radians", "calibrate", "lights",
-               "poles.session", "-t", "target.conf", "-o", "no.conf"));
+    g_free(RUN(1, "the turntable has its angles in radians", "calibrate", "lights", "poles.session",
+               "-t", "target.conf", "-o", "no.conf"));
     note("poles.session", DEGREES("turntable_deg"));
     note("poles.session", RADIANS("arc_deg"));
-    g_free(RUN(1, "the arc has its angles in radians", "calibrate", "lights", "poles.session",
-               "-t", "target.conf", "-o", "no.conf"));
+    g_free(RUN(1, "the arc has its angles in radians", "calibrate", "lights", "poles.session", "-t",
+               "target.conf", "-o", "no.conf"));
 }
 
 TEST(mistakes_of_balls) {
@@ -287,8 +287,8 @@ TEST(mistakes_of_balls) {
                                  "-t", "balls.target", "-o", "balls.calibration", "--json");
     assert_has(right, "\"warnings\": [");
     note("balls.session", TURN_BACK);
-    g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
-               "balls.target", "-o", "no.conf"));
+    g_free(RUN(1, "the turntable turns the wrong way, clockwise seen from above", "calibrate",
+               "lights", "balls.session", "-t", "balls.target", "-o", "no.conf"));
     note("balls.session", TURN_BACK);
     note("balls.session", ARC_BACK);
     g_free(RUN(1, "the sign of steps_per_deg of [axis arc]", "calibrate", "lights", "balls.session",
