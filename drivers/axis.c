@@ -12,8 +12,8 @@
 #define DEADLINE_EXTRA_S 4.0
 #define HOMING_FACTOR    10.0
 
-/* Angles that differ by at most this are the same. It is less than the resolution of any drive, and
- * more than the rounding error of sums of angles. */
+/* Angles that differ by less than this are the same. It is less than the resolution of any
+ * drive, and more than the rounding error of sums of angles. */
 #define SAME_DEG 1e-9
 
 /* Pauses between two attempts to stop an axis that has not confirmed that it stands. */
@@ -22,7 +22,8 @@
 
 enum activity { IDLE, HOMING, MOVING };
 
-/* Number of reports of a turn that are kept. A frame may arrive seconds after its exposure. */
+/* Number of reports of a turn that are kept. A frame may arrive seconds after its exposure, and
+ * axis_was_at() then needs the reports around the exposure. */
 #define N_PASSED 256
 
 struct passed { /* position at a time */
@@ -38,18 +39,19 @@ struct axis_state {
     /* The axis should stand but has not confirmed it, because its last motion ended in a fault or a
      * stop has failed. The class stops it until it has confirmed. */
     gboolean doubt;
-    gboolean unsafe;       /* a stop has failed; only with doubt */
-    gboolean driver_moves; /* the driver has not reported yet; FALSE during settling */
+    gboolean unsafe; /* a stop has failed; implies doubt */
+    /* the driver has not reported the end of the motion; FALSE during settling */
+    gboolean driver_moves;
     gboolean stopping;
     /* The axis was stopped on the way, so the next move takes up backlash in either direction. */
     gboolean slack_unknown;
     gboolean another_leg;
-    double target_deg; /* target of the present part of the move, as the driver counts angles */
+    double target_deg; /* target of the whole move, as the driver counts angles */
     guint deadline, settle;
     guint retry;       /* timer of the pause before the next attempt to stop */
     gint64 pause_us;   /* length of that pause */
-    gboolean retrying; /* the state is IDLE, and the class waits for the answer to an attempt */
-    /* axis_turn() */
+    gboolean retrying; /* activity is IDLE, and the class waits for the answer to its "stop" */
+    /* Fields of axis_turn(). */
     gboolean turning;
     double turned_from_deg, turn_speed_deg_s;
     gint64 steady_us;               /* time from which the axis turns at constant speed */
@@ -155,7 +157,7 @@ void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
 
 static void on_retry(gpointer data);
 
-/* A stop has failed: tries again after a pause. */
+/* Notes that a stop has failed, reports it, and tries again after a pause. */
 static void not_stopped(Axis *axis, const GError *error) {
     struct axis_state *state = axis->state;
     state->doubt = state->unsafe = TRUE;
@@ -389,7 +391,8 @@ double axis_turned_from_deg(const Axis *axis) {
     return axis->state->turned_from_deg;
 }
 
-/* Returns an earlier report. back is 0 for the last report. */
+/* Returns an earlier report of the turn, or NULL if it is not kept. back is 0 for the last
+ * report. */
 static const struct passed *axis_passed(const struct axis_state *state, guint back) {
     return back < MIN(state->n_passed, N_PASSED)
                ? &state->passed[(state->n_passed - 1 - back) % N_PASSED]
@@ -511,7 +514,8 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
                                      "it has reported a fault without a reason");
         if (state->retrying)
             not_stopped(axis, owned);
-        else if (state->activity != IDLE || !state->doubt) /* otherwise it was reported before */
+        /* in doubt, the fault was reported before */
+        else if (state->activity != IDLE || !state->doubt)
             do_fault(axis, owned);
         return;
     }

@@ -3,9 +3,9 @@
  * of a linear stage say how many millimetres one degree stands for.
  *
  * The class makes sure that an axis stands when it should. It repeats "stop" until the device has
- * reported that it stands. It does so after a stop that failed or was not answered in time, and
- * after a motion that ended in a fault, because the device may still turn then. These repetitions
- * are not reported to the listener.
+ * reported that the axis stands. It does so after a stop that failed or was not answered in time,
+ * and after a motion that ended in a fault, because the device may still turn then. These
+ * repetitions are not reported to the listener.
  */
 #pragma once
 
@@ -16,7 +16,7 @@ typedef struct Axis Axis;
 enum axis_event {
     AXIS_ARRIVED, /* the axis is at the target and stands still */
     AXIS_HOMED,   /* the axis is at its reference; its position is known from now on */
-    AXIS_STOPPED, /* axis_stop() has stopped the axis; its position is still known */
+    AXIS_STOPPED, /* the axis was stopped; its position stays known, except after a homing */
     AXIS_PASSING, /* during axis_turn(): the driver has reported a position and its time */
     AXIS_FAULT,   /* error says what failed; the position is unknown until the next homing */
 };
@@ -116,11 +116,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
 /* Sets the one listener that receives the events. */
 void axis_listen(Axis *axis, AxisFunc func, gpointer data);
 
-/* Homing, moves and turns need a permit (device_set_permit()). */
+/* Starts homing. Fails if the axis is busy. Needs a permit (device_set_permit()). */
 gboolean axis_home(Axis *axis, GError **error);
 
-/* Moves to a target and takes up backlash. Fails, before anything moves, if the axis is busy or not
- * homed, or if the target is NaN or outside the limits. Needs a permit. */
+/* Moves to a target and takes up backlash. Fails, before anything moves, if the axis is busy or
+ * not homed, or if the target is not finite or outside the limits. Needs a permit. */
 gboolean axis_move(Axis *axis, double target_deg, GError **error);
 
 /*
@@ -131,7 +131,8 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error);
  * axis_turned_from_deg() on, without a step at 360.
  */
 
-/* Returns whether the driver of the axis can do that. */
+/* Returns whether the axis can turn while pictures are taken: its driver has turn(), and
+ * motion.report_ms is above 0. */
 gboolean axis_can_turn(const Axis *axis);
 
 /* Turns by an angle above 0. Fails for the same reasons as axis_move(), and if the axis cannot
@@ -140,7 +141,8 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
 double axis_turned_from_deg(const Axis *axis);
 
 /* Predicts the time at which the turn under way passes an angle, from the last report and the
- * speed. Returns FALSE if the axis has not reported since it reached that speed. */
+ * speed. Returns FALSE if no turn is under way, or if the axis has not reported since it reached
+ * its constant speed. */
 gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us);
 
 /* Returns the position at a time during the last turn, which may have ended. The position is
@@ -148,7 +150,7 @@ gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us);
  * these reports is missing. */
 gboolean axis_was_at(const Axis *axis, gint64 at_us, double *ret_deg);
 
-/* Stops the axis. If the axis stands, it does nothing and succeeds. */
+/* Stops the axis. Does nothing and succeeds if the axis stands or is already being stopped. */
 gboolean axis_stop(Axis *axis, GError **error);
 
 /* Stops any motion, including one that another program has started and that axis_stop() does not

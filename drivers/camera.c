@@ -7,7 +7,8 @@
 #define DEADLINE_READOUTS 3
 #define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
 
-/* Largest error of a camera's time stamps after conversion to our clock. */
+/* Largest accepted error of a camera's time stamps after conversion to the scale of the Clock.
+ */
 #define STAMP_TOLERANCE_US 1000
 
 #define N_SEEN     8

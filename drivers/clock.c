@@ -90,7 +90,8 @@ static Clock *clock_new(gboolean is_virtual) {
     clock->source = g_source_new(&source_funcs, sizeof(struct clock_source));
     ((struct clock_source *)clock->source)->clock = clock;
     g_source_set_name(clock->source, "mesorig clock");
-    /* Lowest priority, below idle sources: time passes only when nothing else is ready. */
+    /* A virtual clock has the lowest priority, below idle sources: its time passes only when
+     * nothing else is ready. */
     g_source_set_priority(clock->source, is_virtual ? G_PRIORITY_LOW + 1000 : G_PRIORITY_DEFAULT);
     g_source_set_can_recurse(clock->source, TRUE);
     g_source_attach(clock->source, NULL);

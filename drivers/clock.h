@@ -32,8 +32,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Clock, clock_unref)
 gboolean clock_is_virtual(const Clock *clock);
 gint64 clock_now_us(const Clock *clock);
 
-/* Calls func once, at a time or after a delay. A time that has passed means as soon as possible.
- * Returns an id, which is never 0. */
+/* Both call func once from the main loop, at a time or after a delay. If that time has passed,
+ * func is called as soon as possible. They return an id for clock_cancel(), which is never 0. */
 guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data);
 guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data);
 

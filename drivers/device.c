@@ -90,7 +90,8 @@ gboolean device_is_unsafe(const struct device *device) {
     return device->unsafe != NULL;
 }
 
-/* The function may close the device. */
+/* Tells the watching function that the device has become unsafe or safe. The function may close
+ * the device. */
 static void on_tell(gpointer data) {
     struct device *device = data;
     device->tell = 0;

@@ -116,8 +116,8 @@ struct device {
     guint tell;
 };
 
-/* Sets the function that permits light and motion. With NULL, which is the initial state, they are
- * always allowed. */
+/* Sets the function that permits light and motion. With NULL, which is the initial state, light
+ * and motion are always allowed. */
 void device_set_permit(struct device *device, DevicePermit permit, gpointer data);
 
 /* Sets the one function that is told when the device becomes unsafe or safe. It stays when the

@@ -11,7 +11,8 @@ static void do_free(gpointer data) {
     g_free(found);
 }
 
-/* Replaces bytes that are not UTF-8, because a device may describe itself in any bytes. */
+/* Returns a copy of a text as one line of valid UTF-8, because a device may describe itself in
+ * any bytes. Returns "" for NULL. */
 static char *tidy(const char *text) {
     g_autofree char *valid = g_utf8_make_valid(text ? text : "", -1);
     for (char *c = valid; *c; c++)

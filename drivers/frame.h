@@ -20,7 +20,7 @@ typedef struct Frame Frame;
 struct Frame {
     gint ref_count;
     guint64 shot; /* number that was given to camera_trigger() */
-    /* Counter of the device; it increases, and wraps only if the driver says so. */
+    /* Number of the frame. It increases from frame to frame until the camera is armed again. */
     guint64 id;
     gint64 exposure_start_us, exposure_end_us; /* on the Clock's scale */
     gint64 exposure_us;                        /* exposure time that was set */

@@ -26,12 +26,13 @@ Interlock *interlock_open(const struct interlock_driver *driver,
 void interlock_close(Interlock *interlock); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
 
-/* Adds a listener; there may be any number of them. Returns an id for interlock_unlisten(). */
+/* Adds a listener, which is called when the interlock opens or closes. There may be any number
+ * of listeners. Returns an id for interlock_unlisten(). */
 guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
 void interlock_unlisten(Interlock *interlock, guint id);
 
-/* Returns FALSE before the driver has reported a closed contact, and while the state cannot be
- * read. */
+/* Returns whether the contact is closed. Returns FALSE until the driver has reported that, and
+ * while the state cannot be read. */
 gboolean interlock_is_closed(const Interlock *interlock);
 gboolean interlock_is_lost(const Interlock *interlock);
 
@@ -39,6 +40,7 @@ gboolean interlock_is_lost(const Interlock *interlock);
  * open, or cannot be read and counts as open, and what to do. */
 char *interlock_advice(const Interlock *interlock);
 
-/* For drivers. These functions may be called from within open(). */
+/* For drivers: report the state of the contact, or that it cannot be read and therefore counts
+ * as open. Both may be called from within open(). */
 void interlock_report(Interlock *interlock, gboolean closed);
 void interlock_report_lost(Interlock *interlock);

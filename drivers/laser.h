@@ -1,6 +1,6 @@
 /*
- * The power switch of a line laser. The laser's sweep is an Axis. The laser is never on while the
- * interlock is open.
+ * The power switch of a line laser. The laser's sweep is an Axis. The class keeps the laser off
+ * while the interlock is open.
  *
  * The class makes sure that a laser that should be off is off (lights.h). It repeats "off" until
  * the device has confirmed it. It does so after an "off" that failed or was not answered, and after
@@ -61,7 +61,8 @@ enum light laser_light(const Laser *laser);
 gboolean laser_is_on(const Laser *laser);
 enum device_safety laser_safety(const Laser *laser);
 
-/* Says that somebody has mounted the unit at the place of that section of the rig file. */
+/* Tells the driver that somebody has mounted the unit at the place that a section of the rig
+ * file describes. place is the name of the section. Does nothing if the driver has no mount(). */
 gboolean laser_mount(Laser *laser, const char *place, GError **error);
 
 /* For drivers: answers set(), like lamps_report(). Takes ownership of error. */

@@ -109,7 +109,8 @@ static void took_off(struct light_output *output, const struct command *command,
     }
 }
 
-/* Takes a confirmed "on". off_due says that an "off" is under way, whose answer decides. */
+/* Takes the end of an "on", which was confirmed or has failed. off_due says that an "off" was
+ * sent after it. The answer to that "off" then decides whether the light is safe. */
 static void took_on(struct light_output *output, const struct command *command, gboolean failed,
                     gboolean off_due) {
     const gboolean last = output->on_number == command->number;
@@ -142,7 +143,8 @@ static void settle(struct lights *lights, const GError *error) {
             clock_call_in(lights->device->clock, lights->pause_us, lights_retry, lights);
 }
 
-/* Updates the state of the lights from the answer to a command, or from its lack. */
+/* Updates the state of the lights when a command was answered, was refused or is overdue. error
+ * is NULL if the device has confirmed the command. */
 static void take(struct lights *lights, const struct command *command, const GError *error) {
     if (!error || command->on)
         lights->pause_us = 0; /* an "on" that failed is followed by "off" without a pause */
@@ -227,7 +229,8 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     return FALSE;
 }
 
-/* Sends one command at a time. It is for all lights, unless other lights are wanted. */
+/* Sends "off" again to lights that should be off, one command at a time. If the device has many
+ * lights and none is wanted, the command is for all of them, otherwise for one light. */
 static void lights_retry(gpointer data) {
     struct lights *lights = data;
     int first = -1, n_wanted = 0;
@@ -241,7 +244,7 @@ static void lights_retry(gpointer data) {
     for (const GList *l = lights->commands.head; l; l = l->next) {
         const struct command *command = l->data;
         if (command->retry && !command->overdue)
-            return; /* the end of that command continues */
+            return; /* when that command ends, settle() schedules the next attempt */
     }
     if (first < 0)
         return;
@@ -253,11 +256,12 @@ gboolean lights_set(struct lights *lights, int index, gboolean on, GError **erro
     return lights_command(lights, index, on, FALSE, error);
 }
 
-/* Returns the command to which an answer belongs. The commands to one light are answered in order,
- * but an overdue one may never be answered. If several commands ask for the same state with no
- * other command between them, an answer proves the same for each of them. The answer then belongs
- * to the first command whose answer is still awaited, otherwise to the first command that fits. In
- * the worst case the answer then proves less than it could. */
+/* Returns the command to which an answer belongs. The commands to one light are answered in
+ * order, but an overdue one may never be answered. If several commands ask for the same state with
+ * no other command between them, an answer proves the same for each of them. The answer then
+ * belongs to the first command whose answer is still awaited, otherwise to the first overdue
+ * command that fits. In the worst case the answer then proves less than it could. Returns NULL if
+ * no command fits. */
 static struct command *find_command(const struct lights *lights, int index, gboolean on) {
     struct command *overdue = NULL;
     for (const GList *l = lights->commands.head; l; l = l->next) {

@@ -12,8 +12,8 @@
 /* Starts a command, like set() of a driver. index -1 with on FALSE means all lights. */
 typedef gboolean (*LightsSend)(gpointer device, int index, gboolean on, GError **error);
 
-/* Called exactly once for each command of lights_set(). It is called last, because it may close the
- * device. */
+/* Called exactly once for each lights_set() that did not fail. The caller uses nothing of the
+ * device afterwards, because this function may close the device. */
 typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_us,
                              const GError *error);
 

@@ -11,7 +11,7 @@
 
 #define PREFIX      "mesorig "
 #define RESCUE      " rescue" /* suffix of the key while a program makes the device safe */
-#define RESCUE_US   (5 * G_USEC_PER_SEC) /* for this time an owner waits for such a program */
+#define RESCUE_US   (5 * G_USEC_PER_SEC) /* longest time that an owner waits for such a program */
 #define LOOK_US     20000
 #define DRAIN_S     10  /* time between two drains; up to SOMAXCONN processes may ask meanwhile */
 #define MAX_COMMAND 120 /* largest number of bytes of a command line that are shown */
@@ -19,11 +19,11 @@
 struct Lock {
     char *key;
     int fd;         /* −1 if no lock is held */
-    GSource *drain; /* accepts the connections of processes that have asked for the holder */
+    GSource *drain; /* calls on_drain() every DRAIN_S seconds */
 };
 
 static gint role = LOCK_OWNER; /* atomic */
-static gint found;             /* atomic; a process number */
+static gint found;             /* atomic; the result of lock_steal_found() */
 
 /* Held while a socket is closed or drained. The main loop therefore never accepts from a descriptor
  * that another thread has closed. */
@@ -43,8 +43,8 @@ pid_t lock_steal_found(void) {
     return pid;
 }
 
-/* Fills in the address of a key. A long key is replaced by its check sum. Returns the length of the
- * address. */
+/* Fills in the address of a key. A key that does not fit is replaced by its SHA-256 sum. Returns
+ * the length of the address. */
 static socklen_t set_address(const char *key, struct sockaddr_un *ret) {
     *ret = (struct sockaddr_un){.sun_family = AF_UNIX};
     char *name = ret->sun_path + 1; /* after the zero that makes it abstract */
@@ -57,8 +57,9 @@ static socklen_t set_address(const char *key, struct sockaddr_un *ret) {
     return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n);
 }
 
-/* Accepts connections at intervals of a timer. A source that waits for connections would be ready
- * all the time while this process has no descriptor left to accept them. */
+/* Accepts and closes the connections of processes that have asked for the holder. A timer calls
+ * it. A source that waits for connections would make the main loop spin while this process has no
+ * descriptor left to accept them. */
 static gboolean on_drain(gpointer data) {
     const int fd = GPOINTER_TO_INT(data);
     g_mutex_lock(&drain_mutex);
@@ -71,7 +72,8 @@ static gboolean on_drain(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Returns 0 or errno. EADDRINUSE means that another process holds the lock. */
+/* Makes the listening socket of a lock. Returns 0, or errno on failure. EADDRINUSE means that
+ * the lock is held, by this process or another one. */
 static int hold(Lock *lock) {
     struct sockaddr_un address;
     const socklen_t length = set_address(lock->key, &address);
@@ -198,9 +200,10 @@ static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what
     return TRUE;
 }
 
-/* Announces itself first, and then looks for an owner. An owner does the same in the opposite
- * order. If both come at the same time, at least one therefore sees the other. If no socket can be
- * made, the rescue continues, because that must not keep a laser on. */
+/* Takes the lock of a program that makes the device safe. Such a program announces itself first,
+ * and then looks for an owner. An owner takes its own lock first, and then looks for such a
+ * program. If both come at the same time, at least one therefore sees the other. If no socket can
+ * be made, the rescue continues, because that must not keep a laser on. */
 static gboolean take_for_rescue(Lock *lock, enum lock_kind kind, const char *what, GError **error) {
     pid_t pid = 0;
     g_autofree char *key = g_steal_pointer(&lock->key);

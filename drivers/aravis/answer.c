@@ -24,9 +24,11 @@ static guint64 extend_id(struct answer_state *state, guint64 raw) {
     return state->base + raw;
 }
 
-/* Converts a time stamp of the camera to our clock. Returns FALSE if the frame was exposed before
- * the trigger. A time that is before the trigger, or in the future, by less than the uncertainty of
- * the clocks is taken as the time of the trigger, or as the present time. */
+/* Converts a time stamp of the camera to the start of the exposure on the scale of
+ * g_get_monotonic_time(). Sets *ret_before_us to the time from that start to the trigger. Returns
+ * FALSE if that time exceeds the uncertainty of the clocks, because the frame was then exposed
+ * before the trigger. A start before the trigger by less than the uncertainty becomes the time of
+ * the trigger. An end in the future by less than the uncertainty becomes the present time. */
 static gboolean map_stamp(const struct answer_state *state, double stamp_us, gint64 *ret_start_us,
                           gint64 *ret_before_us) {
     gint64 now = g_get_monotonic_time();
@@ -53,7 +55,8 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
         return TRUE; /* the frame is incomplete, and drivers/camera.c refuses it */
-    /* For a camera without a clock, use the time at which its frame began to arrive. */
+    /* Without a clock of the camera, check only that the frame began to arrive after the
+     * trigger. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
     *ret_before_us = state->sent_us - came_us;

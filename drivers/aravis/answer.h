@@ -15,11 +15,13 @@ struct answer_state {
     gboolean stamp_is_end;
 };
 
-/* Call it when the camera is armed, because ids may restart. */
+/* Forgets the ids of earlier frames. Call it when the camera is armed, because ids may restart.
+ */
 void answer_begin(struct answer_state *state);
 
-/* Returns the frame. Returns NULL without an error if the frame was exposed *ret_before_us before
- * the trigger, so that it is not the answer. Returns NULL with an error if the frame's size or
- * format is not the one that was set up, or if a value has more bits than the format. */
+/* Returns the frame. If data was lost, its pixels are 0 and incomplete is TRUE. Returns NULL
+ * without an error if the frame was exposed *ret_before_us before the trigger and therefore does
+ * not answer it. Returns NULL with an error if the frame has another size or format than the camera
+ * was set to, if it has too few bytes, or if a value has more than limits->bits bits. */
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
                     GError **error);

@@ -3,11 +3,12 @@
 
 #include <math.h>
 
-/* Time to wait for the right frame after one that was exposed before the trigger. */
+/* Time to wait for the right frame after one that was exposed before the trigger, in addition to
+ * exposure and read-out. */
 #define STALE_US G_USEC_PER_SEC
 
-/* The time by which an exposure may exceed its announced length. A smaller excess is within the
- * uncertainty of the clocks. */
+/* Longest accepted time from the reported end of an exposure to its end by the time stamp. A
+ * smaller difference is within the uncertainty of the clocks. */
 #define OVERTIME_US 1000
 #define STAMP_US    1000 /* tolerance of the class for errors of time stamps */
 
@@ -19,7 +20,7 @@ struct aravis_camera {
     GError *lost;
     guint exposed_timer, stale_timer;
     gint64 exposed_us; /* when the end of the exposure was reported; 0 before that */
-    gint64 before_us;  /* time from the exposure of the old frame to the trigger */
+    gint64 before_us;  /* time from the start of the last old frame's exposure to the trigger */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
@@ -93,7 +94,8 @@ static void camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* A frame is sent after its exposure. Some cameras announce it earlier. */
+/* Reports the end of the exposure when the camera begins to send the frame. Some cameras
+ * announce the frame earlier, so the report waits until trigger_us and the exposure have passed. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -103,8 +105,9 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, camera_on_exposed, camera);
 }
 
-/* Refuses a frame whose exposure ended after its end was reported, because lamps and axes may have
- * changed by then. (The class refuses a frame from the future.) */
+/* Refuses a frame whose exposure went on for more than OVERTIME_US after the driver had reported
+ * its end, because lamps and axes may have changed by then. Passes a frame from the future to the
+ * class, which refuses it. */
 static void camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;

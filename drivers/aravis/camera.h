@@ -1,9 +1,10 @@
 /*
- * GigE Vision and USB3 Vision cameras, through Aravis. They work in real time only.
+ * GigE Vision and USB3 Vision cameras, through Aravis. The driver works in real time only.
  *
  * The option `device` is an IP address, a serial number, or Aravis's name of the camera. A camera
  * is triggered by its software command, or by a pulse on an input line. A frame is accepted only if
- * it was exposed after its trigger by the camera's own clock. An older frame is ignored.
+ * it was exposed after its trigger by the camera's own clock or, for a camera without a clock,
+ * began to arrive after its trigger. An older frame is ignored.
  */
 #pragma once
 

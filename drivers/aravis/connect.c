@@ -17,7 +17,8 @@
 
 static GMutex list_lock;
 
-/* Aravis 0.8 reads the cameras' XML with a parser whose state is static. */
+/* Held while a camera is opened, because Aravis 0.8 reads the cameras' XML with a parser whose
+ * state is static. */
 static GMutex parser_lock;
 
 void aravis_list_lock(void) {
@@ -28,8 +29,8 @@ void aravis_list_unlock(void) {
     g_mutex_unlock(&list_lock);
 }
 
-/* Reads the control register, so that an absent camera is found out within a second. The time-outs
- * of a full connection would take much longer. */
+/* Reads the control register. Returns FALSE if the camera does not answer within a second. The
+ * time-outs of a full connection would take much longer. */
 static gboolean probe(int fd, guint32 *ret_control) {
     static const guint8 request[] = {0x42, 1, 0, 0x80, 0, 4, 0xab, 0xcd, 0, 0, CONTROL_AT >> 8, 0};
     guint8 reply[64];
@@ -102,8 +103,8 @@ static gboolean is_any(const char *id, const char *const *names, gsize n) {
     return FALSE;
 }
 
-/* Searches only USB, because a search of the network takes a second. Returns NULL if the camera is
- * not found. */
+/* Returns Aravis's id of a USB camera, or NULL if the camera is not found. Does not search the
+ * network, because that takes a second. */
 static char *look_up_usb(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *found = NULL;
@@ -132,8 +133,8 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
     return found;
 }
 
-/* Returns the IP address of a GigE Vision camera, or the Aravis id of another camera. Returns NULL
- * if the camera is not found. */
+/* Returns the IP address of a GigE Vision camera and sets *ret_gige to TRUE, or returns Aravis's
+ * id of another camera. Returns NULL if the camera is not found. */
 static char *connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);
@@ -149,7 +150,8 @@ static char *connect_look_up(const char *id, gboolean *ret_gige, GError **error)
     return found;
 }
 
-/* Returns the serial number of a camera in Aravis's list, which look_up_usb() has updated. */
+/* Returns the serial number of the USB camera with this Aravis id. Returns NULL if Aravis's
+ * list, which look_up_usb() has updated, lacks the camera. */
 static char *serial_of(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *serial = NULL;
@@ -167,8 +169,8 @@ static char *read_usb_attribute(const char *folder, const char *name) {
     return g_file_get_contents(file, &text, NULL, NULL) ? g_strstrip(text) : NULL;
 }
 
-/* Returns the path of a USB camera's device node, because Aravis does not report it. Returns NULL
- * if the camera is not found. */
+/* Returns the path of a USB camera's device node. Finds it by the serial number, because Aravis
+ * does not report the node. Returns NULL if the camera is not found. */
 static char *usb_node(const char *id) {
     g_autofree char *wanted = serial_of(id);
     g_autoptr(GDir) dir = g_dir_open("/sys/bus/usb/devices", 0, NULL);
@@ -183,8 +185,9 @@ static char *usb_node(const char *id) {
     return NULL;
 }
 
-/* Locks a camera. Returns FALSE if another process has it. *ret_lock stays NULL for a USB camera
- * that has no key. The kernel still lets only one program use such a camera. */
+/* Locks a camera. Returns FALSE if another process has it. For a USB camera whose device node
+ * was not found, sets *ret_lock to NULL and returns TRUE. The kernel still lets only one program
+ * use such a camera. */
 static gboolean lock_camera(const char *name, gboolean gige, Lock **ret_lock, GError **error) {
     g_autofree char *node = gige ? NULL : usb_node(name);
     g_autofree char *key = gige   ? g_strconcat("gige ", name, NULL)

@@ -68,7 +68,9 @@ static gboolean device_asked_for(const AravisDevice *device, const char *feature
 }
 
 /* Switches off the functions of the camera that alter frames, because a measurement needs raw
- * values. Sets the features that the rig file names, and warns of functions that are still on. */
+ * values. Then sets the features that the rig file names. Fails if a function that is still on
+ * makes values unsteady. Adds a warning for any other function that is still on. Functions that the
+ * rig file sets on purpose are exempt from both. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);
@@ -126,7 +128,8 @@ static gboolean device_set_format(AravisDevice *device, GError **error) {
                 format = format ? format : f;
                 coloured = coloured || f->cfa == CFA_MONO ? coloured : f;
             }
-    /* A camera with colour filters computes each Mono value from several pixels. */
+    /* Prefer a Bayer format, because a camera with colour filters computes each Mono value from
+     * several pixels. */
     if (coloured && !device_is_grey(device))
         format = coloured;
     for (guint i = 0; i < n; i++) {
@@ -255,8 +258,8 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
                      (guint)(options->resend_ms * 1000), "packet-timeout",
                      (guint)(options->resend_ms * 4000), "frame-retention",
                      (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
-        /* Aravis sizes the buffer only when the first packet arrives, too late for the first frame.
-         */
+        /* Aravis sets the size of the receive buffer only when the first packet arrives, too
+         * late for the first frame. */
         socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), room);
     }
     for (int i = 0; i < N_BUFFERS; i++)

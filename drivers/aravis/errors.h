@@ -1,10 +1,10 @@
-/* Errors of Aravis as DEVICE_ERROR. Any thread. */
+/* Converts errors of Aravis to DEVICE_ERROR. Any thread may call these functions. */
 #pragma once
 
 #include <glib.h>
 
-/* Converts why, an error of Aravis, to an error that says what failed, and frees why. Returns TRUE
- * and sets no error if why is NULL. */
+/* Returns TRUE if why is NULL. Otherwise converts why, an error of Aravis, to a DEVICE_ERROR,
+ * frees why and returns FALSE. what names the feature or step that failed. */
 gboolean aravis_error_take(GError *why, const char *what, GError **error);
 
 /* Returns TRUE for errors after which the camera has to be opened again. */

@@ -21,7 +21,7 @@ struct aravis_format {
     enum aravis_packing packing;
 };
 
-/* Returns NULL if the format cannot be used. */
+/* Both return the format with a name or a code, or NULL if it cannot be used for measuring. */
 const struct aravis_format *aravis_format_by_name(const char *name);
 const struct aravis_format *aravis_format_by_code(guint32 code);
 
@@ -30,5 +30,6 @@ extern const struct aravis_format aravis_formats[];
 
 gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);
 
-/* Unpacks n pixels. from holds as many bytes as aravis_format_bytes() returns. */
+/* Unpacks n pixels to one value each. from holds as many bytes as aravis_format_bytes() returns
+ * for these pixels. */
 void aravis_unpack(const struct aravis_format *format, const guint8 *from, gsize n, guint16 *to);

@@ -26,13 +26,13 @@ static const char *const effects[] = {
 
 /*
  * Features of a function are tried in this order until one is neutral. They are separated by
- * spaces. NAME is a switch, which is false or a choice such as Off. NAME=VALUE is a choice or a
- * strength at which the function has no effect. Names are those of the Standard Features Naming
- * Convention and of the makers' description files. Some functions stay as they are: geometry, and
- * linear and steady functions that belong to the sensor (correction of columns, clamping to dark
- * pixels). Functions that alter only the Mono formats of colour cameras
- * (OnBoardColorProcessEnabled) are left out, because the driver uses the Bayer formats of these
- * cameras.
+ * spaces. NAME is a switch: the function has no effect if the switch is false, or is set to a
+ * choice such as Off. NAME=VALUE is a choice or a strength at which the function has no effect.
+ * Names are those of the Standard Features Naming Convention and of the makers' description files.
+ * Some functions stay as they are: geometry, and linear and steady functions that belong to the
+ * sensor (correction of columns, clamping to dark pixels). Functions that alter only the Mono
+ * formats of colour cameras (OnBoardColorProcessEnabled) are left out, because the driver uses the
+ * Bayer formats of these cameras.
  */
 static const struct {
     const char *what;
@@ -113,7 +113,7 @@ static gboolean lost(const GError *why) {
             why->code == ARV_DEVICE_ERROR_NOT_CONTROLLER);
 }
 
-/* Listing the features of all categories, and their selectors. */
+/* The next functions list the features of all categories, and their selectors. */
 
 static void collect(struct survey *survey, const char *name, GHashTable *seen) {
     ArvGcNode *node = arv_gc_get_node(survey->gc, name);
@@ -159,9 +159,10 @@ static void survey_end(struct survey *survey) {
     g_hash_table_unref(survey->selectors);
 }
 
-/* Examining one feature at the present position of its selectors. */
+/* The next functions examine one feature at the present position of its selectors. */
 
-/* Accepts "Off", "OFF", "Disabled", and "ContrastMode_Off" for the feature ContrastMode. */
+/* Returns whether a choice of a feature means that the feature is off, such as "Off", "OFF",
+ * "Disabled", or "ContrastMode_Off" for the feature ContrastMode. */
 static gboolean means_off(const char *feature, const char *entry) {
     static const char *const words[] = {"Off", "None", "Disable", "Disabled", "False", "No"};
     gsize n = strlen(feature);
@@ -178,7 +179,8 @@ static gboolean entry_fits(ArvGcFeatureNode *node, const char *neutral, const ch
                    : entry && means_off(arv_gc_feature_node_get_name(node), entry);
 }
 
-/* Returns the strength at which the function has no effect. A factor of 1 is 100 in percent. */
+/* Returns the strength at which the function has no effect, in the unit of the feature. For a
+ * feature in percent, a factor of 1 is 100. */
 static double neutral_strength(ArvGcFeatureNode *node, const char *neutral) {
     double strength = neutral ? g_ascii_strtod(neutral, NULL) : 0;
     const char *unit = ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_unit(ARV_GC_FLOAT(node)) : NULL;
@@ -251,7 +253,8 @@ static gboolean can_be_used(ArvGcFeatureNode *node, GError **why) {
            arv_gc_feature_node_is_available(node, why) && !*why;
 }
 
-/* Returns FALSE and sets why if the camera is lost. */
+/* Examines a feature at the present position of its selectors, and switches it off if the survey
+ * does that. Writes the result to visit. Returns FALSE and sets why if the camera is lost. */
 static gboolean visit_one(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
                           const char *position, struct visit *visit, GError **why) {
     g_autoptr(GError) refused = NULL, ignored = NULL;
@@ -285,7 +288,7 @@ static gboolean visit_one(const struct survey *survey, ArvGcFeatureNode *node, c
 }
 
 /* Visits a feature at all positions of its selectors. from is the first selector that is not set
- * yet. */
+ * yet. Returns FALSE and sets why if the camera is lost. */
 static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
                           guint from, const char *position, struct visit *visit, GError **why) {
     const GPtrArray *selectors =
@@ -314,7 +317,8 @@ static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, c
     return answered;
 }
 
-/* Switches a function off: tries its features in order until one is neutral. */
+/* Visits the features of function i in order until one is neutral, and appends the function to
+ * found if the camera has one of them. Returns FALSE and sets why if the camera is lost. */
 static gboolean function(const struct survey *survey, gsize i, GPtrArray *found, GError **why) {
     g_auto(GStrv) names = g_strsplit(functions[i].features, " ", -1);
     struct aravis_raw *raw = NULL;
@@ -362,7 +366,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
                : NULL;
 }
 
-/* Finding features that the table lacks. */
+/* The next functions find features that the table lacks. */
 
 static gboolean in_table(const char *feature) {
     gsize n = strlen(feature);

@@ -1,7 +1,7 @@
 /*
- * Raw values from a GenICam camera. This module switches off the functions that alter a frame
- * between the camera's converter and the wire, under all the names that makers give them. The table
- * of names is in raw.c. The calls block and belong to the thread that made the device.
+ * Makes a GenICam camera deliver raw values. This module switches off the functions that alter a
+ * frame between the camera's converter and the wire, under all the names that makers give them. The
+ * table of names is in raw.c. The calls block and belong to the thread that made the device.
  */
 #pragma once
 
@@ -27,7 +27,7 @@ struct aravis_raw {
  * the camera no longer answers. */
 GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error);
 
-/* For genicam_files, which examines files of cameras. Returns switches and choices that are not off
- * and whose names sound like such a function, but that are not in the table. Each is written as
- * "NAME = VALUE". Free the result with g_strfreev(). */
+/* For genicam_files, which examines files of cameras. Returns switches and choices that are not
+ * off and not in the table, but whose names sound as if they alter frames. Each is written as "NAME
+ * = VALUE". Free the result with g_strfreev(). */
 char **aravis_raw_unknown(ArvDevice *device);

@@ -5,8 +5,9 @@
 
 #include <string.h>
 
-#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of a killed program, which is 3 s */
-#define OPEN_LIMIT_S   15  /* for all cameras together: half the watchdog time of the service */
+/* longer than 3 s, after which a camera releases a killed program's control */
+#define OPEN_CONTROL_S 4.5
+#define OPEN_LIMIT_S   15 /* for all cameras together: half the watchdog time of the service */
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
 #define CHECK_EVERY_US (G_USEC_PER_SEC / 2)
@@ -83,7 +84,7 @@ static void unref(AravisWorker *worker) {
     g_free(worker);
 }
 
-/* Events, from any thread to the main loop. */
+/* The next functions carry events from any thread to the main loop. */
 
 static gboolean worker_on_event(gpointer data) {
     const struct event *event = data;
@@ -154,8 +155,8 @@ static void close_device(AravisWorker *worker) {
     g_clear_pointer(&worker->device, aravis_device_close);
 }
 
-/* Takes ownership of the error. Reports it before it closes the camera, because closing may take
- * seconds if the camera does not answer. */
+/* Reports that the camera is lost, and closes it. Takes ownership of the error. The report comes
+ * first, because closing may take seconds if the camera does not answer. */
 static void worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;
@@ -242,7 +243,7 @@ static void worker_do_arm(AravisWorker *worker, const struct job *job) {
 
 static void worker_do_disarm(AravisWorker *worker, const struct job *job) {
     g_autoptr(GError) error = NULL;
-    gboolean unanswered = worker->pending; /* only this thread sets it */
+    gboolean unanswered = worker->pending; /* only this thread sets pending */
     set_pending(worker, FALSE, job->generation);
     worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
@@ -319,8 +320,9 @@ static gpointer worker_work(gpointer data) {
             work[job->kind](worker, job);
         else if (!worker->device)
             look_for_it(worker);
-        /* Polls for the loss of control and does not use the signal. The device must not be freed
-         * during the signal, because Aravis's heartbeat thread would then wait for itself. */
+        /* Polls for the loss of control instead of using Aravis's signal "control-lost". The
+         * device must not be freed during the signal, because Aravis's heartbeat thread would then
+         * wait for itself. */
         else if (!aravis_device_has_control(worker->device))
             worker_fail(
                 worker, worker->armed,

@@ -15,7 +15,7 @@ typedef struct AravisWorker AravisWorker;
 struct aravis_hooks {
     /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
-    void (*frame)(Frame *frame, gpointer data); /* takes the reference */
+    void (*frame)(Frame *frame, gpointer data); /* the hook takes ownership of the reference */
     /* A frame has come that was exposed before_us before its trigger. The right frame may
      * follow. */
     void (*stale)(gint64 before_us, gpointer data);
@@ -30,8 +30,8 @@ struct aravis_hooks {
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
                                 const struct aravis_hooks *hooks, gpointer data);
 
-/* Waits until the camera is open. Call it before all other functions except
- * aravis_worker_free(). */
+/* Waits until the camera is open, and fills *ret. Fails if the camera cannot be opened or does
+ * not open in time. Call it before all other functions except aravis_worker_free(). */
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
 /* Returns the result of aravis_device_warnings() when the camera was opened. The worker owns it. */

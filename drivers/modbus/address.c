@@ -13,7 +13,7 @@ gboolean modbus_is_tcp(const char *bus) {
     return g_str_has_prefix(bus, TCP);
 }
 
-/* Returns NULL if bus is not a host. */
+/* Returns the host and port of tcp:HOST:PORT, or NULL if the text after "tcp:" is not a host. */
 static GNetworkAddress *parse_tcp(const char *bus) {
     return (GNetworkAddress *)g_network_address_parse(bus + strlen(TCP), DEFAULT_PORT, NULL);
 }
@@ -41,7 +41,8 @@ char *modbus_address_of(const char *what, int number, const char *bus, int unit)
     return g_strdup_printf("%s %d of unit %d at %s", what, number, unit, name);
 }
 
-/* An IPv4 address in the form of an IPv6 address is converted to IPv4. */
+/* Returns the key of a unit at an address. An IPv4 address that is mapped to IPv6 is converted
+ * to IPv4. */
 static char *unit_key(GInetAddress *address, guint16 port, int unit) {
     const guint8 *bytes = g_inet_address_to_bytes(address);
     static const guint8 mapped[12] = {[10] = 0xff, [11] = 0xff};

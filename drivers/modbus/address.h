@@ -15,10 +15,11 @@ char *modbus_address_name(const char *bus);
  * g_free(). */
 char *modbus_address_of(const char *what, int number, const char *bus, int unit);
 
-/* Locks a unit of a board on the network, at all addresses that its host name has. A host whose
- * name is not known has no addresses. Fails like lock_take(). Waits for the name server. The
- * returned list frees the locks. */
+/* Locks a unit of a board on the network, at all addresses that its host name has. Fails like
+ * lock_take(). Waits for the name server. Returns a list that releases the locks when it is freed.
+ * The list is empty if the name of the host is not known. */
 GPtrArray *modbus_address_lock_unit(const char *bus, int unit, GError **error);
 
-/* Returns whether a process has a unit of a board on the network, like lock_holder(). */
+/* Returns whether a process has locked a unit of a board on the network. *ret_pid is its number,
+ * as in lock_holder(). */
 gboolean modbus_address_unit_holder(const char *bus, int unit, pid_t *ret_pid);

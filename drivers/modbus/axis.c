@@ -11,8 +11,8 @@
  * the class adds to the predicted time of a movement. */
 #define COMMAND_MS 3000
 #define IDLE_MS    200 /* time between polls of a drive that stands */
-/* Number of failed polls in a row after which a drive is lost. A delay may be caused by this
- * program. */
+/* A drive is lost only after this number of failed polls in a row, because this program itself
+ * may have caused a single delay. */
 #define MIN_UNHEARD 3
 #define MAX_WRITES  6 /* largest number of writes in a list of the section */
 #define MAX_WORDS   8 /* largest number of registers of one write */
@@ -48,9 +48,10 @@ struct modbus_axis {
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
     double speed_deg_s; /* value of the drive's speed register */
-    /* The last start or the last motion seen, and the last change of position. */
+    /* still_us: time of the last command or of the last poll that saw a motion. progress_us:
+     * time of the last command or of the last change of position. */
     gint64 still_us, progress_us;
-    gint64 heard_us, fed_us; /* the last answer, and the last reset of the watchdog */
+    gint64 heard_us, fed_us; /* times of the last answer and of the last write of watchdog */
     gint64 polled_us;        /* time of the poll that is under way */
 };
 
@@ -175,7 +176,7 @@ static gboolean axis_parse_word(const char *text, int min, int *ret) {
     return *text && !g_ascii_isspace(*text) && !*end && value == *ret;
 }
 
-/* Parses ADDRESS=VALUE[,VALUE…]. */
+/* Parses ADDRESS=VALUE[,VALUE…]. Returns FALSE if the text has another form. */
 static gboolean parse_write(const char *text, struct modbus_request *ret) {
     g_auto(GStrv) sides = g_strsplit(text, "=", 0);
     if (g_strv_length(sides) != 2 || !axis_parse_word(g_strstrip(sides[0]), 0, &ret->address))
@@ -351,8 +352,10 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
                 at, target, priv->stall_ms);
 }
 
-/* Ends a homing when the drive stands and this homing, not an earlier one, has set its homed
- * bit. */
+/* Ends a homing when the drive stands and has its reference: the homed bit, or position 0 for a
+ * drive without that bit. An earlier homing may have left the reference, so the drive must first
+ * move or lose it, or stand for start_ms. A drive that stands for start_ms without a reference has
+ * a fault. */
 static void check_homing(Axis *axis, const struct modbus_job *job, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     gboolean homed = priv->homed_bit < 0 ? is_at(priv, 0) : has_bit(job, priv->homed_bit);
@@ -410,8 +413,8 @@ static void axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_homing(axis, job, moving);
     else if (priv->phase == STANDING)
         check_standing(axis, job, before);
-    /* The drive stood still in two polls in a row. At the first poll it may not have begun to
-     * move. */
+    /* The drive stood still in two polls in a row. At the first of them, a motion that was
+     * commanded shortly before may not have begun. */
     else if (!moving && priv->was_still)
         axis_finish(axis, AXIS_STOPPED);
     else
@@ -440,7 +443,7 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
         const gint64 steps = axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
         axis_report_answer(axis, to_deg(priv, steps), priv->polled_us, priv->heard_us);
     }
-    if (priv->n_commands == 0) /* the listener may have stopped it */
+    if (priv->n_commands == 0) /* the listener may have stopped the axis */
         axis_evaluate(axis, job);
 }
 
@@ -532,7 +535,8 @@ static void axis_check(gconstpointer given, const struct config_section *section
     modbus_link_check(&priv->link, section, mistakes);
 }
 
-/* One drive may turn several axes, each with separate registers. */
+/* Names the target register, because one drive may turn several axes, each with separate
+ * registers. */
 static void axis_needs(gconstpointer given, GPtrArray *to) {
     const struct modbus_axis *priv = given;
     g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,

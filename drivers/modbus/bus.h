@@ -69,7 +69,8 @@ void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const stru
  * tag of -1 means any tag. */
 void modbus_bus_skip(ModbusBus *bus, gpointer data, int tag);
 
-/* Carries out an urgent job and waits for its end. Only for open() and close() of a device. */
+/* Carries out an urgent job and waits for its end. On success, *job holds the values that were
+ * read. Only for open() and close() of a device. */
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error);
 

@@ -17,8 +17,8 @@
     1000000 /* shorter than the limit of a job, so that each job makes an attempt */
 #define BUSY_PAUSE_US 20000
 /* Longest wait for a TCP connection with MODBUS_ONCE. The kernel repeats the first packet only
- * after a second, which is too late for an "off". One attempt in eight waits as long as it may, for
- * a host that is far away. */
+ * after a second, which is too late for an "off". One attempt in eight waits until the deadline,
+ * for a host that is far away. */
 #define QUICK_CONNECT_US 400000
 #define PATIENT_EVERY    8
 /* Silence after which a damaged answer is complete. It is longer than 3.5 characters at 300
@@ -39,7 +39,7 @@ struct modbus_line {
     gint64 backoff_us, next_attempt_us;
     enum modbus_effort effort;
     const gint *waiting; /* atomic; see modbus_line_set_effort() */
-    guint n_quick;       /* quick attempts to connect in a row */
+    guint n_quick;       /* failed attempts with MODBUS_ONCE since the last connection */
     struct modbus_counts counts;
 };
 
@@ -112,8 +112,9 @@ void modbus_line_free(struct modbus_line *line) {
     g_free(line);
 }
 
-/* Locks a serial line. An adapter that was plugged in again may have another device number. A port
- * that does not exist needs no lock, because it cannot be opened. */
+/* Locks a serial line. An adapter that was plugged in again may have another device number, and
+ * the lock is then replaced. A port that does not exist needs no lock, because it cannot be opened.
+ */
 static gboolean lock_serial(struct modbus_line *line, GError **error) {
     g_autofree char *key = lock_key_of_node("serial", line->link.bus);
     if (!key || (line->lock && strcmp(lock_key(line->lock), key) == 0))
@@ -126,7 +127,8 @@ static gboolean lock_serial(struct modbus_line *line, GError **error) {
     return TRUE;
 }
 
-/* Returns -1 and sets errno on failure. */
+/* Opens a serial line. If libmodbus fails with EINVAL, changes the settings of the line and tries
+ * again (modbus_serial_unsettle()). Returns -1 and sets errno on failure. */
 static int open_serial(struct modbus_line *line) {
     line->taken = modbus_serial_take(line->link.bus);
     if (line->taken < 0)
@@ -311,7 +313,7 @@ static gboolean is_exception(int why) {
     return why >= EMBXILFUN && why <= EMBXGTAR;
 }
 
-/* Returns whether a repetition may succeed. */
+/* Returns whether the unit is busy (exceptions 5 and 6), so that a repetition may succeed. */
 static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
@@ -337,7 +339,8 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
-        /* The answer is complete, but belongs to another request, or over TCP possibly to none. */
+        /* On a serial line, a complete answer that does not fit belongs to an earlier request.
+         * Over TCP it may belong to no request. */
         *ret_late |= distrust && is_damage(why) && why != EMBBADCRC && !is_tcp(line);
         if (why == EMBBADCRC && !distrust) {
             /* No earlier answer is due, so the damaged answer belonged to this request. */

@@ -1,4 +1,4 @@
-/* A Modbus line as the options of a device describe it. Any thread. */
+/* Describes a Modbus line by the options of a device. Any thread may call these functions. */
 #pragma once
 
 #include "drivers/device.h"

@@ -24,7 +24,7 @@ struct relays {
     /* The relay should be off, and the board has not confirmed it. */
     gboolean off_due[MODBUS_MAX_VALUES];
     int n_switching, n_feeding; /* jobs without an answer yet */
-    gint64 fed_us;              /* time when the board last confirmed all states */
+    gint64 fed_us;              /* time of the last confirmed switch or feeding */
     guint timer;                /* runs while a relay with a watchdog is on */
 };
 
@@ -58,7 +58,8 @@ static gboolean any_off_due(const struct relays *relays) {
     return FALSE;
 }
 
-/* The tags of jobs. A job that switches a relay has the index of the relay, or n for all relays. */
+/* Returns the tag of a job that feeds the watchdog. The tag of a job that switches a relay is
+ * the index of the relay, or n for all relays. */
 static int feeding_tag(const struct relays *relays) {
     return relays->n + 1;
 }
@@ -210,7 +211,8 @@ static gboolean off(struct relays *relays, GError **error) {
     return modbus_bus_do(relays->bus, &relays->link, &job, DEADLINE_MS, error);
 }
 
-/* The timeout of a board switches off the relays of all sections, so all sections must have it. */
+/* Checks that all open sections of a board have the same watchdog register and time, because the
+ * timeout of a board switches off the relays of all sections. */
 static gboolean check_shared(const struct relays *relays, GError **error) {
     const struct config_section *section = relays->device->section;
     for (GList *l = all_relays; l; l = l->next) {
@@ -248,7 +250,7 @@ static void relays_check(gconstpointer given, const struct config_section *secti
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
-/* A laser has no n before it is opened. */
+/* n is 0 for a laser that was not opened yet, which has one coil. */
 static void relays_needs(gconstpointer given, GPtrArray *to) {
     const struct relays *relays = given;
     for (int i = 0; i < MAX(relays->n, 1); i++) {

@@ -27,7 +27,8 @@ struct modbus_request {
     int coil;
 };
 
-/* Faults on a line since it was opened. */
+/* Faults on a line since it was opened: requests without an answer in time, damaged answers, and
+ * answers that were not believed because another answer followed. */
 struct modbus_counts {
     int timeouts, damaged, disbelieved;
 };

@@ -9,7 +9,8 @@
 
 #define CONNECT_US (3 * G_USEC_PER_SEC)
 
-/* Returns the product name of the USB adapter behind a serial port, or NULL if it is not on USB. */
+/* Returns the product name of the USB adapter behind a serial port, or "serial port" if it is
+ * not on USB. */
 static char *port_name(const char *tty) {
     g_autofree char *device = g_build_filename("/sys/class/tty", tty, "device", NULL);
     char *folder = realpath(device, NULL);
@@ -62,7 +63,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
 
 enum presence { ABSENT, REFUSES, ANSWERS };
 
-/* An exception also proves that the unit is present. */
+/* Returns ABSENT if no answer came. An exception or a damaged answer also proves that the unit
+ * is present. */
 static enum presence scan_ask(struct modbus_line *line, const struct modbus_link *link, int unit,
                               enum modbus_kind kind, int n) {
     struct modbus_request request = {.kind = kind, .n = n};

@@ -28,7 +28,8 @@ struct modbus_watchdog {
      "Value of watchdog_register for 1 s"}
 /* clang-format on */
 
-/* Returns the value for the register, and the time in seconds that this value stands for. */
+/* modbus_watchdog_value() returns the value for the register. modbus_watchdog_s() returns the
+ * time in seconds that this rounded value stands for. */
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog);
 double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 

@@ -1,5 +1,6 @@
-/* An axis that a program moves. "move" and "stop" are answered immediately. "get" says whether the
- * axis still moves and where it is, and is asked until it stands. */
+/* An axis that a program moves. The program answers "move" and "stop" immediately. The driver
+ * repeats "get", which returns the position and whether the axis still moves, until the axis
+ * stands. */
 #include "devices.h"
 #include "message.h"
 #include "program.h"
@@ -7,7 +8,7 @@
 #include <math.h>
 
 #define POLL_US  (100 * 1000) /* time between two questions while the axis moves */
-#define CLOSE_MS 500 /* time of a request while the device is closed, when the main loop waits */
+#define CLOSE_MS 500          /* longest time that close() waits for the answer to "stop" */
 #define MAX_DEG  1e9
 
 enum phase { STANDING, HOMING, MOVING, STOPPING };
@@ -44,7 +45,8 @@ static const struct option options[] = {
     {NULL},
 };
 
-/* Adds the program to an error that says what it has answered. */
+/* Adds the path of the program and the name of the axis to an error about an answer of the
+ * program. */
 static void add_program(const Axis *axis, GError **error) {
     const struct program_axis *priv = axis->device.priv;
     g_prefix_error(error, "%s ", priv->command.path);
@@ -144,7 +146,7 @@ static void on_event(const char *event, JsonObject *values, gpointer data) {
                                  message));
 }
 
-/* Starts a motion or a stop, which overtakes a motion that was not sent. */
+/* Starts a motion or a stop. Drops an earlier command that was not sent. */
 static void start(Axis *axis, enum phase phase, const char *method, JsonObject *params) {
     struct program_axis *priv = axis->device.priv;
     const struct program_request request = {.method = method,

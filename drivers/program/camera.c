@@ -9,7 +9,9 @@
 #include <math.h>
 #include <string.h>
 
-/* A trigger has its delay + exposure + 3 read-outs + 1.5 s. The class adds 2 s. */
+/* The program must answer a trigger within its delay + exposure + 3 read-outs +
+ * PROGRAM_ANSWER_MS. That is 0.5 s before the deadline of the class, so that the error of the
+ * program is reported. */
 #define READOUTS 3
 
 #define MAX_SIDE 65536
@@ -19,11 +21,11 @@
 struct program_camera {
     struct program_command command;
     Program *program;
-    char *folder; /* for pictures */
+    char *folder; /* folder into which the program writes its pictures */
     struct camera_settings settings;
     guint64 shot;
     gint64 triggered_us;
-    int n_triggers; /* the tag of the last trigger */
+    int n_triggers; /* number of triggers so far; the tag of the last one */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct program_camera, name)
@@ -39,7 +41,7 @@ static void add_program(const Camera *camera, GError **error) {
     error_details_add_subject(error, camera->device.who);
 }
 
-/* Removes pictures that nobody waits for. */
+/* Removes the pictures of earlier triggers. */
 static void empty_folder(const struct program_camera *priv) {
     g_autoptr(GDir) dir = g_dir_open(priv->folder, 0, NULL);
     for (const char *name; dir && (name = g_dir_read_name(dir));) {
@@ -49,8 +51,7 @@ static void empty_folder(const struct program_camera *priv) {
 }
 
 /* Makes the frame of an answer. Without a time stamp the exposure may have begun as soon as the
- * trigger was sent. A picture that comes before it can have been exposed is refused by the class.
- */
+ * trigger was sent. The class refuses a picture that comes before this exposure can have ended. */
 static Frame *read_frame(Camera *camera, JsonObject *values, GError **error) {
     const struct program_camera *priv = camera->device.priv;
     const struct camera_format *format = &camera->format;
@@ -77,7 +78,7 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
     Camera *camera = data;
     const struct program_camera *priv = camera->device.priv;
     if (answer->tag != priv->n_triggers || !camera_is_waiting(camera))
-        return; /* of a trigger that was given up */
+        return; /* the trigger of this answer was given up */
     GError *error = answer->error ? g_error_copy(answer->error) : NULL;
     if (error) {
         camera_report_fault(camera, error);
@@ -92,7 +93,8 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
     camera_report_fault(camera, error);
 }
 
-/* A trigger that waits has been answered before. */
+/* Reports a fault if the camera is armed. If a trigger was waiting, on_answer() has already
+ * reported a fault, which has disarmed the camera. */
 static void on_lost(const GError *error, gboolean answered, gpointer data) {
     Camera *camera = data;
     if (camera_is_armed(camera))
@@ -120,7 +122,8 @@ static gboolean configure(Camera *camera, const struct camera_settings *settings
     return TRUE;
 }
 
-/* A program that has ended is started now, so that the next trigger need not wait for it. */
+/* Sends a "ping", which starts a program that has ended. The next trigger then need not wait for
+ * the start. */
 static gboolean arm(Camera *camera, GError **error) {
     const struct program_camera *priv = camera->device.priv;
     program_call(priv->program, &(struct program_request){.method = "ping", .tag = -1});

@@ -1,17 +1,17 @@
-/* Lamps that a program switches. A lamp is switched by "set" and all lamps are switched off by
- * "stop". The answer to "get" after each of them is the confirmation. */
+/* Lamps that a program switches. "set" switches one lamp, and "stop" switches all lamps off.
+ * "get" follows each of them, and its answer confirms the new state. */
 #include "devices.h"
 #include "message.h"
 #include "program.h"
 
 #define MAX_LAMPS 1024
-#define CLOSE_MS  500 /* time of a request while the device is closed, when the main loop waits */
+#define CLOSE_MS  500 /* longest time that close() waits for the answer to each request */
 
 struct program_lamps {
     struct program_command command;
     double warm_up_s;
     Program *program;
-    gboolean *on; /* n values, for an answer */
+    gboolean *on; /* room for the n states that an answer contains */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct program_lamps, name)
@@ -23,12 +23,13 @@ static const struct option options[] = {
     {NULL},
 };
 
-/* The tag of a request that switches a lamp, or all of them with −1. */
+/* Returns the tag of a request that switches a lamp, or all lamps if index is −1. */
 static int tag_of(int index, gboolean on) {
     return 2 * (index + 1) + (on != FALSE);
 }
 
-/* Compares the lamps that a program reports with what was wanted. */
+/* Fails if the answer of a program does not say that lamp index, or every lamp with −1, is in
+ * the wanted state. */
 static gboolean check_lamps(const LampBank *bank, JsonObject *values, int index, gboolean on,
                             GError **error) {
     const struct program_lamps *lamps = bank->device.priv;
@@ -61,7 +62,8 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
     lamps_report(bank, index, on, error);
 }
 
-/* The class already drives a lamp off whose command has failed. */
+/* Reports the lamps as lost if no request has failed because of the loss, or if a lamp is still
+ * LIGHT_ON. When the request to a lamp has failed, the class itself repeats "off" (lights.h). */
 static void on_lost(const GError *error, gboolean answered, gpointer data) {
     LampBank *bank = data;
     gboolean any = !answered;
@@ -100,7 +102,8 @@ static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error)
     return TRUE;
 }
 
-/* timeout_ms is that of each of the two requests; 0: the usual one. */
+/* Switches all lamps off and waits until "stop" and "get" are answered. Each may take
+ * timeout_ms, or PROGRAM_ANSWER_MS if it is 0. */
 static gboolean all_off(LampBank *bank, int timeout_ms, GError **error) {
     const struct program_lamps *lamps = bank->device.priv;
     const struct program_request request = {"stop", NULL, timeout_ms, PROGRAM_AT_ONCE, TRUE};

@@ -1,15 +1,15 @@
 /*
  * Runs a program that is a device (program.h), with few rights, and ends it in any case:
  * mesorig-run-program PROGRAM [ARGUMENT]…. Standard input and output are those of the program.
- * Descriptor 3 is a socket to the program that started this one.
+ * Descriptor 3 is a socket to the process that started this runner.
  *
- * While the program does what it should, this one only waits. If it reads a byte from the socket,
- * it kills the program and all that the program has started. If the other end of the socket is
- * closed, the program first has GRACE_MS to make its device safe. The other end reads the end of
- * the socket when nothing of the program is left.
+ * The runner waits until the program ends. If the runner reads a byte from the socket, it kills the
+ * program and all that the program has started. If the other end of the socket is closed, the
+ * program first has GRACE_MS to make its device safe. The other end of the socket reads its end
+ * when the runner and everything that the program has started have ended.
  *
- * The program is the first of a process group of its own, and this one the first of a session, so
- * that Ctrl-C in a terminal does not reach them.
+ * The program leads its own process group, and the runner leads its own session, so that Ctrl-C in
+ * a terminal reaches neither of them.
  */
 #include <errno.h>
 #include <poll.h>
@@ -29,7 +29,8 @@
 /* Exit codes of this program, as in shells. */
 enum { CANNOT_RUN = 126, NOT_FOUND = 127, SIGNAL = 128 };
 
-/* A program that root starts has no capabilities, whatever it is. */
+/* Forbids core dumps and new privileges. Empties the bounding set of root, so that a program
+ * that root starts has no capabilities. */
 static void drop_rights(void) {
     const struct rlimit none = {0, 0};
     setrlimit(RLIMIT_CORE, &none);
@@ -40,7 +41,7 @@ static void drop_rights(void) {
 
 static void become(char **argv, pid_t parent) {
     setpgid(0, 0);
-    /* If this one is killed, nobody is left to end the program. */
+    /* The program dies with the runner, because nobody else would end it. */
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != parent)
         _exit(CANNOT_RUN);
     signal(SIGPIPE, SIG_DFL);
@@ -51,8 +52,9 @@ static void become(char **argv, pid_t parent) {
     _exit(errno == ENOENT ? NOT_FOUND : CANNOT_RUN);
 }
 
-/* Waits until the program ends. Returns early, after wait_ms (-1: without a limit), if the socket
- * says something. Returns whether it is closed. */
+/* Waits until the program ends, the socket has a byte or is closed, or wait_ms are over (-1: no
+ * limit). Returns 1 if the socket is closed and the program has not ended, otherwise 0. A socket of
+ * -1 is ignored. */
 static int await(int program, int socket, int wait_ms) {
     struct pollfd ready[] = {{program, POLLIN, 0}, {socket, POLLIN, 0}};
     char byte;
@@ -77,8 +79,8 @@ int main(int argc, char **argv) {
         fprintf(stderr, "%s: %s\n", argv[1], strerror(errno));
         return CANNOT_RUN;
     }
-    setpgid(pid, pid); /* also here, because it is killed as a group */
-    /* The ends of the pipes are only those of the program. */
+    setpgid(pid, pid); /* also here, because the group must exist before kill(-pid) */
+    /* Only the program keeps these ends of the pipes. */
     close(STDIN_FILENO);
     close(STDOUT_FILENO);
     const int program = pidfd_open(pid, 0);

@@ -5,9 +5,9 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_TEXT 300 /* bytes of a text that is shown */
+#define MAX_TEXT 300 /* largest number of bytes of a text that is shown */
 
-#define MAX_EXACT 9007199254740992.0 /* 2⁵³: up to there a double is exact */
+#define MAX_EXACT 9007199254740992.0 /* 2⁵³: a double holds every whole number up to it exactly */
 
 static gboolean wrong(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 static gboolean wrong(GError **error, const char *format, ...) {
@@ -26,7 +26,8 @@ static int count_brackets(const char *line, gsize length) {
     return n;
 }
 
-/* A text from outside becomes part of a message for people, which is one line. */
+/* Returns the start of a text from a program, as one line of valid UTF-8 that can be part of an
+ * error message. */
 static char *printable(const char *text) {
     g_autofree char *start = g_strndup(text, MAX_TEXT);
     char *valid = g_utf8_make_valid(start, -1);
@@ -51,7 +52,7 @@ char *message_text(JsonObject *values, const char *name) {
     return printable(node ? json_node_get_string(node) : "");
 }
 
-/* Takes the parts of a message from its object. */
+/* Fills *ret from the JSON object of a message. */
 static gboolean take(JsonObject *object, struct message *ret, GError **error) {
     JsonNode *id = member(object, "id", G_TYPE_INT64);
     JsonObject *failure = object_member(object, "error");

@@ -12,21 +12,23 @@
 #include <json-glib/json-glib.h>
 
 #define MESSAGE_VERSION 1
-#define MESSAGE_MAX     65536 /* bytes of a line, without its end */
-/* Arrays and objects of a line. json-glib calls itself for each level of them, so a line of
- * brackets would use up the stack. The number is easier to check than the depth, because it does
- * not matter which brackets are in a text or in a comment. */
+#define MESSAGE_MAX     65536 /* largest number of bytes of a line, without its end */
+/* Largest number of [ and { in a line. json-glib calls itself for each level of arrays and
+ * objects, so a line of brackets would use up the stack. The number is easier to check than the
+ * depth, because brackets inside a text may be counted as well. */
 #define MESSAGE_MAX_BRACKETS 64
 
 /* An answer or an event. Strings are valid UTF-8 without control characters. */
 struct message {
-    guint64 id;         /* of the request that it answers; 0 for an event */
-    char *event;        /* name of the event; NULL for an answer */
-    char *failure;      /* the reason why the request failed; NULL if it did not fail */
-    JsonObject *values; /* of the answer or the event; empty if it has none, NULL with a failure */
+    guint64 id;    /* id of the request that this answers; 0 for an event */
+    char *event;   /* name of the event; NULL for an answer */
+    char *failure; /* the reason why the request failed; NULL if it did not fail */
+    /* values of the answer or the event; empty if there are none, NULL with a failure */
+    JsonObject *values;
 };
 
-/* Reads a line without its end. On failure ret need not be cleared. */
+/* Reads a line without its end. Clear ret with message_clear(). On failure ret need not be
+ * cleared. */
 gboolean message_read(const char *line, gsize length, struct message *ret, GError **error);
 void message_clear(struct message *message);
 
@@ -44,8 +46,8 @@ gboolean message_boolean(JsonObject *values, const char *name, gboolean *ret, GE
 gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean *ret,
                           GError **error);
 
-/* Returns a text, or "" if there is none of that name. Free it with g_free(). */
+/* Returns the text with this name, or "" if there is none. Free it with g_free(). */
 char *message_text(JsonObject *values, const char *name);
 
-/* Returns whether a text is in an array of texts. */
+/* Returns whether the value with this name is an array that contains a text. */
 gboolean message_has(JsonObject *values, const char *name, const char *text);

@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define MAX_HEADER 1024 /* bytes before the values */
+#define MAX_HEADER 1024 /* largest number of bytes before the values */
 #define MAX_NUMBER 65535
 
 static gboolean wrong(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
@@ -65,7 +65,8 @@ gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits
                  bits);
 }
 
-/* Reads the bytes of an open file, at most max. */
+/* Reads the bytes of an open file, at most max. Returns NULL on failure. Free the bytes with
+ * g_free(). */
 static guint8 *read_bytes(int fd, gsize max, gsize *ret_n) {
     guint8 *bytes = g_try_malloc(MAX(max, 1));
     gsize n = 0;
@@ -80,7 +81,8 @@ static guint8 *read_bytes(int fd, gsize max, gsize *ret_n) {
     return bytes;
 }
 
-/* Opens a file that a program has named. It may be anything: a link, a pipe, a device. */
+/* Opens a file that a program has named. Returns −1 with an error unless it is a regular file of
+ * at most max bytes: the name may belong to a link, a pipe or a device. */
 static int open_picture(const char *path, const char *name, gsize max, gsize *ret_size,
                         GError **error) {
     struct stat about;

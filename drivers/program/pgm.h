@@ -10,7 +10,8 @@
 gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits, guint16 *pixels,
                    gboolean *ret_complete, GError **error);
 
-/* Reads a file of a folder and removes it. name comes from a program: it must be the name of a
- * regular file, without a path. Returns a frame with pixels, width, height, bits and incomplete. */
+/* Reads a picture in a folder and removes its file. name comes from a program: it must be the
+ * name of a regular file, without a path. Returns a frame of which only pixels, width, height, bits
+ * and incomplete are set, or NULL with an error. */
 Frame *pgm_take(const char *folder, const char *name, int width, int height, int bits,
                 GError **error);

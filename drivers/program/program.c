@@ -36,11 +36,13 @@ struct call {
     enum program_turn turn;
     gboolean read_back;
     int tag;
-    guint64 number;        /* counts requests; a "get" that reads back has that of its request */
+    /* number of the request in the order of requests; a "get" that reads back has the number of
+     * the request before it */
+    guint64 number;
     gboolean is_read_back; /* the "get" after a request that was answered */
-    guint64 id;            /* 0: not sent */
+    guint64 id;            /* id of the request in its message; 0 if it was not sent */
     gboolean overtaken;
-    /* Takes the answer; NULL: the listener gets it. */
+    /* Takes the answer. NULL means that the listener gets it. */
     void (*take)(struct call *call, JsonObject *values, const GError *error);
     gpointer data;
     guint deadline;
@@ -49,8 +51,8 @@ struct call {
 struct Program {
     int refs;
     gboolean closed;
-    Clock *clock;          /* also after the device was closed */
-    struct device *device; /* until the program is closed */
+    Clock *clock;          /* owned, because it is also used after the device was closed */
+    struct device *device; /* not owned; valid until the program is closed */
     const struct program_command *command;
     char *folder;
     Lock *lock;
@@ -59,14 +61,15 @@ struct Program {
     pid_t pid;
     int in, out, socket; /* −1: closed */
     guint out_source, socket_source;
-    GByteArray *line;     /* what was read of a line */
+    GByteArray *line;     /* output that was read and not taken yet */
     GQueue starting;      /* of struct call: "hello" and "open" */
     GQueue waiting, sent; /* of struct call */
-    GQueue dropped;       /* of struct call that were overtaken, until that is told */
+    GQueue dropped;       /* of struct call: overtaken before they were sent; pump() ends them */
     guint64 last_id, n_calls;
     guint pump, ping, start, ending;
-    JsonObject *hello, *opened; /* its answers */
-    GError *failure;            /* why it was killed, until that is told */
+    JsonObject *hello, *opened; /* answers of the program to "hello" and "open" */
+    /* why the program was killed or has ended, until that is reported */
+    GError *failure;
 };
 
 static Program *ref(Program *program) {
@@ -111,7 +114,8 @@ static void pump_later(Program *program) {
         program->pump = clock_call_in(program->clock, 0, on_pump, program);
 }
 
-/* Ends a call, which is in no queue any more. Call it last. */
+/* Ends a call that is in no queue any more: delivers the answer or the error, and frees the
+ * call. Call it last, because the listener may close the program. */
 static void end_call(struct call *call, JsonObject *values, const GError *error) {
     g_autoptr(Program) program = ref(call->program);
     const struct program_answer answer = {values, error, call->tag, call->overtaken};
@@ -123,8 +127,9 @@ static void end_call(struct call *call, JsonObject *values, const GError *error)
     call_free(call);
 }
 
-/* The time of a call is over. One that was not sent leaves the program alone: it works for another
- * one, or still starts. */
+/* Ends a call whose time is over. If the call was sent, the program is killed. Otherwise only
+ * this call fails, because the program may be busy with another request or may still be starting.
+ */
 static void on_deadline(gpointer data) {
     struct call *call = data;
     Program *program = call->program;
@@ -179,7 +184,8 @@ static void enqueue(struct call *call) {
     pump_later(call->program);
 }
 
-/* Writes a request. A program that has not read 64 KiB of requests reads nothing. */
+/* Writes a request. If the pipe is full, the program has left 64 KiB of requests unread and is
+ * killed. */
 static void send_call(struct call *call) {
     Program *program = call->program;
     call->id = ++program->last_id;
@@ -196,7 +202,8 @@ static void send_call(struct call *call) {
 
 static gboolean start_process(Program *program, GError **error);
 
-/* Starts the program if somebody waits for it, and sends what may be sent now. */
+/* Ends the dropped calls, starts a program that is down if a call waits for it, and sends the
+ * calls that may be sent now. */
 static void pump(Program *program) {
     g_autoptr(Program) guard = ref(program);
     GError *error = NULL;
@@ -220,7 +227,8 @@ static void pump(Program *program) {
         send_call(g_queue_pop_head(queue));
 }
 
-/* Sends all failed calls home, and says that the program is lost. */
+/* Ends all calls with the error program->failure. If the program was ready, then tells the
+ * listener that it is lost. */
 static void tell_failure(Program *program, gboolean was_ready) {
     g_autoptr(Program) guard = ref(program);
     g_autoptr(GError) error = g_steal_pointer(&program->failure);
@@ -273,7 +281,8 @@ static void fail(Program *program, GError *error) {
     tell_failure(program, was_ready);
 }
 
-/* Reads how the process has ended. Returns a text, or NULL if that is not known. */
+/* Waits for the end of the process. Returns a text that says how it has ended, or NULL if that
+ * is not known. */
 static char *reap(Program *program) {
     int status = 0;
     pid_t pid;
@@ -291,7 +300,7 @@ static char *reap(Program *program) {
                : g_strdup_printf("has ended with exit code %d", code);
 }
 
-/* Nothing of the process is left. Call it last. */
+/* Takes note that the process and everything that it has started have ended. Call it last. */
 static void on_end(Program *program) {
     const enum state before = program->state;
     g_autofree char *how = reap(program);
@@ -306,7 +315,7 @@ static void on_end(Program *program) {
         tell_failure(program, before == READY);
         return;
     }
-    pump_later(program); /* somebody may wait until it can be started again */
+    pump_later(program); /* a call may wait for the next start */
 }
 
 static gboolean on_socket(gint fd, GIOCondition condition, gpointer data) {
@@ -316,7 +325,7 @@ static gboolean on_socket(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The process has closed its output, but does not end. */
+/* Kills a process that has closed its output, but does not end. */
 static void on_ending(gpointer data) {
     Program *program = data;
     program->ending = 0;
@@ -349,13 +358,14 @@ static void take_event(Program *program, const struct message *message) {
         program->listener.event(message->event, message->values, program->listener.data);
 }
 
-/* Takes an answer. Call it last. */
+/* Takes an answer. If the state is to be read back, sends "get", and otherwise ends the call.
+ * Call it last. */
 static void take_answer(Program *program, const struct message *message) {
     GList *l = program->sent.head;
     while (l && ((const struct call *)l->data)->id != message->id)
         l = l->next;
     if (!l)
-        return; /* it answers a request that has failed meanwhile */
+        return; /* the request has failed meanwhile */
     struct call *call = l->data;
     g_queue_delete_link(&program->sent, l);
     pump_later(program);
@@ -395,7 +405,8 @@ static void take_line(Program *program, const char *line, gsize length) {
     message_clear(&message);
 }
 
-/* Takes the lines that were read, as long as the program is what it was. */
+/* Takes the complete lines that were read. Stops when a line has closed the program, killed it
+ * or started it again. */
 static void take_lines(Program *program) {
     GByteArray *bytes = program->line;
     const pid_t pid = program->pid;
@@ -414,8 +425,8 @@ static void take_lines(Program *program) {
                                        name_of(program), MESSAGE_MAX));
 }
 
-/* Reads a part of the output, so that a program that never stops writing does not stop the main
- * loop. Call it last. */
+/* Reads at most READ_SIZE bytes of the output, so that a program that never stops writing does
+ * not block the main loop. Call it last. */
 static void read_output(Program *program) {
     g_autoptr(Program) guard = ref(program);
     guint8 bytes[READ_SIZE];
@@ -427,7 +438,8 @@ static void read_output(Program *program) {
         take_lines(program);
         return;
     }
-    /* The end of its output. The end of the process follows, and says how it has ended. */
+    /* The program has closed its output. Its process should end next, and on_end() then reports
+     * how it has ended. */
     g_clear_handle_id(&program->out_source, g_source_remove);
     close(program->out);
     program->out = -1;
@@ -439,7 +451,8 @@ static gboolean on_output(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* What a program gets of the environment. systemd's variables are not for it. */
+/* Returns the environment of a program: a few variables of this process, without those of
+ * systemd. */
 static char **environment(void) {
     static const char *const names[] = {"PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TZ", NULL};
     char **env = NULL;
@@ -490,8 +503,8 @@ static void on_start(gpointer data) {
 
 static gboolean start_process(Program *program, GError **error) {
     int ends[2];
-    /* A program that has ended must not end this process when it is written to. GIO does the same
-     * as soon as it has made a socket. */
+    /* Ignore SIGPIPE, because a write to a program that has ended must not end this process. GIO
+     * does the same as soon as it has made a socket. */
     signal(SIGPIPE, SIG_IGN);
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
         return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
@@ -651,7 +664,8 @@ gboolean program_can(const Program *program, const char *what) {
     return program->hello && message_has(program->hello, "capabilities", what);
 }
 
-/* Waits until the condition holds, outside of the main loop. Returns FALSE at the deadline. */
+/* Waits until *done is TRUE, outside of the main loop. Returns FALSE at the deadline or if
+ * poll() fails. */
 static gboolean await(Program *program, const gboolean *done, gint64 deadline_us) {
     while (!*done) {
         const gint64 left_us = deadline_us - clock_now_us(program->clock);
@@ -753,7 +767,7 @@ void program_close(Program *program) {
         g_clear_pointer(&closed, json_object_unref);
     }
     program->closed = TRUE;
-    drop_process(program); /* the end of its input: it makes its device safe and ends */
+    drop_process(program); /* at the end of its input, the program makes its device safe and ends */
     if (!await_end(program, program->state == ENDING ? 0 : END_MS)) {
         kill_process(program);
         await_end(program, END_MS);

@@ -41,7 +41,8 @@ struct program_command {
      "Time that it may take to start and to open its device"}
 /* clang-format on */
 
-/* For a driver's check() and needs(). */
+/* program_check(), for a driver's check(), adds a mistake if the program cannot be run.
+ * program_need(), for a driver's needs(), appends the program with its arguments. */
 void program_check(const struct program_command *command, const struct config_section *section,
                    Mistakes *mistakes);
 void program_need(const struct program_command *command, GPtrArray *to);
@@ -56,14 +57,14 @@ void program_need(const struct program_command *command, GPtrArray *to);
 enum program_turn {
     PROGRAM_IN_TURN,
     PROGRAM_FIRST,   /* before all requests in turn */
-    PROGRAM_AT_ONCE, /* the same, and also while another request runs */
+    PROGRAM_AT_ONCE, /* like PROGRAM_FIRST, but sent even while another request runs */
 };
 
 struct program_answer {
     JsonObject *values;  /* NULL with an error */
     const GError *error; /* begins with class and name of the device */
-    int tag;             /* of the request */
-    gboolean overtaken;  /* program_overtake() came when the request was already sent */
+    int tag;             /* tag of the request */
+    gboolean overtaken;  /* program_overtake() was called after the request was sent */
 };
 
 /* Called once for each request, from the main loop, unless the program is closed before. It may
@@ -72,7 +73,7 @@ typedef void (*ProgramAnswer)(const struct program_answer *answer, gpointer data
 
 struct program_request {
     const char *method;
-    JsonObject *params; /* owned by the call that takes the request; NULL: none */
+    JsonObject *params; /* program_call() and program_ask() take ownership; may be NULL */
     int timeout_ms;     /* 0: PROGRAM_ANSWER_MS */
     enum program_turn turn;
     /* After the answer the program is asked with "get". The answer to "get" is the answer of the
@@ -82,44 +83,47 @@ struct program_request {
     int tag; /* chosen by the driver */
 };
 
-/* What a driver hears of its program. Called from the main loop. Each may close the program. */
+/* The functions by which a driver is told of its program. They are called from the main loop.
+ * Each of them may close the program. */
 struct program_listener {
     /* The program was started, has opened its device, and has then ended or was killed. answered
-     * says that a request has just failed because of it. The program is not started again before
-     * the next request. May be NULL. */
+     * says that the loss has also ended requests, whose errors were delivered just before. The
+     * program is not started again before the next request. May be NULL. */
     void (*lost)(const GError *error, gboolean answered, gpointer data);
-    /* An event. May be NULL. */
+    /* The program has sent an event. May be NULL. */
     void (*event)(const char *event, JsonObject *values, gpointer data);
     ProgramAnswer answer;
     gpointer data;
 };
 
-/* Starts the program of a device. folder is the folder for its pictures, or NULL. The program keeps
- * neither section nor command: both are those of the device. Takes a lock (drivers/lock.h). */
+/* Starts the program of a device. folder is the folder for its pictures, or NULL. command and
+ * device must live until program_close(). Takes a lock (drivers/lock.h). Returns NULL with an error
+ * on failure. */
 Program *program_new(const struct program_command *command, struct device *device,
                      const char *folder, GError **error);
 
-/* Waits until the program has opened its device. Returns its answer to "open", owned by the
- * program. Sets the identity of the device. */
+/* Waits until the program has opened its device, and sets the identity of the device. Returns
+ * the answer to "open", which the Program owns, or NULL with an error. */
 JsonObject *program_await(Program *program, GError **error);
 
 /* Makes a request and waits for its answer. Returns NULL on error. The caller owns the answer. */
 JsonObject *program_ask(Program *program, const struct program_request *request, GError **error);
 
-/* From now on the driver is told of answers, events and the end of the program. NULL: nothing more
- * is told, and requests that wait are dropped. */
+/* Sets the listener that is told of answers, events and the end of the program. With NULL,
+ * nothing is told any more, and requests that were not sent are dropped without an answer. */
 void program_listen(Program *program, const struct program_listener *listener);
 
 /* Makes a request, whose answer the listener gets. */
 void program_call(Program *program, const struct program_request *request);
 
-/* Says that the requests with this tag are overtaken by one that follows. Those that were not sent
- * are never sent, and end with DEVICE_ERROR_BUSY. */
+/* Says that the requests with this tag are overtaken by a request that follows. Requests that
+ * were not sent are never sent, and end with DEVICE_ERROR_BUSY. The answers to the others have
+ * overtaken set. */
 void program_overtake(Program *program, int tag);
 
 /* Returns whether the program says in its answer to "hello" that it can do something. */
 gboolean program_can(const Program *program, const char *what);
 
-/* Sends "close", and waits until the program has ended. Kills it if it does not. NULL is ignored.
- */
+/* Sends "close", and waits until the program has ended. Kills a program that does not end in
+ * time. NULL is ignored. */
 void program_close(Program *program);

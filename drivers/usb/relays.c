@@ -46,7 +46,8 @@ struct usb_relays {
     gpointer device;
     gboolean (*may_shine)(gpointer device);
     void (*lost)(gpointer device, GError *error); /* takes ownership of the error */
-    gboolean unplugged;                           /* lost() has to be called */
+    /* the board was unplugged, and lost() is still to be called */
+    gboolean unplugged;
 };
 
 /* A job that switches some relays and reads them back. */
@@ -114,8 +115,9 @@ static struct usb_relays *next_unplugged(const struct board *board) {
     return NULL;
 }
 
-/* A board with a separate power supply keeps the state of its relays. Listeners may close devices
- * and thereby the board. */
+/* Reports the loss of a board to the devices on it that may shine, because a board with a
+ * separate power supply keeps its relays on. Listeners may close devices and thereby free the
+ * board. */
 static void relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
     struct usb_relays *relays;
@@ -145,7 +147,8 @@ static struct usb_request get_request(const UsbDevice *usb) {
                                 usb_interface(usb), NULL,       REPORT_SIZE};
 }
 
-/* Reads the serial number that the board keeps in its reports. It has none in its descriptors. */
+/* Reads the serial number that the board keeps in its reports. The board has none in its
+ * descriptors. Returns "" if the report cannot be read. */
 static char *read_serial(UsbDevice *usb) {
     guint8 answer[REPORT_SIZE];
     struct usb_request request = get_request(usb);
@@ -199,7 +202,7 @@ static gboolean job_send(struct job *job, enum command command, int relay, GErro
     return TRUE;
 }
 
-/* Switches relays. First looks for an unplugged board again. */
+/* Switches the relays of a mask. If the board was unplugged, first looks for it again. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
     if (!board->usb && !board_connect(board, error))
@@ -223,8 +226,8 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
     return TRUE;
 }
 
-/* Switches relays off and waits for it. For opening and closing. Requests that were started earlier
- * end first. */
+/* Switches the relays of a mask off and waits until the board has confirmed it. Only for opening
+ * and closing. Requests that were started earlier end first. */
 static gboolean board_off_now(struct board *board, guint mask, GError **error) {
     guint8 answer[REPORT_SIZE] = {0};
     gboolean all = mask == (1u << board->n) - 1;
@@ -268,13 +271,14 @@ static void board_leave(struct usb_relays *relays, guint mask) {
     board_unref(board);
 }
 
-/* Returns the bits of relays first to first + n - 1, counted from 1. */
+/* Returns a mask with the bits of n relays. The number of the first relay is counted from 1, and
+ * relay 1 has bit 0. */
 static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
 
-/* Takes relays of a board and leaves them off. If *n is 0, takes all relays from the first one on.
- */
+/* Takes relays of a board for a device and switches them off. If *n is 0, takes all relays from
+ * the first one on and sets *n to their number. Returns NULL with an error on failure. */
 static struct board *board_enter(struct device *device, struct usb_relays *relays, int *n,
                                  GError **error) {
     const char *name = *relays->serial ? relays->serial : relays->path;
@@ -312,7 +316,7 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
     return NULL;
 }
 
-/* Describes the relays that are needed. n = 0 means all from the first one on. */
+/* Appends the relays that a section needs. n = 0 means all relays from the first one on. */
 static void relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
     g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
     const int end = n ? relays->first + n : MAX_RELAYS + 1;

@@ -1,4 +1,4 @@
-/* Searches for USB devices for which there is a driver here. */
+/* Searches for USB devices, and writes a section for each one that has a driver here. */
 #pragma once
 
 #include "drivers/found.h"

@@ -5,9 +5,10 @@
 #include <math.h>
 
 /*
- * Requests, variables and settings as in Pololu's "Tic Stepper Motor Controller User's Guide"
- * (https://www.pololu.com/docs/0J71), sections 6 (settings), 7 (variables), 8 (commands),
- * 11 (USB encoding). Speeds are microsteps per 10 000 s, accelerations microsteps per 100 s².
+ * Requests, variables and settings are those of Pololu's "Tic Stepper Motor Controller User's
+ * Guide" (https://www.pololu.com/docs/0J71), sections 6 (settings), 7 (variables), 8 (commands), 11
+ * (USB encoding). Speeds are in microsteps per 10 000 s, and accelerations in microsteps per 100
+ * s².
  */
 #define VENDOR    0x1ffb
 #define TYPE_OUT  0x40
@@ -81,14 +82,16 @@ struct tic {
     gboolean halts;
     gboolean asked;    /* a poll is under way */
     gboolean was_well; /* a poll without errors has followed the last start */
-    /* Number of starts, and this number when the last poll was sent. If they differ, the poll is
-     * older than the last start and proves nothing. */
+    /* n_started: number of starts. n_asked: value of n_started when the last poll was sent. If
+     * they differ, the poll is older than the last start and proves nothing. */
     int n_started, n_asked;
     int n_commands;
     GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
-    gint64 fed_us, unfed_us; /* last reset of the command timeout; longest time without a reset */
-    int timeout_ms;          /* command timeout of the Tic */
+    /* fed_us: time of the last reset of the command timeout. unfed_us: longest time without a
+     * reset since the last start. */
+    gint64 fed_us, unfed_us;
+    int timeout_ms; /* command timeout of the Tic */
     guint timer;
     double target_deg;
     gint32 target_steps;
@@ -134,7 +137,7 @@ static const struct option options[] = {
 static const guint16 products[] = {0x00b3 /* T825 */, 0x00b5 /* T834 */, 0x00bd /* T500 */,
                                    0x00c9 /* T249 */, 0x00cb /* 36v4 */, 0};
 
-/* Texts of the bits of the error status. */
+/* Texts of the bits of the error status, from bit 0 on. */
 static const char *const error_texts[] = {
     "it was de-energized",
     "its motor driver reports an error" ERROR_ADVICE "check motor, wiring and temperature",
@@ -147,7 +150,8 @@ static const char *const error_texts[] = {
     "its ERR line is held high by another device",
 };
 
-/* A command timeout sets both errors. The next reset clears the first. The safe start remains. */
+/* A command timeout sets both errors. The next reset of the timeout clears
+ * COMMAND_TIMEOUT_ERROR, but SAFE_START_ERROR remains. */
 enum { COMMAND_TIMEOUT_ERROR = 1 << 6, SAFE_START_ERROR = 1 << 7 };
 
 static gint32 get_i32(const guint8 *data) {
@@ -197,7 +201,8 @@ static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *e
         tic_fault(axis, g_error_copy(error));
 }
 
-/* Returns the deadline of an answer. Requests wait for earlier ones, which may not be answered. */
+/* Returns the time in which a request must be answered. It is longer while requests of an
+ * earlier command have no answer, because a request waits for the earlier ones. */
 static guint answer_ms(const struct tic *tic) {
     for (const GList *l = tic->sent; l; l = l->next)
         if (((const struct sent *)l->data)->command != tic->n_commands)
@@ -504,7 +509,8 @@ static gboolean tic_get_setting(Axis *axis, enum setting setting, guint16 length
                              length));
 }
 
-/* Checks two settings that are stored in the Tic. Only its owner changes them, with ticgui. */
+/* Checks the control mode and the command timeout that are stored in the Tic. Only the user
+ * changes these settings, with ticgui. */
 static gboolean check_settings(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     guint8 mode, timeout[2];

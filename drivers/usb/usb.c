@@ -92,8 +92,8 @@ static void report_transfer(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
-/* Returns the next lost device to report. All its transfers must have ended. A lost device with
- * transfers under way does not delay the report of others. */
+/* Returns the next lost device to report, or NULL. All its transfers must have ended. A lost
+ * device with transfers under way does not delay the report of others. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
         UsbDevice *usb = l->data;
@@ -133,7 +133,8 @@ static gboolean usb_check(GSource *source) {
 
 static void context_unref(struct context *context);
 
-/* A callback may close any device. */
+/* Handles the events of libusb, and then makes the callbacks. A callback may close any device.
+ */
 static gboolean usb_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval zero = {0};
@@ -225,8 +226,8 @@ static void context_unref(struct context *context) {
     g_free(context);
 }
 
-/* Called by libusb, perhaps within a request of another device. Therefore it only records the
- * end. */
+/* Called by libusb, perhaps within a request of another device. Therefore only records the end
+ * of the transfer. */
 static void LIBUSB_CALL on_transfer(struct libusb_transfer *libusb) {
     struct transfer *transfer = libusb->user_data;
     UsbDevice *usb = transfer->usb;
@@ -239,7 +240,7 @@ gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint ti
     gboolean out = !(request->type & LIBUSB_ENDPOINT_IN);
     struct transfer *transfer = g_new0(struct transfer, 1);
     *transfer = (struct transfer){usb, libusb_alloc_transfer(0), func, user};
-    /* libusb frees it with free(). */
+    /* libusb frees the buffer with free(). */
     guint8 *buffer = calloc(1, LIBUSB_CONTROL_SETUP_SIZE + (gsize)request->length);
     if (!transfer->libusb || !buffer)
         g_error("%s: out of memory", usb->who);
@@ -282,7 +283,7 @@ void usb_close(UsbDevice *usb) {
     gint64 limit = g_get_monotonic_time() + CLOSE_US;
     for (GList *l = usb->flying; l; l = l->next)
         libusb_cancel_transfer(((struct transfer *)l->data)->libusb);
-    /* Wait until the kernel has returned the transfers, which takes no time. */
+    /* Wait until the kernel has returned the transfers, which it normally does at once. */
     while (usb->flying && g_get_monotonic_time() < limit) {
         struct timeval some = {0, 10000};
         libusb_handle_events_timeout_completed(usb->context->libusb, &some, NULL);
@@ -331,7 +332,8 @@ const char *usb_serial(const UsbDevice *usb) {
     return usb->serial;
 }
 
-/* Returns "" if there is no string or it cannot be read. */
+/* Returns the string descriptor with an index. Returns "" if there is none or it cannot be read.
+ */
 static char *read_string(UsbDevice *usb, guint8 index) {
     guint8 answer[255] = {0};
     struct usb_request request = {LIBUSB_ENDPOINT_IN,
@@ -443,7 +445,8 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-/* Returns all devices that match. *error is the last failure to open one. */
+/* Returns all devices that match, opened. Appends every device that could be opened to seen, as
+ * text. *error is set if the last attempt to open a device has failed. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {
     libusb_device **all = NULL;

@@ -3,8 +3,8 @@
  * context polls libusb's descriptors and makes every callback. No callback is made from within the
  * call that started the request.
  *
- * All functions belong to the main loop's thread. Only usb_open(), usb_control_sync() and
- * usb_close() wait, at most USB_SYNC_MS per request.
+ * All functions belong to the main loop's thread. usb_open() and usb_control_sync() wait at most
+ * USB_SYNC_MS per request. usb_close() waits at most one second. No other function waits.
  */
 #pragma once
 

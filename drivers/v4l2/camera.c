@@ -37,8 +37,9 @@ struct v4l2_camera {
     struct video_controls controls;
     struct video_stream stream;
     struct video_load *load;
-    struct camera_settings settings; /* exposure is 0 before the first configuration */
-    gint64 settled_us;               /* frames that began earlier have older settings */
+    struct camera_settings settings; /* exposure_us is 0 before the first configuration */
+    /* frames whose exposure began earlier may have older settings */
+    gint64 settled_us;
     guint64 shot;
     gint64 earliest_us; /* earliest start of the exposure of the wanted frame */
     guint source, timer;
@@ -143,7 +144,8 @@ static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer)
     return frame;
 }
 
-/* Like everything that reports, call it last, because the listener may close the camera. */
+/* Reports that the stream has broken with the errno code. Call it last, because the listener may
+ * close the camera. */
 static void report_failure(Camera *camera, int code) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     GError *error = NULL;
@@ -408,7 +410,8 @@ static void fill_format(Camera *camera) {
         .max_exposure_us = MIN((gint64)((double)most * unit), setup->interval_us),
         .trigger_us = setup->interval_us / 2 + delay_us(v4l2, (enum stamp)v4l2->stamp),
         .readout_us = setup->interval_us,
-        /* The stamp is the earliest time of the exposure; most cameras have rolling shutters. */
+        /* exposure_start_us is only the earliest possible start, and most cameras have rolling
+         * shutters. */
         .stamp_us = -1,
     };
     if (v4l2->fixed_exposure_us > 0)

@@ -29,7 +29,8 @@ static const struct {
 } altering[] = {
     {V4L2_CID_SCENE_MODE, VALUE, V4L2_SCENE_MODE_NONE, NULL},
     {V4L2_CID_EXPOSURE_AUTO, VALUE, V4L2_EXPOSURE_MANUAL, NULL},
-    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, VALUE, 0, NULL}, /* must not lower the frame rate */
+    /* the exposure must not lower the frame rate */
+    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, VALUE, 0, NULL},
     {V4L2_CID_ISO_SENSITIVITY_AUTO, VALUE, V4L2_ISO_SENSITIVITY_MANUAL, NULL},
     {V4L2_CID_AUTOGAIN, VALUE, 0, NULL},
     {V4L2_CID_CHROMA_AGC, VALUE, 0, NULL},
@@ -130,8 +131,8 @@ static char *plain_name(const struct v4l2_queryctrl *control) {
     return g_string_free(plain, FALSE);
 }
 
-/* Finds the value at which the control has no effect. Returns FALSE if none is known or in range.
- */
+/* Finds the value at which control i of altering has no effect. Returns FALSE if no such value
+ * is known or it is out of range. */
 static gboolean neutral_value(gsize i, const struct v4l2_queryctrl *control, gint64 *ret) {
     enum neutral neutral = altering[i].neutral;
     *ret = neutral == LEAST       ? MAX(control->minimum, MIN(altering[i].value, control->maximum))
@@ -195,7 +196,8 @@ char **video_controls_left(const struct video_node *node, char **settings) {
     return g_strv_builder_end(left);
 }
 
-/* Finds a control by name. If there is none, appends the names of all controls to names. */
+/* Finds a control by name. If there is none, returns FALSE and has appended the names of all
+ * controls to names. */
 static gboolean find_named(const struct video_node *node, const char *name, GString *names,
                            struct v4l2_queryctrl *ret) {
     *ret = (struct v4l2_queryctrl){.id = V4L2_CTRL_FLAG_NEXT_CTRL};

@@ -35,14 +35,14 @@ gboolean video_controls_by_hand(const struct video_node *node, GError **error);
  * "gamma=100"), the settings that the rig file asks for. Free it with g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 
-/* Sets a control and reads it back. Fails if the device has changed the value. */
+/* Sets a control and reads it back. Fails if the device refuses the value or has changed it. */
 gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value, GError **error);
 
-/* Sets a control from a text such as "brightness=10". The name is in lower case, with words joined
- * by _. If the control does not exist or the value is out of range, the error lists the possible
- * ones. */
+/* Sets a control from a text such as "brightness=10". The name is in lower case, with words
+ * joined by _. If the control does not exist or the value is out of range, the error lists the
+ * possible names or values. */
 gboolean video_control_set_named(const struct video_node *node, const char *setting,
                                  GError **error);
 
-/* Returns the value of a range that is nearest to the wanted one. */
+/* Returns the value of a range, in whole steps, that is nearest to the wanted value. */
 gint64 video_range_nearest(const struct video_range *range, double wanted);

@@ -26,7 +26,7 @@ struct video_format {
     enum video_packing packing;
 };
 
-/* Returns NULL if the format is unusable for measuring. */
+/* Returns the format with a code, or NULL if it cannot be used for measuring. */
 const struct video_format *video_format_find(guint32 fourcc);
 
 /* Returns the format of two that is better for measuring. NULL is the worst. Bayer is preferred to
@@ -34,7 +34,8 @@ const struct video_format *video_format_find(guint32 fourcc);
 const struct video_format *video_format_better(const struct video_format *a,
                                                const struct video_format *b);
 
-/* Returns the four characters of a code without trailing spaces, for example "RG10". g_free() */
+/* Returns the four characters of a code without trailing spaces, for example "RG10". Free them
+ * with g_free(). */
 char *video_fourcc_name(guint32 fourcc);
 gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 

@@ -67,7 +67,7 @@ gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct 
     load->who = g_strdup(who);
     load->links = g_ptr_array_new_with_free_func(g_free);
     load->mb_s = mb_s;
-    /* The camera itself, the hubs above it, and the root hub. */
+    /* Add the links of the camera itself, of the hubs above it, and of the root hub. */
     for (char *folder = g_strdup(sysfs); folder;) {
         char *parent = strlen(folder) > 1 ? g_path_get_dirname(folder) : NULL;
         if (read_speed(folder) > 0)

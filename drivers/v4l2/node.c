@@ -123,7 +123,8 @@ GPtrArray *video_node_list(void) {
     return all;
 }
 
-/* Opens the node that matches. *n is the number of matching nodes. */
+/* Opens the first node that matches bus. *n is the number of matching nodes. Appends every node
+ * that could be opened to seen, as text. */
 static void open_fitting(struct video_node *ret, const char *bus, GString *seen, int *n) {
     g_autoptr(GPtrArray) all = list_all();
     *n = 0;
@@ -213,7 +214,7 @@ int video_node_get_pix(const struct video_node *node, struct video_pix *ret) {
     return 0;
 }
 
-/* The device may change all values except width, height and format. */
+/* Requests only width, height and format. The device chooses the other values. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix) {
     struct v4l2_format format = {.type = node->type};
     if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)

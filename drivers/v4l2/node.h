@@ -32,8 +32,8 @@ struct video_pix {
     gboolean full_range;
 };
 
-/* Opens the node that path or bus names. NULL or an empty string matches any node. Fails if no node
- * matches, or more than one. */
+/* Opens the node at path. If path is NULL or empty, opens the node on bus, and a bus that is
+ * NULL or empty matches any node. Fails if no node matches, or more than one. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
 /* A node that is not open, or that is zeroed with fd -1, is allowed. */

@@ -92,7 +92,8 @@ static gboolean stream_check_format(const struct video_node *node,
     return TRUE;
 }
 
-/* A device that does not know its frame interval gets it from the requested frame rate. */
+/* Sets the frame rate. *ret_us is the frame interval that the device reports or, if the device
+ * does not report one, that of the requested frame rate. */
 static gboolean set_rate(const struct video_node *node, double frame_rate, gint64 *ret_us,
                          GError **error) {
     struct v4l2_streamparm parm = {.type = node->type};

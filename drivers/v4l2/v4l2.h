@@ -3,7 +3,7 @@
  *
  * These cameras expose continuously. A trigger is answered by the first frame whose whole exposure
  * came after the trigger and after the last change of a setting, according to the kernel's time
- * stamps. They work in real time only.
+ * stamps. The driver works in real time only.
  */
 #pragma once
 
