@@ -30,7 +30,8 @@ static gboolean is_word(const char *text) {
     return *text && strspn(text, letters) == strlen(text);
 }
 
-/* name is "FILE", "DIR", "a|b|FILE.exr". filename is TRUE if the option's type is a file name. */
+/* Adds the candidates for the name of a value or an argument, such as "FILE", "DIR" or
+ * "a|b|FILE.exr". filename is TRUE if the option's type is a file name. */
 static void value_add(struct value *value, const char *name, gboolean filename) {
     g_auto(GStrv) parts = g_strsplit(name, "|", -1);
     for (char **part = parts; *part; part++) {
@@ -154,7 +155,8 @@ static void offer_options(const struct command *command, const char *typed) {
     offer("--", "help", name, "Print the help");
 }
 
-/* The last of n words is to be completed. Bash treats "=" as a separate word. */
+/* Prints the candidates for the last of n words after a command. Bash passes "=" as a separate
+ * word. */
 static void arguments(const struct command *command, char *const *words, int n) {
     const char *typed = words[n - 1];
     const GOptionEntry *open = NULL; /* an option whose value is the next word */

@@ -53,7 +53,7 @@ struct calibrate_job {
     struct calibration *calibration; /* improved by the method, and written at the end */
     GPtrArray *frames;   /* of struct calibrate_frame: the pictures on which the result is based */
     GPtrArray *rejected; /* of char *: rejected pictures or parts of them, with reasons */
-    GPtrArray *incomplete; /* of char *: sessions that lack shots, with their number */
+    GPtrArray *incomplete; /* of char *: sessions that lack shots, each with its number of shots */
     GPtrArray *warnings;   /* of char *: sentences about the result */
     OutputFile *to;        /* the calibration file */
     OutputFile *corners;   /* a further file of the subcommand, or NULL */
@@ -109,17 +109,18 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
  * the channel Y of its first part, or the luminance of R, G and B (ITU-R BT.709). */
 struct picture *calibrate_read_photograph(const char *path, GError **error);
 
-/* Returns the distance in mm by which a bend moves a laser's sheet from a plane: bend_rad · at² /
- * distance. It applies at the turntable's centre, at = CALIBRATE_BEND_AT_MM from the middle of the
- * line. */
+/* Returns the distance in mm between a bent laser sheet and a plane: bend_rad · s² / r. s is
+ * CALIBRATE_BEND_AT_MM, measured on the turntable from the middle of the line. r is the distance of
+ * the laser from the turntable's centre, across the laser's axis. Returns 0 if r is 0. */
 #define CALIBRATE_BEND_AT_MM 36.0
 double calibrate_bend_mm(const struct rig_laser *laser, double bend_rad);
 
-/* Keeps a table for the report in the calibration file: a list of numbers for each column. rows
- * contains double, row by row. */
+/* A column of calibrate_keep(): the key of its list, and the printf() format of one double. */
 struct calibrate_column {
     const char *key, *format; /* the format of one double */
 };
+/* Keeps a table for the report in the calibration file: a list of numbers for each column. rows
+ * contains double, row by row. */
 void calibrate_keep(struct calibrate_job *job, const char *group,
                     const struct calibrate_column *columns, guint n_columns, const GArray *rows);
 

@@ -81,7 +81,7 @@ static gboolean gather_session(struct job *job, int lay, GError **error) {
     return TRUE;
 }
 
-/* Returns the names of the video frames that are used. */
+/* Returns the names of the video frames that are used, or NULL with an error. */
 static GPtrArray *gather_video(struct job *job, GError **error) {
     job->video = calibrate_video_read(images_option, &job->board, job->base.work, error);
     if (!job->video)

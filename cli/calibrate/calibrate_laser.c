@@ -9,10 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-#define ALL_POINTS 60000 /* points of all sweeps; more do not improve the result */
-#define MIN_POINTS 40    /* minimum and maximum number of points of each sweep */
-#define MAX_POINTS 2000
-#define EDGE_MM    1.0 /* width of the plate's edge that is ignored */
+/* largest number of points of all sweeps; more do not improve the result */
+#define ALL_POINTS 60000
+#define MIN_POINTS 40   /* minimum number of points of each sweep */
+#define MAX_POINTS 2000 /* maximum number of points of each sweep */
+#define EDGE_MM    1.0  /* width of the plate's edge that is ignored */
 #define UNEVEN_MM  0.03
 #define UNEVEN_RAD (0.02 * G_PI / 180)
 #define RAD(deg)   ((deg) * (G_PI / 180))
@@ -56,7 +57,8 @@ struct job {
     double worst_mm, worst_rad;
 };
 
-/* planes contains one height in mm for each session, or is NULL. */
+/* Adds the sweeps of session i. planes contains the height of the plate in mm for each session.
+ * If it is NULL, the session's reference plane is the height. */
 static gboolean gather_session(struct job *job, int i, const double *planes, GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = calibrate_open(&job->base, i, error);
@@ -151,7 +153,8 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
     return TRUE;
 }
 
-/* Keeps the residuals of single steps for the report, and the largest of them. */
+/* Keeps the residuals of single steps for the report. Finds the largest of them, and counts the
+ * steps that are off by more than UNEVEN_MM. */
 static void keep_steps(struct job *job) {
     static const struct calibrate_column columns[] = {{"laser", "%.0f"},
                                                       {"arc_deg", "%.3f"},
@@ -223,8 +226,8 @@ static void keep(struct job *job) {
     keep_steps(job);
 }
 
-/* Returns the standard errors of the arc. They come from the calibration of the lamps, and are at
- * least as large as the arc's own steps. If the lamps are not calibrated, typical values are
+/* Returns the standard errors of the arc. They come from the calibration of the lamps, and are
+ * at least as large as the arc's own steps. If the lamps are not calibrated, 0.5° and 1 mm are
  * returned. */
 static struct laser_arc arc_known(const struct calibration *calibration) {
     const struct calibration_arc *arc = &calibration->arc;

@@ -64,7 +64,8 @@ static float *read_colours(const char *path, const struct picture *grey, gboolea
     return rgb;
 }
 
-/* Reads the photograph of the same name that was taken without the laser. */
+/* Reads the photograph of the same name that was taken without the laser. Returns NULL with an
+ * error if there is none. */
 static struct picture *read_dark(const char *path, GError **error) {
     g_autofree char *name = g_path_get_basename(path);
     g_autofree char *dark = g_build_filename(laser_images_dark, name, NULL);
@@ -78,8 +79,9 @@ static struct picture *read_dark(const char *path, GError **error) {
     return NULL;
 }
 
-/* Returns how strongly the laser lit each pixel. *ret_reflectance is the reflectance of each pixel,
- * or NULL if it is not known. dark is the photograph without the laser; it may be NULL. */
+/* Returns how strongly the laser lit each pixel, or NULL with an error. *ret_reflectance is the
+ * reflectance of each pixel, or NULL if it is not known. dark is the photograph without the laser;
+ * it may be NULL. */
 static struct picture *read_strength(const struct picture *picture, const struct picture *dark,
                                      struct picture **ret_reflectance, GError **error) {
     const gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -138,7 +140,7 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
-        /* If the board's reflectance is not known, white print is brighter than the line. */
+        /* If the board's reflectance is not known, white print may be brighter than the line. */
         const char *advice = corners && strength && !reflectance
                                  ? "; it shows no colour that only the laser has: take the same "
                                    "photographs without the laser, and give --dark-images"
@@ -253,8 +255,8 @@ static void append_row(GString *to, const double *values, int n, const char *bet
     }
 }
 
-/* Keeps the plane with its covariance in a separate section of the calibration, because the section
- * of a laser has no key for it. */
+/* Keeps the plane with its covariance in a separate section of the calibration, because the
+ * section of a laser has no key for a covariance. */
 static void keep_plane(struct job *job) {
     const struct laser_plane *found = job->plane;
     GKeyFile *to = job->base.calibration->extra;

@@ -14,11 +14,11 @@
 #define LOCATE_VIEWS 6   /* maximum number of views in which the plate is searched for */
 #define LOCATE_SHOTS 8   /* maximum number of pictures of each of these views */
 #define MAX_A_LAMP   160 /* maximum number of pictures of a lamp; more improve the result little */
-/* The largest displacement and rotation of the target. */
+/* Largest displacement and rotation of the target from its described place. */
 #define REACH_MM  5.0
 #define REACH_RAD (5 * G_PI / 180)
 #define DECISIVE  0.15 /* a mistake is certain if undoing it raises the agreement by this */
-#define MISSES    4.0  /* or if undoing it divides the misses by this */
+#define MISSES    4.0  /* a mistake is also certain if undoing it divides 1 − agreement by this */
 #define MIN_USED  0.5  /* if a smaller share of the sights is used, a mistake is searched for */
 #define DEGREES   (180 / G_PI)
 
@@ -82,7 +82,8 @@ static gboolean step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Takes every n-th picture of each lamp, so that no lamp has many more than needed. */
+/* Moves the pictures from all to the frames of the job. Of a lamp with more than MAX_A_LAMP
+ * pictures, moves about MAX_A_LAMP of them, evenly spaced. */
 static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
     for (guint i = 0; i < all->len; i++)
@@ -201,8 +202,8 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-/* If the sights do not fit, first assumes that the marks have other sizes. This needs no new
- * measurement of the sights. */
+/* Fits the lamps to the sights. If the sights do not fit, first tests whether the marks have
+ * other sizes, because that needs no new measurement of the sights. */
 static gboolean adjust(struct job *job, GError **error) {
     const struct rig *rig = &job->base.calibration->rig;
     const struct lamp_sight *sights = (const struct lamp_sight *)(gpointer)job->sights->data;
@@ -325,9 +326,9 @@ static void set_mistake(struct job *job, const struct calibrate_frame *noted,
     sort_into_views(job);
 }
 
-/* Computes how well the pictures agree with the noted values if each mistake is undone: the share
- * of the posts' shadows that is dark, 0 to 1. Returns FALSE if the work was cancelled or a picture
- * cannot be used. */
+/* Computes how well the pictures agree with the noted values if each mistake is undone. ret[k]
+ * is the share of the posts' shadows, 0 to 1, that is dark without mistake k. Returns FALSE if the
+ * work was cancelled or a picture cannot be used. */
 static gboolean try_poles(struct job *job, const struct calibrate_frame *noted,
                           const GArray *mistakes, double *ret) {
     gboolean ok = TRUE;

@@ -10,8 +10,8 @@
 #include <string.h>
 
 #define INSIDE 0.97 /* part of a ball's radius within which the highlight is searched for */
-/* Part of a ball's radius. A much brighter highlight outside of the ball but within this shows that
- * the given circle is wrong. */
+/* A much brighter highlight outside of a ball, but within this part of its radius from its
+ * centre, shows that the given circle is wrong. */
 #define AROUND 1.3
 /* Factor by which such a highlight has more energy than the one on the ball. */
 #define BRIGHTER 5.0
@@ -21,8 +21,8 @@
 #define MOVED      0.05 /* largest error of such a circle, as a part of the radius */
 #define MOVED_PX   4    /* largest error of the circle of a small ball, in pixels */
 #define WHITE      0.98 /* part of the brightest pixel from which a pixel counts as clipped */
-/* Part of the radius. An outline that differs from the circle by more than MOVED, but by less than
- * this, shows that the circle is a mistake. */
+/* An outline that differs from the given circle by more than MOVED, but by less than this part
+ * of the radius, shows that the circle is a mistake. */
 #define LOST 0.25
 #define DEG  (180 / G_PI)
 
@@ -77,7 +77,8 @@ static gboolean overexposed(const struct job *job, const struct picture *picture
     return white > SPOT_SHARE * G_PI * reach * reach;
 }
 
-/* Adds the square root of a picture's light, so that highlights do not outshine outlines. */
+/* Adds a picture to the outlines and the mean, unless a ball in it is overexposed. The mean is
+ * of the square root of light, so that highlights do not outshine outlines. */
 static void add_to_mean(struct job *job, const struct picture *picture) {
     const int pixels = picture->width * picture->height;
     struct picture **mean = &job->mean;
@@ -204,8 +205,9 @@ static char *look_around(const struct job *job, const struct picture *picture,
         around.x_px, around.y_px);
 }
 
-/* Measures the direction in which a ball shows the light. Positions are in radii, from the first
- * ball on. Returns NULL on success, otherwise the reason of the failure; g_free(). */
+/* Measures the direction in which a ball shows the light. Positions are in radii of the ball,
+ * relative to the first ball. Returns NULL on success, otherwise the reason of the failure;
+ * g_free(). */
 static char *measure_ball(const struct job *job, const struct picture *picture, int i,
                           struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
@@ -277,7 +279,8 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
                         ceil(10 * sigma_rad * DEG) / 10));
 }
 
-/* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
+/* Measures the direction to the lamp from the highlights on all balls in which it is seen.
+ * Returns FALSE with an error if the balls contradict each other. */
 static gboolean measure(struct job *job, const struct picture *picture, GError **error) {
     struct ball_ray rays[BALL_LIGHT_MAX];
     int balls[BALL_LIGHT_MAX], n = 0;

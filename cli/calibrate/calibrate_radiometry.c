@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define MAX_GLARE   0.02 /* good lenses usually have less */
+#define MAX_GLARE   0.02 /* glare relative to the mean light; above it, a warning is given */
 #define MAX_FLICKER 0.005
 /* Expected errors of the lamps' light distribution in a rig file. */
 #define EXPONENT_ERROR 1.0

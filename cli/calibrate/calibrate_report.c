@@ -238,8 +238,8 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
                            PLOT / plan.scale);
 }
 
-/* Returns a column of a table that calibrate_keep() has kept. *n is reduced to the column's length
- * if the column is shorter. */
+/* Returns a column of a table that calibrate_keep() has kept. *n is reduced to the column's
+ * length if the column is shorter. If there is no such column, returns NULL and sets *n to 0. */
 static double *report_column(const struct calibration *calibration, const char *group,
                              const char *key, gsize *n) {
     gsize length = 0;

@@ -25,8 +25,9 @@ static gboolean progress(int done, int n, gpointer data, GError **error) {
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Computes the places of the board's four outer corners in a frame. corners is NULL if the board is
- * not seen. Returns the number of corners, or 0 if there are too few. */
+/* Computes the places of the board's four outer corners in a frame. corners is NULL if the board
+ * is not seen. Returns the number of corners, or 0 if there are too few or they fit no homography.
+ */
 static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];

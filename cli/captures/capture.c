@@ -41,8 +41,9 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* session is NULL to resume. chosen contains the exposures that replace "auto" in the session file;
- * it may be NULL. Returns NULL if a file that the options name cannot be read. */
+/* Returns the options of a start or, if session is NULL, of a resume. chosen contains the
+ * exposures that replace "auto" in the session file; it may be NULL. Returns NULL if a file that
+ * the options name cannot be read. */
 static GVariant *start_options(Link *link, const char *session, const char *chosen,
                                GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -60,7 +61,8 @@ static GVariant *start_options(Link *link, const char *session, const char *chos
     return g_variant_dict_end(&options);
 }
 
-/* With --json all states have already been printed; only an error is missing. */
+/* Prints how the capture has ended, and returns an exit code. With --json all states have
+ * already been printed, and only an error is missing. */
 static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const char *directory,
                     GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
@@ -94,7 +96,8 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-/* session is NULL to resume. */
+/* Captures a session or, if session is NULL, resumes the session in directory. Returns an exit
+ * code. */
 static int capture(const struct call *call, const char *rig, const char *session,
                    const char *directory, GError **error) {
     gboolean simulated = FALSE;

@@ -8,8 +8,8 @@
 #include "sessions/info.h"
 #include "unattended.h"
 
-/* The time for which “safe” repeats its request for devices that have not confirmed, and the time
- * between two requests. */
+/* SAFE_WAIT_US is the longest time for which “safe” repeats its request, if devices have not
+ * confirmed. SAFE_PAUSE_US is the pause between two requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
 #define SAFE_PAUSE_US (100 * 1000)
 
@@ -154,8 +154,8 @@ static int run_close(const struct call *call, GError **error) {
 }
 
 /* SafeState answers within a quarter of a second. A slow device may confirm later. The command
- * therefore asks again until all devices have confirmed, or until the drivers of lasers and lamps
- * have given up. */
+ * therefore asks again until all devices have confirmed or SAFE_WAIT_US have passed. That is longer
+ * than the deadline of a command to a laser or lamp. */
 static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
                           GError **error) {
     const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;

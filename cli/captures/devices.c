@@ -98,7 +98,7 @@ static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems
         g_printerr("mesorig: %s\n", (char *)problems->pdata[i]);
 }
 
-/* "5", or "1-16". */
+/* Parses the address of one unit, such as "5", or a range, such as "1-16". */
 static gboolean parse_units(const char *text, struct finder_modbus *modbus) {
     g_auto(GStrv) parts = g_strsplit(text, "-", 2);
     gint64 first, last;

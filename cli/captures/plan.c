@@ -71,7 +71,8 @@ static GVariant *here(const char *rig, const char *session, const char *director
     return report;
 }
 
-/* Assumptions about devices are added to the plan's notes. */
+/* Makes a plan from the rig file, without its devices. Assumptions about devices are added to
+ * the plan's notes. */
 static GVariant *plan_offline(const char *rig_path, const char *session, GError **error) {
     struct session_conf conf = {0};
     struct rig rig;
@@ -93,7 +94,7 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
     return report;
 }
 
-/* Draws --curve. */
+/* Draws the plot of --curve, and adds its points to the record. */
 static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, const char *session,
                            GError **error) {
     g_auto(SessionConf) conf = {0};

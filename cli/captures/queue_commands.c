@@ -26,7 +26,7 @@ static const GOptionEntry remove_entries[] = {
     {NULL},
 };
 
-/* Finds a daemon that keeps a queue. */
+/* Finds a daemon that keeps a queue. Returns NULL with an error if there is none. */
 static Link *queue_link(GError **error) {
     g_autoptr(Link) link = link_find(NULL, error);
     if (!link)
@@ -52,7 +52,8 @@ static char *directory_for(const char *session) {
     return g_canonicalize_filename(below, NULL);
 }
 
-/* Returns NULL if a file cannot be read. */
+/* Returns the options for adding a session or, with check, for validating it. Returns NULL with
+ * an error if a file cannot be read. */
 static GVariant *add_options(Link *link, const char *session, gboolean check, GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     g_auto(GVariantDict) options;
@@ -69,7 +70,8 @@ static GVariant *add_options(Link *link, const char *session, gboolean check, GE
     return g_variant_dict_end(&options);
 }
 
-/* Collects the mistakes of all files. Nothing is added if there is one. */
+/* Checks all session files. If there are mistakes, returns FALSE with one error that lists them
+ * all, and the caller adds no session. */
 static gboolean check_all(Link *link, const struct call *call, GError **error) {
     g_autoptr(GString) mistakes = g_string_new(NULL);
     for (int i = 0; i < call->n_arguments; i++) {

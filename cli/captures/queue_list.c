@@ -32,7 +32,8 @@ static gboolean has_ended(const struct shown *shown) {
     return strcmp(shown->state, "done") == 0 || strcmp(shown->state, "stopped") == 0;
 }
 
-/* Returns "21:40", or "Tue 06:10" on another day. g_free() */
+/* Returns "21:40", "Tue 06:10" on another day, or "-" if the time is not known. Free it with
+ * g_free(). */
 static char *clock_text(gint64 at_s) {
     g_autoptr(GDateTime) time = g_date_time_new_from_unix_local(at_s);
     g_autoptr(GDateTime) now = g_date_time_new_now_local();
@@ -43,9 +44,9 @@ static char *clock_text(gint64 at_s) {
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
 }
 
-/* Estimates when a session begins and ends. A session that has ended has its actual times. *at_s is
- * the time when the session before it ends before the call, and the time when this session ends
- * after it. It is 0 if it is not known because the queue is paused. */
+/* Estimates when a session begins and ends. A session that has ended has its actual times. *at_s
+ * is the time when the previous session ends. The call changes it to the time when this session
+ * ends. It is 0 if that time is not known, because the queue is paused. */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {
     const guint64 predicted_end = bus_rig1_get_predicted_end(rig);

@@ -58,15 +58,15 @@ extern gboolean cli_force;   /* --force was given: an output may replace an exis
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
 /* Calls output_file_new_locked(), with --force if it was given. */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
-/* The same as cli_output() for a product of a session, whose name Mesorig chooses. A link of that
- * name is replaced, not followed. */
+/* The same as cli_output_locked() for a product of a session, whose name Mesorig chooses. A link
+ * of that name is replaced, not followed. */
 OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
 /* Tells the user if the output has replaced a file. */
 void cli_tell_output(Record *to, const OutputFile *file);
 
-/* Makes the same decision for a folder of several files. Returns FALSE with DATA_ERROR_EXISTS if
- * something of that name exists, unless it is a folder and --force was given. A link without a
- * target also counts as existing. */
+/* Decides whether a folder of several files may be written, as cli_output() does for a file.
+ * Returns FALSE with DATA_ERROR_EXISTS if something of that name exists, unless it is a folder and
+ * --force was given. A link without a target also counts as existing. */
 gboolean cli_check_folder(const char *path, GError **error);
 
 /* Values of --address and --bus, for commands that talk to a daemon. */

@@ -42,7 +42,8 @@ static void add(GPtrArray *links, Link *link) {
     g_ptr_array_add(links, link);
 }
 
-/* Connects through a folder of bus_client.h; removes the folder if its daemon was killed. */
+/* Connects to the daemon of a folder (bus_client.h). Returns NULL if the folder belongs to
+ * another user or the daemon cannot be reached. Removes the folder if its daemon was killed. */
 static Link *in_folder(const char *folder) {
     g_autofree char *at = g_build_filename(folder, "bus", NULL);
     g_autofree char *target = g_file_read_link(at, NULL);
@@ -145,8 +146,9 @@ static Link *by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
-/* Called if no daemon of this user was found. Looks for a daemon on the buses once more. If one
- * refuses this user, returns its error, because the user probably meant that daemon. */
+/* Called if no daemon of this user was found. Looks for a daemon on the buses once more. If a
+ * daemon there refuses this user, fails with that error, because the user probably meant that
+ * daemon. */
 static Link *none_at_all(GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         g_autoptr(GError) why = NULL;

@@ -13,7 +13,7 @@ struct Link {
     gboolean passing; /* the daemon ends with the program that has started it */
 };
 
-/* Connects to this daemon. Fails if the daemon does not answer, or if this user may not call it.
- * bus is "system" or "session". */
+/* Both connect to the daemon at an address or on a bus. They return NULL with an error if the
+ * daemon does not answer, or if this user may not call it. bus is "system" or "session". */
 Link *link_to(const char *address, GError **error);
 Link *link_on_bus(const char *bus, GError **error);

@@ -256,9 +256,10 @@ static gboolean check_idle(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The first Ctrl-C pauses after the shot under way, the second aborts immediately. Changes that the
- * daemon sent before its answer may still be queued, even the change to "running". An idle source
- * therefore reads the state after them. */
+/* With control, the first Ctrl-C pauses after the shot under way, and the second aborts
+ * immediately. Without control, Ctrl-C ends the watching. Changes that the daemon sent before its
+ * answer may still be queued, even the change to "running". An idle source therefore reads the
+ * state after them. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;

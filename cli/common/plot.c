@@ -78,7 +78,8 @@ void plot_title(cairo_t *cr, double x, double y, const char *title, const char *
 #define BAR_Y       760.0
 #define BAR_WIDTH   500.0
 
-/* A scale from dark blue to yellow, uniform in lightness. */
+/* Sets a colour of a scale from dark blue (t = 0) to yellow (t = 1) whose lightness grows
+ * evenly. */
 static void set_heat(cairo_t *cr, double t) {
     static const double stops[6][3] = {{0.27, 0.00, 0.33}, {0.25, 0.27, 0.53}, {0.16, 0.47, 0.56},
                                        {0.13, 0.66, 0.52}, {0.48, 0.82, 0.32}, {0.99, 0.91, 0.14}};
@@ -90,8 +91,8 @@ static void set_heat(cairo_t *cr, double t) {
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
-/* Draws the hemisphere seen from above, with a dot for each direction. The dots are as large as the
- * space allows. */
+/* Draws the hemisphere seen from above, with a dot for each direction. The colour of a dot is
+ * its error relative to most. The dots are as large as the space allows. */
 static void draw_disc(cairo_t *cr, double centre, const char *title, const float *theta_deg,
                       const float *phi_deg, const struct compare_sums *sums, int n, double most) {
     const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);

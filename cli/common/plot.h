@@ -8,12 +8,12 @@
 #define PLOT_WIDTH  1280
 #define PLOT_HEIGHT 800
 
-#define PLOT_TEXT 17.0 /* points */
+#define PLOT_TEXT 17.0 /* size of text, in the unit of PLOT_WIDTH */
 
 /* Begins a picture with a white background, dark ink and text of size PLOT_TEXT. Returns NULL with
  * an error unless path ends in .png or .svg. */
 cairo_t *plot_new(const char *path, GError **error);
-/* Draws a larger line from (x, y) on, and a line below it (may be NULL). */
+/* Draws a title from (x, y) on, and below it a text of size PLOT_TEXT, unless text is NULL. */
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text);
 /* Writes the file and frees cr. */
 gboolean plot_finish(cairo_t *cr, const char *path, GError **error);

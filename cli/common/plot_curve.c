@@ -9,7 +9,7 @@
 #define LINE   (PLOT_TEXT + 2)
 #define LEAST  1e-4 /* smaller errors are only rounding errors, and are drawn at this value */
 
-/* Both axes are logarithmic. */
+/* The ranges of the two axes, both logarithmic: raw_bytes divided by the size, and the error. */
 struct axes {
     double ratio[2], error[2];
 };

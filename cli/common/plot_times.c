@@ -7,7 +7,7 @@
 #define TOP    120.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
 
-/* Minutes from 0 on, and errors in %, on a logarithmic axis. */
+/* The ranges of the axes: minutes from 0 to max_min, and errors in %, on a logarithmic axis. */
 struct plot_times_axes {
     double max_min, error_pct[2];
 };

@@ -16,7 +16,7 @@
 struct Progress {
     char *what;
     gboolean tty, utf8, drawn;
-    gint64 begun_us, shown_us;    /* 0 if not yet */
+    gint64 begun_us, shown_us;    /* times of the first call and of the last drawing; 0 if none */
     char *above;                  /* text above the bar */
     int above_lines, above_drawn; /* number of lines of above, and of those on the terminal */
 };
@@ -79,8 +79,9 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes the width that the text leaves. A text that is too long loses its last parts, which
- * commas separate, so that the line never wraps and can be overwritten. */
+/* Draws the bar, the text next to it and, if it was erased, the text above it. The bar takes the
+ * width that the text leaves. A text that is too long loses its last parts, which commas separate,
+ * so that the line never wraps and can be overwritten. */
 static void draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =

@@ -15,7 +15,8 @@ struct shown {
     char *name;
     guint8 *rgb; /* NULL before the first picture */
     int width, height;
-    gboolean asked, stale; /* a call is under way; a newer picture has appeared since */
+    /* asked: a call is under way; stale: a newer picture has appeared since that call */
+    gboolean asked, stale;
 };
 
 struct Watching {
@@ -120,7 +121,7 @@ static void on_answer(GObject *proxy, GAsyncResult *result, gpointer data) {
     double time_s;
     gsize length;
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
-        return; /* the object has been freed */
+        return; /* watching_free() has cancelled the call */
     shown->asked = FALSE;
     if (answer) {
         g_autoptr(GVariant) bytes = NULL;

@@ -13,7 +13,7 @@ typedef struct Watching Watching;
 Watching *watching_new(BusRig1 *rig, Progress *progress, gboolean pictures);
 void watching_free(Watching *watching); /* NULL is ignored */
 
-/* Updates the pose. */
+/* Updates the pose and, if they are shown, the pictures above the bar. */
 void watching_show(Watching *watching);
 
 /* Returns a text such as "turntable 30°, arc 195°: lamp30, light from θ 30°, φ 165° of the sample",

@@ -23,7 +23,8 @@ struct exchange_format {
     const char *format; /* as in "Bonn's format" */
     /* the ending of the file's name, with the dot; NULL if any name is accepted */
     const char *end;
-    const char *kind; /* of output_file.h; NULL if the format has no place for it */
+    /* the argument kind of output_file_new(); NULL if the format has no place for it */
+    const char *kind;
 };
 
 /* Checks -o. Returns NULL if it is missing, lacks the ending of its format, or exists and may not

@@ -68,7 +68,7 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
     record_double(to, "real_s", seconds);
 }
 
-/* Returns what is wrong with the options, or NULL. */
+/* Fills *ret from the options. Returns what is wrong with them, or NULL. */
 static const char *parse_grid(struct session_grid *ret) {
     char more;
     *ret =
@@ -88,9 +88,10 @@ static const char *parse_grid(struct session_grid *ret) {
                : "--sample and --texels give a sample that is not 1 to 8192 texels high";
 }
 
-/* Writes the file of nominal values that -o names, which must not exist. */
+/* Writes the file of nominal values that -o names. Returns an exit code. */
 static int write_template(const struct call *call, GError **error) {
-    /* An existing file may have values that somebody has filled in. */
+    /* An existing file is replaced only with --force, because somebody may have filled in its
+     * values. */
     g_autoptr(OutputFile) to = cli_output(output, NULL, error);
     g_autofree char *text = to ? nominal_template(call->arguments[0], error) : NULL;
     if (!text || !output_file_put(to, text, strlen(text), error))

@@ -25,8 +25,8 @@
 struct measured { /* the measurement of a camera under a light */
     int camera;
     const char *light;
-    /* Values per microsecond, as parts of the range: those that few and many of the brightest
-     * pixels reach. */
+    /* Parts of the range per microsecond. high is the value that few of the brightest pixels
+     * reach, and low is the value that many of them reach. */
     double high, low;
     /* The picture is saturated even at the camera's shortest exposure. The true value of high is
      * larger. */
@@ -303,7 +303,7 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
     if (!brightest)
         return refuse_dark(choice, "a laser's line", key, error);
     double shortest_us = LINE_HIGH / brightest->high, long_us = conf->laser_exposure_us;
-    /* Twice the threshold above which a line counts. */
+    /* The line must reach twice the threshold above which it counts. */
     const double range_dn = (1 << choice->timing->bits[dimmest->camera]) - 1;
     const double least = 2 * conf->laser_threshold_dn / range_dn;
     const double needed_us = exposure_for(least, dimmest->low);

@@ -27,7 +27,7 @@ struct waiting {
     Link *link;
     gint64 until_us; /* the end of --for; 0 if there is none */
     int n_open;      /* number of open interlocks at the start */
-    char *fault;     /* the fault that has ended it, or NULL */
+    char *fault;     /* the fault that has ended the waiting, or NULL */
 };
 
 static gboolean on_end(gpointer data) {
@@ -35,7 +35,8 @@ static gboolean on_end(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* The daemon measures the time. The last lease ends at the end of --for. */
+/* Renews the lease of the light. With --for, the lease ends at the end of that time at the
+ * latest, so the daemon switches the light off even if this program hangs. */
 static gboolean on_renew(gpointer data) {
     struct waiting *waiting = data;
     const double left_s = waiting->until_us == 0

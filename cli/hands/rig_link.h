@@ -1,4 +1,4 @@
-/* The daemon that runs a rig. */
+/* Finds the daemon that runs a rig, and makes it open the rig. */
 #pragma once
 
 #include "common/link.h"

@@ -45,8 +45,8 @@ static gboolean set_lights(Link *link, gboolean on, GError **error) {
            (!laser || hand_light(link, TRUE, laser, on, error));
 }
 
-/* Finds a daemon with the rig and switches the requested lights on. After a failure they go off
- * with the link. */
+/* Finds a daemon with the rig and switches the requested lights on. Returns NULL after a
+ * failure, and the lights go off when the link is freed. */
 static Link *look_begin(const struct call *call, GError **error) {
     if (exposure_us == 0)
         exposure_us = EXPOSURE_US;

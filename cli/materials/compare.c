@@ -24,9 +24,9 @@ struct compare {
     /* results */
     Material *of_a, *of_b;
     struct comparison *comparison;
-    double evaluation_ns; /* of B */
+    double evaluation_ns; /* time of one evaluation of B; NAN if B cannot be evaluated */
     struct left_out left_out;
-    struct held_out held; /* for points */
+    struct held_out held; /* the directions that were left out for points */
     GArray *points;
 };
 
@@ -39,7 +39,7 @@ static gboolean draw(const struct compare *compare, GError **error) {
                                    error);
 }
 
-/* Bytes of the BTF that the methods have seen. */
+/* Returns the number of bytes of the part of the BTF that the methods have seen. */
 static double seen_bytes(const struct compare *compare) {
     const struct btf_layout *layout = material_info(compare->of_a)->layout;
     const double views = (double)layout->views.n, lights = (double)layout->lights.n;
@@ -134,7 +134,7 @@ static double bytes_per_texel(const struct material_info *info) {
     return (double)info->bytes / (double)btf_layout_texels(info->layout);
 }
 
-/* Metrics of pictures, as in the literature. */
+/* Reports the picture metrics of the literature: PSNR, SSIM and FLIP. */
 static void tell_pictures(Record *to, const struct comparison *c) {
     record_say(to, "PSNR       %.2f{psnr_db} dB of all values, clipped to white, as sRGB\n",
                c->all.psnr_db);
@@ -226,7 +226,7 @@ static void tell_curve(Record *to, const struct compare *compare) {
     cli_tell_output(to, compare->plot);
 }
 
-/* Compares renderings of two materials. */
+/* Compares two pictures, such as renderings of two materials. */
 static int run_pictures(Record *to, const char *a, const char *b, GError **error) {
     struct picture_comparison found;
     if (!compare_pictures(a, b, &found, error))
@@ -246,7 +246,7 @@ static int run_pictures(Record *to, const char *a, const char *b, GError **error
     return CLI_DONE;
 }
 
-/* The placeholder of --method is a list of all codecs. */
+/* Returns the options of the command. The placeholder of --method is a list of all codecs. */
 static const GOptionEntry *entries(void) {
     static GOptionEntry table[] = {
         {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,

@@ -7,7 +7,7 @@
 struct compare_methods_asked {
     const char *path; /* the session */
     struct left_out left_out;
-    const struct codec *codec; /* NULL: all codecs */
+    const struct codec *codec; /* the only codec to measure; NULL for all codecs */
 };
 
 /* Encodes the BTF without some views and lights by each codec with its default options, and adds

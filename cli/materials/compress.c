@@ -47,7 +47,7 @@ static gboolean encode(struct compress *compress, const struct btf_matrix *btf,
 /* Computes the model with its errors and sizes, and writes its file. */
 static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     const struct compress_asked *asked = compress->asked;
-    /* The rest of the limit is for the computation. */
+    /* Half of the memory limit is for the BTF, and the rest for the computation. */
     struct btf_matrix *btf = btf_matrix_read_within(asked->memory / 2, asked->path, work, error);
     if (!btf)
         return FALSE;

@@ -82,7 +82,7 @@ static const char *help_of(const char *name) {
     return g_intern_string(text->str);
 }
 
-/* Returns all choices that any method has. */
+/* Returns the choices of an option, over all methods, with | between them. */
 static const char *choices(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);

@@ -7,7 +7,7 @@
 
 struct curve {
     const struct btf_matrix *btf;
-    const struct held_out *held; /* NULL: errors at the measured directions */
+    const struct held_out *held; /* NULL for the errors at the measured directions */
     GArray *points;
     struct work quiet; /* can be cancelled, reports nothing */
 };

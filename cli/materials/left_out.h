@@ -12,7 +12,8 @@ struct left_out {
 /* Parses "4", "views=4" or "lights=4" into the numbers. Returns FALSE if the text is wrong. */
 gboolean left_out_parse(const char *text, struct left_out *to);
 
-/* Draws the directions. path names the session in errors. */
+/* Draws the directions. path names the session in errors. Fails if the BTF has too few
+ * directions to leave any out. */
 gboolean left_out_draw(const struct left_out *left_out, const char *path,
                        const struct btf_layout *layout, struct held_out *ret, GError **error);
 

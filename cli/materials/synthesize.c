@@ -37,8 +37,8 @@ struct synthesis {
     OutputFile *to; /* written */
 };
 
-/* Returns the file to write. If it is one of the session's products, the session's lock is
- * taken. */
+/* Returns the file to write. Returns NULL with an error if it is a product of the session and
+ * another process is making products. */
 static char *output_path(const char *session, GError **error) {
     if (output)
         return g_strdup(output);
@@ -102,7 +102,8 @@ static void tell(Record *to, const struct synthesis *synthesis, double seconds) 
     cli_tell_output(to, synthesis->to);
 }
 
-/* Returns FALSE with *ret_code set if the command must end. */
+/* Reads the options of the command into *o. Returns FALSE with *ret_code set if the command must
+ * end. */
 static gboolean ask(const struct call *call, struct synthesis_options *o, int *ret_code) {
     char rest;
     *o = (struct synthesis_options){.width = 512, .height = 512};

@@ -35,8 +35,9 @@ struct archive_check {
 struct archive_ring {
     double theta_deg;
     int views, pictures;
-    double holes, bounds, shorter, predicted; /* of the BTF's texels */
-    double sigma;                             /* median over pictures of σ / value */
+    /* shares of the BTF's values, as add_rings() in archive_page.c explains them */
+    double holes, bounds, shorter, predicted;
+    double sigma; /* median over pictures of σ / value */
     /* of the MDF's texels: measured in the view itself, supplied by other views */
     double measured, supplied;
 };
@@ -55,7 +56,7 @@ struct archive {
     char *chosen;   /* the exposures that were chosen for "auto", or NULL */
     struct session_grid grid;
     int views, lights, lasers;
-    int planned, done, skipped; /* shots */
+    int planned, done, skipped; /* numbers of shots */
     /* shots that [lasers] stop = covered and [lights] sampling = adaptive have left out; they are
      * not counted in skipped */
     int unneeded;
@@ -76,7 +77,8 @@ struct archive {
 struct archive_device {
     char *section; /* "camera top" */
     char *driver;  /* "" for sections without one */
-    /* the value of the first of the keys device, serial, address and host that is given; or "" */
+    /* the value of the first of the keys device, serial, address, host and line that is given;
+     * or "" */
     char *address;
 };
 

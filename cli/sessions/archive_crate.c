@@ -15,7 +15,8 @@ static void add_text(GVariantBuilder *to, const char *key, const char *value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_string(valid));
 }
 
-/* Each entity of the graph is an "a{sv}". A reference to another entity is {"@id": …}. */
+/* Begins an entity of the graph, which is an "a{sv}". A reference to another entity is {"@id":
+ * …}. */
 static GVariantBuilder *entity(const char *id, const char *type) {
     GVariantBuilder *ret = g_variant_builder_new(G_VARIANT_TYPE_VARDICT);
     add_text(ret, "@id", id);
@@ -154,7 +155,7 @@ char *archive_crate(const struct archive *archive) {
         finish(&graph, license);
     }
 
-    /* The term is from schema.org, and is not in the context of RO-Crate 1.1. */
+    /* sha256 is a term of schema.org, which the context of RO-Crate 1.1 lacks. */
     g_variant_builder_init(&terms, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&terms, "{sv}", "sha256",
                           g_variant_new_string("https://schema.org/sha256"));

@@ -67,7 +67,8 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Returns the quantile of n values at a share. Values that are not finite are left out. */
+/* Returns the quantile of n values at a share, but at least 1e-6. Values that are not finite are
+ * left out. Returns 1 if no value is finite. */
 static float quantile(const float *values, gsize n, double share) {
     g_autofree float *sorted = g_new(float, n + 1);
     gsize found = 0;
@@ -80,7 +81,8 @@ static float quantile(const float *values, gsize n, double share) {
     return MAX(sorted[(gsize)(share * (double)(found - 1))], 1e-6F);
 }
 
-/* Adds a frame's mosaic or planes as grey, averaged over squares of pixels. */
+/* Adds a frame's mosaic or planes as grey, averaged over squares of pixels. Adds nothing if the
+ * file cannot be read. */
 static void add_frame(struct archive *archive, const struct session_shot *shot,
                       const struct session_frame *frame) {
     g_autofree char *path = g_build_filename(archive->path, frame->path, NULL);

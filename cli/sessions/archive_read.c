@@ -12,7 +12,8 @@
 
 /* Views whose elevations differ by less than this are one ring. */
 #define SAME_RING_DEG 1.0
-/* Limits of shares and ratios from which a check gives a warning or fails. */
+/* Limits of shares and ratios. Above such a limit (below MEASURED_WARN), a check gives a warning
+ * or fails. */
 #define RETAKES_WARN     0.01
 #define LATE_WARN        1.25
 #define HOLES_WARN       0.01
@@ -103,7 +104,7 @@ static int length_of(GPtrArray *array) {
     return n;
 }
 
-/* Returns a key of [session] as the operator wrote it. */
+/* Returns the value of a key of [session] as the operator wrote it, or "" if there is none. */
 static char *described(const Config *conf, const char *key) {
     const struct config_section *section = conf ? config_find(conf, "session", NULL) : NULL;
     const char *value = section ? config_value(section, key, NULL) : NULL;
@@ -168,7 +169,7 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     g_autofree char *rig_text = conf_text ? session_text(session, "rig.conf", error) : NULL;
     if (!rig_text)
         return FALSE;
-    /* Imported sessions have other texts, or none. */
+    /* The texts of an imported session need not be such files. conf or rig is then NULL. */
     g_autoptr(Config) conf = config_parse(conf_text, "session.conf", NULL);
     g_autoptr(Config) rig = config_parse(rig_text, "rig.conf", NULL);
     archive->sample = described(conf, "sample");
@@ -191,7 +192,8 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     return read_calibration(archive, session, rig, error);
 }
 
-/* A pause that the user requested is not a fault of the capture. */
+/* Returns whether an event is a pause that the user requested. Such a pause is not a fault of
+ * the capture. */
 static gboolean asked_to_pause(const struct session_event *event) {
     return g_str_equal(event->source, "capture") &&
            g_str_equal(event->message, "paused by the user");
@@ -353,7 +355,8 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
                       100 * bounds);
 }
 
-/* Reads the origin of the MDF's distances, ring by ring. */
+/* Adds to each ring the shares of the MDF's texels that were measured and that other views
+ * supply. */
 static gboolean read_mdf(struct archive *archive, const struct work *work, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {

@@ -141,7 +141,8 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
         record_say(to, "laser light  %s\n", warning);
 }
 
-/* Reports the error bars. Suggests longer exposures only where they do not saturate already. */
+/* Reports the error bars. too_long is the advice on the exposures, or NULL. If there is such
+ * advice, longer exposures are not suggested. */
 static void tell_sigma(Record *to, const char *path, const char *too_long) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(path, &sigma);

@@ -1,11 +1,14 @@
-/* Finds mistakes in the input of a BTF or an MDF from the product only: values that no material
+/*
+ * Finds mistakes in the input of a BTF or an MDF from the product only: values that no material
  * has.
  *
  * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each possible mistake is
- * undone, and the asymmetry s is compared. With a and b the values of two pairs of directions in
- * which view and light are exchanged, s = √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B −
- * p with the p that minimises Σ (a − b)²; and for B^(1/2.2) and B^2.2, which sRGB is near to. Only
- * pairs with different polar angles show such a mistake. */
+ * undone, and the asymmetry s is compared. Let a and b be this mean for two pairs of directions in
+ * which view and light are exchanged. Then s = √(Σ (a − b)² / Σ ((a + b)/2)²). s is computed for
+ * the values B, for B − p with the p that minimises Σ (a − b)², and for B^(1/2.2) and B^2.2, which
+ * are close to undoing sRGB in either direction. Only pairs with different polar angles show such a
+ * mistake.
+ */
 #include "check.h"
 
 #include "base/direction.h"
@@ -33,9 +36,11 @@
 
 enum tone { AS_IS, ENCODED, DECODED, TONES };
 
-struct exchanged { /* pair of indices into view × light */
+/* two pairs of a view and a light, with view and light exchanged, as indices into view × light
+ */
+struct exchanged {
     int one, other;
-    double cos_one, cos_other; /* of their lights */
+    double cos_one, cos_other; /* cos θ of the light of each pair */
 };
 
 /* Adds a sentence. */

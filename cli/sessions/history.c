@@ -79,7 +79,7 @@ static void draw_line(const struct history *h, double x0, double y0, double x1, 
     cairo_stroke(h->cr);
 }
 
-/* The time axis below a panel, with a step that gives at most MAX_TICK marks. */
+/* Draws the time axis of a panel, with a step that gives at most about MAX_TICK marks. */
 static void draw_time(const struct history *h, double top, double bottom, gboolean labels) {
     static const int steps[] = {1,   2,   5,    10,   15,   30,    60,    120,   300,
                                 600, 900, 1800, 3600, 7200, 14400, 28800, 86400, 604800};

@@ -23,7 +23,7 @@
 
 struct counts {
     int planned, done, skipped, frames, retakes, views, lights, lasers;
-    int sweeps, sweeps_left_out, lamps, lamps_left_out; /* shots */
+    int sweeps, sweeps_left_out, lamps, lamps_left_out; /* shots that were done or left out */
     gint64 bytes;
 };
 
@@ -209,7 +209,7 @@ static void tell_lamps(Record *to, Session *session, const struct counts *counts
     gpointer shots;
     g_hash_table_iter_init(&iter, rounds);
     while (g_hash_table_iter_next(&iter, NULL, &shots))
-        n += *(const char *)shots != '\0'; /* the last one has none */
+        n += *(const char *)shots != '\0'; /* the last round has no shots */
     record_int(to, "lamps_done", counts->lamps);
     record_int(to, "lamps_left_out", counts->lamps_left_out);
     record_say(to, "lamps      %d %s taken in %d{lamps_rounds} %s", PLURAL(counts->lamps, "shot"),

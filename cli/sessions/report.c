@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
 struct report {
     const char *path;
     OutputFile *page, *crate; /* NULL if not requested */
-    struct archive *archive;  /* found */
+    struct archive *archive;  /* data of the session; NULL until it was read */
 };
 
 /* Adds the findings of `mesorig check`. */
@@ -82,7 +82,8 @@ static gboolean work_report(const struct work *work, gpointer data, GError **err
     return TRUE;
 }
 
-/* Returns the drawing of `mesorig info --history`, or NULL if nothing was captured. */
+/* Returns the drawing of `mesorig info --history` as an <svg> element. Returns NULL if nothing
+ * was captured or the drawing fails. */
 static char *history(const char *path, GError **error) {
     g_autofree char *file = NULL;
     char *svg = NULL;
