@@ -3,7 +3,7 @@
 
 usage: gpio-lamp.py VALUE_FILE, for instance /sys/class/gpio/gpio17/value
 
-docs/build-a-rig/programs.md describes the requests. A pin that is low when the lamp is off is needed.
+docs/build-a-rig/programs.md describes the requests. The pin must be low when the lamp is off.
 """
 import json
 import signal

@@ -1,10 +1,10 @@
 #!/bin/bash
 # A lamp on a pin of the computer, as a program for the driver program-lamps.
 # usage: gpio-lamp.sh VALUE_FILE, for instance /sys/class/gpio/gpio17/value
-# The same as gpio-lamp.py, without a library for JSON: mesorigd writes its requests on one line, without
-# spaces, so that a request can be taken apart with patterns. docs/build-a-rig/programs.md describes them.
+# It does the same as gpio-lamp.py, without a library for JSON: mesorigd writes each request on one line,
+# without spaces, so patterns can take a request apart. docs/build-a-rig/programs.md describes the requests.
 value=$1
-trap 'echo 0 >"$value"' EXIT # whatever ends this program
+trap 'echo 0 >"$value"' EXIT # switches the lamp off, whatever ends this program
 
 reply() {
     printf '{"jsonrpc":"2.0","id":%d,"result":%s}\n' "$id" "$1"

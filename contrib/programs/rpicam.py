@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """A camera of a Raspberry Pi, as a program for the driver program-camera: rpicam-still takes a raw
 picture, and dcraw writes its values as PGM. Raspberry Pi OS has both (packages rpicam-apps, dcraw).
-Not yet tried with a camera by us.
+We have not tried it with a camera yet.
 
 usage: rpicam.py WIDTH HEIGHT CFA BITS BLACK_LEVEL, for instance 4056 3040 bggr 12 256
 
