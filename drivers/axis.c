@@ -176,7 +176,8 @@ static void stands(Axis *axis) {
     device_report_safety(&axis->device, NULL);
 }
 
-/* Call it last: the listener may close the axis. */
+/* Ends the activity and tells the listener so. Call it last, because the listener may close the
+ * axis. */
 static void end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
     const gboolean stop_failed = state->stopping || state->unsafe;

@@ -27,12 +27,12 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
 /* The motion of an axis. The plan predicts durations from it. The driver's open() fills it, usually
  * with a copy of the struct that AXIS_MOTION_OPTIONS has filled in the driver's private data. */
 struct axis_motion {
-    double min_deg, max_deg; /* limits, inclusive */
+    double min_deg, max_deg; /* limits of the position, inclusive */
     /* Turns without end: targets are taken modulo 360, and the shorter way is used. */
     gboolean wraps;
-    double speed_deg_s;  /* > 0 */
-    double accel_deg_s2; /* > 0; also the deceleration */
-    /* At least 0. The class takes it up by always arriving in the positive direction. */
+    double speed_deg_s;  /* top speed, above 0 */
+    double accel_deg_s2; /* above 0; also the deceleration */
+    /* At least 0. The class makes up for it by always arriving in the positive direction. */
     double backlash_deg;
     double settle_ms; /* time from arrival until the load is still; the class waits for it */
     double homing_s;  /* duration of homing, for predictions; 0 if it is not known */
@@ -91,7 +91,7 @@ struct axis_driver {
      * wait for a motion that has not been sent yet. A driver does not repeat a stop that failed,
      * because the class does. */
     gboolean (*stop)(Axis *axis, GError **error);
-    /* The position that the device last reported. Never blocks. */
+    /* Returns the position in degrees that the device last reported. Never blocks. */
     double (*position)(Axis *axis);
 };
 

@@ -82,7 +82,7 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
     camera->state->data = data;
 }
 
-/* Call it last: the listener may close the camera. */
+/* Tells the listener of an event. Call it last, because the listener may close the camera. */
 static void notify(Camera *camera, enum camera_event event, Frame *frame, const GError *error) {
     if (camera->state->func)
         camera->state->func(camera, event, frame, error, camera->state->data);

@@ -24,7 +24,8 @@ static gboolean lamps_send(gpointer device, int index, gboolean on, GError **err
     return bank->driver->set(bank, index, on, error);
 }
 
-/* Call it last: the listener may close the bank. */
+/* Tells the listener the answer to a command. Call it last, because the listener may close the
+ * bank. */
 static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     LampBank *bank = device;
     if (bank->state->func)

@@ -24,7 +24,8 @@ static gboolean laser_send(gpointer device, int index, gboolean on, GError **err
     return laser->driver->set(laser, on, error);
 }
 
-/* Call it last: the listener may close the laser. */
+/* Tells the listener the answer to a command. Call it last, because the listener may close the
+ * laser. */
 static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     Laser *laser = device;
     if (laser->state->func)

@@ -22,7 +22,7 @@ struct light_output {
     gboolean dark;   /* the last "off" was confirmed, and no "on" was sent since */
     /* A command has failed, and neither "off" nor a wanted "on" was confirmed since. */
     gboolean failed;
-    guint64 on_number, off_number; /* the last command of each kind */
+    guint64 on_number, off_number; /* numbers of the last "on" and the last "off" */
 };
 
 struct lights {

@@ -126,7 +126,7 @@ static void push(AravisWorker *worker, struct job job) {
     g_async_queue_push(worker->jobs, g_memdup2(&job, sizeof job));
 }
 
-/* Functions that run in the threads of Aravis. */
+/* The following functions run in the threads of Aravis. */
 
 static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer) {
     AravisWorker *worker = data;
@@ -140,7 +140,7 @@ static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer)
     g_mutex_unlock(&worker->mutex);
 }
 
-/* Functions that run in the worker's thread. */
+/* The following functions run in the worker's thread. */
 
 static void set_pending(AravisWorker *worker, gboolean pending, guint generation) {
     g_mutex_lock(&worker->mutex);
@@ -164,7 +164,8 @@ static void worker_lose(AravisWorker *worker, GError *error) {
     close_device(worker);
 }
 
-/* Takes ownership of error. */
+/* Stops waiting for a frame and reports an error, of which it takes ownership. If the error says
+ * that the camera is lost, also reports the loss and closes the camera. */
 static void worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);
     post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
@@ -336,7 +337,7 @@ static gpointer worker_work(gpointer data) {
     return NULL;
 }
 
-/* Functions that run in the main loop. */
+/* The following functions run in the main loop. */
 
 static gboolean wait_for(AravisWorker *worker, const gboolean *what, double seconds) {
     gint64 until = g_get_monotonic_time() + (gint64)(seconds * 1e6);

@@ -26,8 +26,8 @@ struct task {
 struct ModbusBus {
     int ref_count;
     struct modbus_link link; /* a copy */
-    char *key;               /* modbus_address_name() */
-    /* TCP: the locks of each unit that a section has, kept until all sections are closed. */
+    char *key;               /* as modbus_address_name() returns it */
+    /* TCP only: the locks of each unit that a section has. Kept until all sections are closed. */
     GHashTable *units;
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */
@@ -161,7 +161,8 @@ static void modbus_bus_free(ModbusBus *bus) {
     g_free(bus);
 }
 
-/* Sections with the same unit share its lock. */
+/* Takes the locks of a unit if the bus is TCP and does not hold them yet. Sections with the same
+ * unit share them. Returns FALSE with an error if that fails. */
 static gboolean lock_unit(ModbusBus *bus, int unit, GError **error) {
     if (!modbus_is_tcp(bus->link.bus) || g_hash_table_contains(bus->units, GINT_TO_POINTER(unit)))
         return TRUE;

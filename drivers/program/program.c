@@ -59,7 +59,7 @@ struct Program {
     struct program_listener listener;
     enum state state;
     pid_t pid;
-    int in, out, socket; /* −1: closed */
+    int in, out, socket; /* −1 if closed */
     guint out_source, socket_source;
     GByteArray *line;     /* output that was read and not taken yet */
     GQueue starting;      /* of struct call: "hello" and "open" */

@@ -74,13 +74,13 @@ typedef void (*ProgramAnswer)(const struct program_answer *answer, gpointer data
 struct program_request {
     const char *method;
     JsonObject *params; /* program_call() and program_ask() take ownership; may be NULL */
-    int timeout_ms;     /* 0: PROGRAM_ANSWER_MS */
+    int timeout_ms;     /* longest time until the answer; 0 means PROGRAM_ANSWER_MS */
     enum program_turn turn;
     /* After the answer the program is asked with "get". The answer to "get" is the answer of the
      * request. Requests that are read back and go before those in turn are answered in the order in
      * which they were made. */
     gboolean read_back;
-    int tag; /* chosen by the driver */
+    int tag; /* chosen by the driver, and repeated in the answer */
 };
 
 /* The functions by which a driver is told of its program. They are called from the main loop.

@@ -41,10 +41,10 @@ gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 
 gboolean video_format_is_luma(const struct video_format *format);
 
-/* Returns the bytes of a row's pixels, without padding. */
+/* Returns the number of bytes of a row's pixels, without padding. */
 gsize video_format_row_bytes(const struct video_format *format, int width);
 
-/* Returns the bytes from the start of a frame to its last sample. */
+/* Returns the number of bytes from the start of a frame to the end of its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
 /* Unpacks a frame whose rows are stride bytes apart. Samples beyond the format's bits become its

@@ -36,7 +36,7 @@ struct video_pix {
  * NULL or empty matches any node. Fails if no node matches, or more than one. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
-/* A node that is not open, or that is zeroed with fd -1, is allowed. */
+/* Closes the node. A node that is not open, or that is zeroed with fd -1, is allowed. */
 void video_node_close(struct video_node *node);
 
 /* Returns the sorted paths of all nodes that capture video by streaming. */
@@ -46,7 +46,7 @@ GPtrArray *video_node_list(void);
  * failure. */
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
 
-/* Reads the present format. Returns -1 and sets errno on failure. */
+/* Reads the present format. Returns 0, or -1 with errno set. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
 /* Sets width, height and fourcc. The device may choose other values, which are returned in pix.
@@ -65,7 +65,8 @@ gboolean video_refuse(GError **error, enum device_error code, const struct video
  * measuring. */
 GArray *video_node_formats(const struct video_node *node); /* an array of guint32 */
 
-/* Returns the sizes as text, "640 × 480, 1280 × 720" or a range; g_free(). */
+/* Returns the sizes of a format as text, "640 × 480, 1280 × 720" or a range. Free it with
+ * g_free(). */
 char *video_node_sizes(const struct video_node *node, guint32 fourcc);
 
 /* Returns the sysfs folder of the device behind the node, with symlinks resolved. Returns NULL if
