@@ -216,7 +216,9 @@ void cli_print_readably(void) {
     g_set_printerr_handler(put_err);
 }
 
-/* stdout records that a write has failed, but not the reason. */
+/* Writes what stdout still holds. If this or an earlier write has failed, reports it and ends
+ * the process with CLI_FAILED. The reason is missing for an earlier write, because stdout does not
+ * record it. */
 static void check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))

@@ -11,7 +11,7 @@ struct call {
     const struct command *command;
     char *const *arguments; /* the positional arguments, with NULL after the last */
     int n_arguments;
-    Record *record; /* printed when the command has run */
+    Record *record; /* filled by the command, and printed after it has run */
 };
 
 /* A row of the table of commands. Each command has its own file. */

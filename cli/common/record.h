@@ -41,7 +41,7 @@ void record_doubles(Record *to, const char *key, const double *values, int n);
 void record_int(Record *to, const char *key, gint64 value);
 void record_boolean(Record *to, const char *key, gboolean value);
 void record_variant(Record *to, const char *key, GVariant *value); /* takes a floating reference */
-/* adds each value of an "a{sv}" */
+/* Adds each entry of a value of type "a{sv}" under its own key. */
 void record_variants(Record *to, GVariant *values);
 
 /* Add an array of char *. record_say_strings() also appends a line for each to the text, which

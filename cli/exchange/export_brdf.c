@@ -1,4 +1,4 @@
-/* export bsdf, export merl: write the mean BRDF of all texels of a material. */
+/* export bsdf, merl: write the mean BRDF of all texels of a material. */
 #include "formats/reflectance/export_brdf.h"
 #include "base/plural.h"
 #include "common/work.h"

@@ -1,4 +1,4 @@
-/* export maps, gltf, materialx, blender: a microfacet model of the material, for artists. */
+/* export maps, gltf, materialx, blender: write a microfacet model of a material for artists. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

@@ -1,4 +1,4 @@
-/* export ptm, relight: one view of a session as functions of the light. */
+/* export ptm, relight: write one view of a session as functions of the light. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

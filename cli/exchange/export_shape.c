@@ -1,4 +1,4 @@
-/* export points, height, normals: the surface of a session's material. */
+/* export points, height, normals: write the surface of a session's material. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

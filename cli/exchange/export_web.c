@@ -1,4 +1,4 @@
-/* export web: a material as a page for browsers, or as the file that three.js loads. */
+/* export web: writes a material as a page for browsers, or as the file that three.js loads. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

@@ -1,4 +1,4 @@
-/* export: the products of a session, for other programs. */
+/* export: writes the products of a session for other programs. */
 #include "exchange.h"
 
 #include "base/options.h"

@@ -1,4 +1,4 @@
-/* import bsdf, merl, utia: makes sessions of measured BRDFs. All texels have the same values. */
+/* import bsdf, merl, utia: make sessions of measured BRDFs. All texels have the same values. */
 #include "formats/reflectance/import_brdf.h"
 #include "common/work.h"
 #include "exchange.h"

@@ -1,4 +1,4 @@
-/* import btf, pictures, rti, relight, ptm: makes sessions of finished BTFs. */
+/* import btf, pictures, rti, relight, ptm: make sessions of finished BTFs. */
 #include "base/plural.h"
 #include "common/work.h"
 #include "exchange.h"

@@ -34,7 +34,7 @@ struct synthesis {
     struct synthesis_options options;
     struct synthesis_result result;
     struct index_map *map;
-    OutputFile *to; /* written */
+    OutputFile *to; /* the file that is written */
 };
 
 /* Returns the file to write. Returns NULL with an error if it is a product of the session and

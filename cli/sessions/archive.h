@@ -38,7 +38,8 @@ struct archive_ring {
     /* shares of the BTF's values, as add_rings() in archive_page.c explains them */
     double holes, bounds, shorter, predicted;
     double sigma; /* median over pictures of σ / value */
-    /* of the MDF's texels: measured in the view itself, supplied by other views */
+    /* Shares of the MDF's texels: those measured in the view itself, and those supplied by other
+     * views. */
     double measured, supplied;
 };
 

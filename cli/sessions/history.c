@@ -39,7 +39,8 @@ static int by_time(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Frames are sorted by shot, so that the frames of a shot are adjacent. */
+/* Collects one take for each captured shot, with the time of its last frame, and sorts them by
+ * time. Frames are sorted by shot, so that the frames of a shot are adjacent. */
 static void collect_takes(struct history *h) {
     guint s = 0;
     h->takes = g_array_new(FALSE, FALSE, sizeof(struct take));

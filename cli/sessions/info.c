@@ -296,7 +296,7 @@ static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     }
 }
 
-/* With shown, the part is also in the text for people. */
+/* Records a part of an EXR file. If shown is set, the text for people contains the part too. */
 static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
     const char *type = part->type == EXR_HALF ? "half" : "float";
     g_autoptr(GString) channels = g_string_new(NULL);
