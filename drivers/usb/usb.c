@@ -413,7 +413,7 @@ static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
     return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
 }
 
-/* Opens the device and reads product and serial number. Replaces *error on failure. */
+/* Opens the device and reads product and serial number. */
 static UsbDevice *try_open(struct context *context, const struct usb_match *match,
                            libusb_device *device, const struct libusb_device_descriptor *descriptor,
                            GError **error) {
@@ -421,7 +421,6 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     usb->who = g_strdup(match->who);
     usb->interface = -1;
     usb->context = context;
-    g_clear_error(error);
     int code = libusb_open(device, &usb->handle);
     if (code) {
         g_propagate_error(error, library_error(usb, code));
@@ -465,9 +464,13 @@ static GList *find_all(struct context *context, const struct usb_match *match, G
         g_autofree char *path = usb_path_of(all[i]);
         if (match->path && *match->path && strcmp(match->path, path) != 0)
             continue;
-        UsbDevice *usb = try_open(context, match, all[i], &descriptor, error);
-        if (!usb)
+        GError *failed = NULL;
+        UsbDevice *usb = try_open(context, match, all[i], &descriptor, &failed);
+        if (!usb) {
+            g_clear_error(error);
+            g_propagate_error(error, failed);
             continue;
+        }
         g_string_append_printf(seen, "%s%s (serial \"%s\", path %s)", seen->len ? ", " : "",
                                *usb->product ? usb->product : "a device", usb->serial, path);
         if (has_name(match, usb) &&
