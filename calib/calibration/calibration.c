@@ -78,8 +78,8 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     return part;
 }
 
-/* Rotates a covariance: C becomes T C Tᵀ, where T rotates x and y, which are the rows and columns
- * at and at + 1 of the n × n matrix. */
+/* Rotates the n × n covariance C by angle_rad about z: C becomes T C Tᵀ. The rows and columns with
+ * the indices `at` and `at + 1` belong to x and y. */
 static void turn_covariance(double *covariance, int n, int at, double angle_rad) {
     const double c = cos(angle_rad), s = sin(angle_rad);
     for (int side = 0; side < 2; side++)
@@ -139,7 +139,7 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
     }
 }
 
-/* SHA-256 over the lines of checksums, each ended by a newline. */
+/* A newline follows each string in the hashed text, so the division into strings counts. */
 char *calibration_checksum(const char *const *checksums, int n) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
 
@@ -165,7 +165,6 @@ gboolean calibration_write(const struct calibration *calibration, const char *pa
     return output_file_write(path, whole, strlen(whole), error);
 }
 
-/* Reads at most MAX_BYTES. */
 struct calibration *calibration_read(const char *path, GError **error) {
     GError *why = NULL;
     g_autofree char *text = input_file_read_text(path, MAX_BYTES, &why);

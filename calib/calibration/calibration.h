@@ -6,9 +6,9 @@
  * each calibrated part, sections of standard errors, and sections of other programs, which are
  * preserved.
  *
- * To add a section of numbers, add a row to the table in calibration_text.c, with the fields of a
- * struct (fields.h), and a member of struct calibration with that struct or an array of it. The
- * struct begins with `gboolean known`. The section is written if known is set.
+ * To add a section of numbers, define a struct that begins with `gboolean known`, and add it, or an
+ * array of it, to struct calibration. In calibration_text.c, add a table of its fields (fields.h),
+ * and a row to groups[]. The section is written if known is set.
  *
  * Plain data. Any thread may use a calibration, but only one thread at a time.
  */
@@ -31,17 +31,17 @@ struct calibration_part {
     char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
     char *method; /* one line */
     double residual_rms;
-    /* The residual that the noise of the data explains, in the same unit. 0 if it is not known. */
+    /* RMS residual that the noise of the data explains, in residual_unit; 0 if it is not known. */
     double residual_expected;
     char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
     int pictures;        /* number of pictures used, without the rejected ones */
-    char *checksum;      /* calibration_checksum() of the checksums of all pictures */
+    char *checksum;      /* calibration_checksum() of the used pictures */
     GPtrArray *rejected; /* of char *: "picture: reason"; empty if none was rejected */
 };
 
-/* Order of a camera's parameters in its covariance. The rotation is a small rotation vector ω in
- * radians about the rig's axes: R_true ≈ R_found (1 + [ω]×). */
+/* Order of a camera's parameters in its covariance. TURN_X, TURN_Y and TURN_Z are a small rotation
+ * vector ω in radians about the rig's axes: R_true ≈ R_found (1 + [ω]×). */
 enum calibration_camera_parameter {
     CALIBRATION_FX,
     CALIBRATION_FY,
@@ -59,24 +59,26 @@ enum calibration_camera_parameter {
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
-    /* Only rational and fisheye lenses have these, next to k1, k2 and k3 above. */
+    /* Further coefficients of the lens model: a rational lens has all three, and a fisheye only
+     * k4. */
     CALIBRATION_K4 = CALIBRATION_CAMERA_PARAMETERS,
     CALIBRATION_K5,
     CALIBRATION_K6,
     CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
-/* The next structs belong to the element of the rig's array with the same index. */
+/* Each of the next structs holds the errors of the member of struct rig that is named beside it. If
+ * this member is an array, the indices are the same. */
 
 struct calibration_camera { /* for rig.cameras */
     gboolean known;
-    /* In the units of the parameters. The rows of fixed parameters are 0. */
+    /* In products of the parameters' units. The rows and columns of fixed parameters are 0. */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
     /* Covariances of k4, k5 and k6 with all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
-    double lateral_colour[3]; /* standard errors of red, green, blue; 0: not looked for */
+    double lateral_colour[3]; /* standard errors of red, green, blue; 0: unknown */
     double residual_rms_px;
-    double expected_px; /* part of it that the noise of the corners explains; 0 if not known */
+    double expected_px; /* RMS that the noise of the corners explains; 0 if not known */
     int points;         /* number of corners that were used */
 };
 
@@ -87,7 +89,7 @@ struct calibration_lamp { /* for rig.lamps */
 
 struct calibration_turntable { /* for rig.wobble */
     gboolean known;
-    double wobble_rad; /* standard error of the tilt, mean over a turn */
+    double wobble_rad; /* standard error of the tilt, RMS over a turn */
 };
 
 struct calibration_arc { /* for rig.arc; standard errors, 0 for values that were not estimated */
@@ -117,7 +119,7 @@ struct calibration_laser { /* for rig.lasers; standard errors */
      * explain. They are 0 in files of earlier versions. */
     struct rig_sheet_errors sheet;
     double residual_rms_mm;
-    double expected_rms_mm; /* part of it that the noise of the lines explains; 0 if not known */
+    double expected_rms_mm; /* RMS that the noise of the lines explains; 0 if not known */
     /* Width of the line on the plates: the standard deviation of its profile, as a sweep angle. It
      * is 0 if it is not known. */
     double line_rad;
@@ -155,17 +157,17 @@ void calibration_free(struct calibration *calibration); /* NULL is ignored */
 typedef struct calibration Calibration;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 
-/* Turns the rig frame, so that every azimuth a becomes a + angle_rad. This applies to cameras,
- * lamps, lasers, arc, fiducials and their errors. Their positions relative to each other do not
- * change. */
+/* Turns the rig frame, so that every azimuth a becomes a + angle_rad. This turns cameras, lamps,
+ * lasers, fiducials, the axes of arc, camera arm and light probe, the wobble, and the covariances
+ * of cameras and lamps. Other standard errors are not changed. */
 void calibration_turn(struct calibration *calibration, double angle_rad);
 
 /* Returns "cameras", "lights", "laser" or "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
-/* Returns a line for users. It names the file that the calibration is from and the parts that it
- * has. If it has no part, the line says so and contains the text how_to, which says how to give a
- * calibration. Free it with g_free(). */
+/* Returns a line for users. It names the file `from`, and says which parts are calibrated and which
+ * are not. If none is calibrated, the line says so and contains the text how_to instead. how_to
+ * tells the user how to give a calibration. Free the line with g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
 /* Replaces the description of a part, with the present date, and returns it. Takes ownership of
@@ -189,8 +191,9 @@ struct calibration *calibration_from_text(const char *text, const char *path, GE
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 
-/* Checks that the calibration belongs to this rig: the id, and the names and sizes of cameras,
- * lamps and lasers must be the same. */
+/* Checks that the calibration belongs to this rig. These must be the same: the id; the number and
+ * names of cameras, lamps and lasers; the size of each camera and its place on the camera arm; and
+ * which lamps and lasers the arc carries. Returns FALSE with RIG_ERROR_VALUE otherwise. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
 

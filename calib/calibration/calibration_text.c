@@ -9,8 +9,8 @@
 static const char end[] = "\n[end]\ncomplete=yes\n";
 
 #define PART(member) offsetof(struct calibration_part, member)
-/* The fields of each section: key, offset, number of values, whether they are integers, and
- * bounds. */
+/* Rows of the tables: key, offset, number of values, whether they are integers, smallest and
+ * largest value, and then optional and sparing (fields.h). */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
     {"residual_expected", PART(residual_expected), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
@@ -137,8 +137,8 @@ static const struct field colour_fields[] = {
 };
 
 /* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set. count
- * is the offset in struct rig of the number of elements. With NONE there is a single section
- * "[PREFIX]". */
+ * is the offset in struct rig of the number of elements. If count is NONE, there is a single
+ * section "[PREFIX]". */
 #define NONE G_MAXSIZE
 static const struct group {
     const char *prefix;
@@ -199,7 +199,7 @@ char *calibration_to_text(const struct calibration *calibration) {
         for (int i = 0; i < n; i++) {
             const char *at =
                 (const char *)calibration + groups[k].offset + (gsize)i * groups[k].size;
-            if (!*(const gboolean *)at) /* this part was not calibrated */
+            if (!*(const gboolean *)at) /* `known` is not set */
                 continue;
             g_autofree char *name = calibration_text_name_of(&groups[k], i);
             g_string_append_printf(text, "\n[%s]\n", name);
@@ -227,8 +227,8 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* Reads a part. A part without a section was not calibrated. The keys of a section are strings,
- * numbers, and rejected_0, rejected_1 … without gaps. */
+/* Reads a part. If the part has no section, it was not calibrated, and TRUE is returned. The keys
+ * of a section are strings, numbers, and rejected_0, rejected_1 … without gaps. */
 static gboolean calibration_text_read_part(struct reader *r, struct calibration_part *part,
                                            const char *name, GError **error) {
     g_autofree char *group = g_strdup_printf("part %s", name);
@@ -302,8 +302,8 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
-/* Copies the sections that were not read before. Lists of numbers for reports (residuals, steps of
- * a sweep, errors of the turntable, drift of lamps) must be finite. */
+/* Copies to to->extra all sections that are neither the rig's nor in r->taken. Lists of numbers for
+ * reports (residuals, steps of a sweep, errors of the turntable, drift of lamps) must be finite. */
 static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,
                                             GError **error) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift", NULL};
@@ -330,7 +330,7 @@ static gboolean calibration_text_keep_extra(const struct reader *r, struct calib
     return TRUE;
 }
 
-/* Refuses a covariance in the i-th section of a group. */
+/* Sets an error that the key of section "[prefix i]" is not a covariance. Returns FALSE. */
 static gboolean refuse_covariance(const struct reader *r, const char *prefix, int i,
                                   const char *key, GError **error) {
     g_autofree char *group = g_strdup_printf("%s %d", prefix, i);
@@ -357,7 +357,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
                 continue;
             if (!fields_read(r->file, r->path, name, groups[k].fields, none, at, error))
                 return FALSE;
-            *(gboolean *)at = TRUE; /* this part is calibrated */
+            *(gboolean *)at = TRUE; /* sets `known` */
         }
     }
     if (!calibration_text_keep_extra(r, to, error))
