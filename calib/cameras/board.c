@@ -23,10 +23,10 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
 
 /* Returns the number of white squares above a row, which is also the number of markers there. */
 static int whites_before(const struct board *board, int row) {
-    const int more =
-        board->white_first
-            ? (row + 1) / 2
-            : row / 2; /* rows with an additional white square, if the number of columns is odd */
+    const int more = board->white_first
+                         ? (row + 1) / 2
+                         : row / 2; /* if the number of columns is odd: rows above that have one
+                                     * white square more than the others */
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 
@@ -310,8 +310,9 @@ int board_border(const struct board *board) {
     return board->kalibr ? 2 : 1;
 }
 
-/* Returns the printed value of a marker at u, v. These are measured from the marker's top left
- * corner as printed, relative to its side. bits are the n × n cells inside the border. */
+/* Returns the printed value of a marker at u, v: 0 for black, 1 for white. u (to the right) and v
+ * (downwards) are measured from the top left corner of the print, in sides of the marker. bits are
+ * the n × n cells inside the border. */
 static double marker_value(const struct board *board, const guint8 *bits, int n, double u,
                            double v) {
     const int border = board_border(board), all = n + 2 * border;
@@ -330,7 +331,8 @@ static gboolean in_circle(const struct board *board, double x_mm, double y_mm) {
     return FALSE;
 }
 
-/* Returns the printed value at a point of the board frame. bits has n × n cells for each marker. */
+/* Returns the printed value at a point of the board frame, or −1 outside the board. bits has n × n
+ * cells for each marker. */
 static double board_value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
                              double y_mm) {
     double size[2];
@@ -347,7 +349,8 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
     const int marker = marker_of(board, column, row);
     if (board->print != BOARD_MARKERS && marker < 0)
         return (column + row + board->white_first) % 2 == 1;
-    const double part = board->marker_mm / board->square_mm; /* marker's side, in cell sides */
+    const double part = board->marker_mm / board->square_mm; /* side of a marker, in
+                                                              * board->square_mm */
     const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
     const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;
     if (beside || above)

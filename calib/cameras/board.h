@@ -38,17 +38,17 @@ enum board_print {
 
 struct board {
     enum board_print print;
-    int columns, rows;    /* squares, markers, or circles of one row and rows of them */
-    double square_mm;     /* side of a square; for markers, a marker and a gap; for circles, the
-                             distance between rows, which is half the distance of neighbours in a row of
-                             a staggered grid */
+    int columns, rows;    /* number of squares, markers or circles in a row; number of rows */
+    double square_mm;     /* side of a square; for markers, side of a marker plus the gap; for
+                           * circles, distance between rows (in a staggered grid half the distance
+                           * of neighbours in a row) */
     double marker_mm;     /* side of a marker; 0 without markers */
     double circle_mm;     /* diameter of a circle; 0 without circles */
     char dictionary[24];  /* name of a dictionary in vision.h; only with markers */
     gboolean kalibr;      /* the markers are printed as Kalibr prints them */
     double thickness_mm;  /* height of the print above the surface that the board lies on */
-    gboolean white_first; /* The top left square is white. board_find() detects and sets this for a
-                             chessboard that looks the same upside down. */
+    gboolean white_first; /* The top left square is white. board_find() accepts either colour for a
+                           * chessboard that looks the same upside down. */
 };
 
 #define BOARD_ERROR board_error_quark()
@@ -65,7 +65,8 @@ enum board_error {
  *   "7x5,spacing=20,circle=10"                             circles,
  *   "4x11,spacing=20,circle=12,grid=staggered"             staggered circles,
  * and "thickness=3" after each. Defaults: dictionary 4x4_50 (apriltag_36h11 with grid=kalibr),
- * first black, thickness 0. */
+ * first black, thickness 0. Returns FALSE with BOARD_ERROR_SPEC if spec is not valid; board is then
+ * not changed. */
 gboolean board_parse(struct board *board, const char *spec, GError **error);
 char *board_spec(const struct board *board); /* g_free() */
 
@@ -78,8 +79,9 @@ gboolean board_check_upright(const struct board *board, GError **error);
 /* Gives width and height of the print in mm, without a margin. */
 void board_size_mm(const struct board *board, double ret[2]);
 
-/* Returns the number of corners, whose ids are 0 … n − 1, and the position of one of them. */
+/* Returns the number of corners. Their ids are 0 … n − 1. */
 int board_n_corners(const struct board *board);
+/* Gives the position of a corner in the board frame. */
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
 
 /* Gives column (from the left) and row (from the top) of a marker. Returns FALSE if the board has
@@ -90,17 +92,18 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
  * such marker. */
 gboolean board_marker_mm(const struct board *board, int marker, double ret_xy_mm[4][2]);
 
-/* Width of the black border of markers, in cells. */
+/* Returns the width of the black border of markers, in cells. */
 int board_border(const struct board *board);
 
 /* Gives the printed values at n points of the board frame (n × 2, mm), from 0 for black to 1 for
  * white. Outside the board the value is −1. */
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret);
 
-/* Drawing options; margins are white. */
+/* Options of board_draw(). */
 struct board_drawing {
+    /* width of the white margin on each side */
     double margin_mm;
-    double pixels_a_mm; /* resolution of a PNG */
+    double pixels_a_mm; /* pixels per millimetre of a PNG; SVG and PDF do not use it */
 };
 /* Writes an SVG, PDF (true to scale) or PNG file. The suffix of the path says which. */
 gboolean board_draw(const struct board *board, const char *path,

@@ -10,9 +10,8 @@
 #define POINTS_A_MM (72 / 25.4)
 #define MAX_PIXELS  20000
 
-/* Draws the black cells of a marker and its border. x, y is the middle of the marker in the
- * drawing. Adjacent cells of a row are drawn as one rectangle, so that no seams appear between
- * them. */
+/* Adds the black cells of a marker and its border to the path. x, y is the middle of the marker in
+ * the drawing. Adjacent cells of a row are one rectangle, so that no seams appear between them. */
 static void add_marker(cairo_t *to, const struct board *board, int marker, double x, double y) {
     guint8 bits[7 * 7] = {0};
     const int n = vision_dictionary(board->dictionary, NULL), border = board_border(board);
@@ -37,7 +36,8 @@ static void add_marker(cairo_t *to, const struct board *board, int marker, doubl
     cairo_restore(to);
 }
 
-/* Draws all black squares, markers and circles. x, y is the middle of the board in the drawing. */
+/* Adds all black squares, markers and circles to the path. x, y is the middle of the board in the
+ * drawing. */
 static void add_print(cairo_t *to, const struct board *board, double x, double y) {
     const double s = board->square_mm, gap = s - board->marker_mm;
     double corners[4][2];
@@ -76,7 +76,7 @@ static cairo_surface_t *new_surface(const char *path, double width_mm, double he
 
 static cairo_status_t draw_all(const struct board *board, const char *path,
                                const struct board_drawing *drawing) {
-    double size[2]; /* units: millimetres from the top left of the margin */
+    double size[2];
     board_size_mm(board, size);
     const double width = size[0] + 2 * drawing->margin_mm;
     const double height = size[1] + 2 * drawing->margin_mm;
@@ -87,6 +87,7 @@ static cairo_status_t draw_all(const struct board *board, const char *path,
     cairo_surface_t *surface = new_surface(path, width, height, drawing->pixels_a_mm);
     cairo_t *to = cairo_create(surface);
 
+    /* The unit is now the millimetre, and the origin is the top left of the margin. */
     cairo_scale(to, scale, scale);
     cairo_set_source_rgb(to, 1, 1, 1);
     cairo_paint(to);

@@ -16,7 +16,7 @@
 #define TOLERANCE      0.15
 #define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
 #define BESIDE_OFF     0.25 /* largest deviation of a neighbour from its prediction, in sides */
-#define ANY_PX         1e6  /* no bound */
+#define ANY_PX         1e6  /* tolerance of a homography that accepts all points */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
@@ -38,8 +38,9 @@ static GArray *refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-/* Even part of the projection f about the point at, along a step h: ½ (f(at + h) + f(at − h)) −
- * f(at). To second order it is ½ hᵀ f″ h. */
+/* Computes the even part of the projection f at the point `at` for the step h: ½ (f(at + h) + f(at
+ * − h)) − f(at). To second order it is ½ hᵀ f″ h. Returns FALSE if one of the points cannot be
+ * projected. */
 static gboolean even_part(BoardProject project, gboolean straight, gconstpointer data,
                           const double at[2], const double step[2], double ret[2]) {
     const double there[2] = {at[0] + step[0], at[1] + step[1]};
@@ -53,7 +54,8 @@ static gboolean even_part(BoardProject project, gboolean straight, gconstpointer
     return TRUE;
 }
 
-/* Derivative of the picture's x, y (rows) with respect to the board's x, y (columns), px/mm. */
+/* Computes the derivative of the picture's x, y (rows) with respect to the board's x, y (columns),
+ * in px/mm, by finite differences. Returns FALSE if a point cannot be projected. */
 static gboolean slopes(BoardProject project, gboolean straight, gconstpointer data,
                        const double at[2], double ret[2][2]) {
     const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
@@ -90,7 +92,8 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
  * agrees with it to first order. f and g are the projections with and without distortion, and J and
  * S their first derivatives. For each of three steps h with displacement (x, y) = J h in the
  * picture, J S⁻¹ ½ hᵀ g″ h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y². Both projections include
- * perspective, which keeps edges straight, so only distortion remains. */
+ * perspective, which keeps edges straight, so only distortion remains. On failure the terms stay
+ * 0. */
 static void straighten(const struct board *board, BoardProject project, gconstpointer data,
                        const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
@@ -121,8 +124,8 @@ static void straighten(const struct board *board, BoardProject project, gconstpo
 
 /* Computes the centre of the image of a circle minus the image of the circle's centre, to second
  * order of the radius r: Q (r, 0) + Q (0, r), where Q is the even part of the projection. For
- * perspective, f (h) = J h (1 − c·h). The image of the point r u is then J (r u − r² c), apart from
- * a displacement along the curve. */
+ * perspective, f (h) = J h (1 − c·h) with a constant vector c. With a unit vector u, the image of
+ * the point r u is then J (r u − r² c), apart from a displacement along the curve. */
 static void put_off_centre(const struct board *board, BoardProject project, gconstpointer data,
                            const double at[2], struct corner_guess *to) {
     const double r = board->circle_mm / 2, right[2] = {r, 0}, up[2] = {0, r};
@@ -157,7 +160,8 @@ static void guess_all(const struct board *board, BoardProject project, gconstpoi
     }
 }
 
-/* x' = H x in homogeneous coordinates, H row by row in data. */
+/* This BoardProject computes x' = H x in homogeneous coordinates. data is H, row by row. straight
+ * has no effect. */
 static gboolean by_homography(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                               gconstpointer data) {
     const double *h = data;
@@ -173,14 +177,15 @@ struct map {     /* a map from the board to the picture */
     double h[9]; /* homography */
     double reach_mm;
     int n;              /* number of points that were found */
-    const double *from; /* n × 2: their places on the board, mm */
+    const double *from; /* n × 2: places of these points on the board, mm */
     /* n × 2: place in the picture minus the place predicted by the homography */
     const double *off_px;
 };
 
-/* Homography plus a local linear correction from the deviations eᵢ of nearby points xᵢ. At x the
- * correction is e₀. It minimises Σ wᵢ |e₀ + E (xᵢ − x) − eᵢ|² + ridge |E|² with wᵢ = exp(−|xᵢ − x|²
- * / 2 reach²). The ridge keeps E small where the points do not determine it. */
+/* This BoardProject adds a local linear correction to the homography, unless straight is set. data
+ * is a struct map. The correction is fitted to the deviations eᵢ of nearby points xᵢ. At x it is
+ * e₀, where e₀ and E minimise Σ wᵢ |e₀ + E (xᵢ − x) − eᵢ|² + ridge |E|² with wᵢ = exp(−|xᵢ − x|² /
+ * 2 reach²). The ridge keeps E small where the points do not determine it. */
 static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                        gconstpointer data) {
     const struct map *map = data;
@@ -206,7 +211,8 @@ static gboolean by_map(const double xy_mm[2], gboolean straight, double ret_xy_p
     return TRUE;
 }
 
-/* Returns the tolerance that follows from the mean length of the markers' first edges. */
+/* Returns the tolerance of a homography in px: TOLERANCE times the mean length of the markers'
+ * first edges, and at least TOLERANCE_PX. */
 static double tolerance_px(const GArray *markers) {
     double sum = 0;
     for (guint i = 0; i < markers->len; i++) {
@@ -217,7 +223,8 @@ static double tolerance_px(const GArray *markers) {
     return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
 }
 
-/* Returns the number of markers with at least three corners that agree with one plane. */
+/* Returns the number of markers of which at least three corners have a flag in good. good has one
+ * flag for each of n corners. */
 static int board_find_agree(const guint8 *good, guint n) {
     int markers = 0;
     for (guint i = 0; i + 3 < n; i += 4)
@@ -240,9 +247,10 @@ static void marker_frame(const double *mm, const double *px, double ret_slopes[2
     }
 }
 
-/* Returns whether two markers lie relative to each other as on the board. The vector between their
- * middles is predicted with the mean of their derivatives. Perspective and distortion change this
- * prediction only through their third derivatives. */
+/* Returns whether two markers are neighbours on the board, and lie relative to each other in the
+ * picture as printed. The vector between their middles is predicted with the mean of their
+ * derivatives. Perspective and distortion change this prediction only through their third
+ * derivatives. */
 static gboolean are_beside(const struct board *board, const double *mm_a, const double *px_a,
                            const double *mm_b, const double *px_b) {
     double a[2][2], b[2][2], from_mm[2], from_px[2], to_mm[2], to_px[2], off[2];
@@ -258,7 +266,8 @@ static gboolean are_beside(const struct board *board, const double *mm_a, const 
 }
 
 /* Finds the largest connected set of markers that lie next to their neighbours as printed. This
- * does not depend on how much the lens bends the board. ret_good has a flag for each corner. */
+ * does not depend on how much the lens bends the board. from and to have the corners on the board
+ * and in the picture. ret_good has a flag for each corner. */
 static void take_piece(const struct board *board, const GArray *from, const GArray *to,
                        guint8 *ret_good) {
     const guint n = from->len / 8;
@@ -288,9 +297,9 @@ static void take_piece(const struct board *board, const GArray *from, const GArr
 
 /* Computes the homography through the corners of the detected markers that agree. These markers
  * form one connected set, or otherwise agree with one robust homography. from and to get their
- * corners, as doubles, two per point. Returns the number of markers that agree. It is 0 unless
- * there are at least two and at least half of ret_n, the number of markers that belong to the
- * board. */
+ * corners on the board and in the picture, as doubles, two per point. ret_n gets the number of
+ * detected markers whose ids are on the board. Returns the number of markers that agree, or 0 if
+ * fewer than two or less than half of *ret_n agree. */
 static int plane_through(const struct board *board, const GArray *found, double ret_h[9],
                          GArray *from, GArray *to, int *ret_n) {
     g_array_set_size(from, 0);
@@ -328,9 +337,10 @@ static int plane_through(const struct board *board, const GArray *found, double 
 }
 
 /* Computes the homography through the corners of the detected markers that agree. from and seen get
- * these corners, as doubles, two per point. The markers of a ChArUco board show which colour its
- * first square has. If it differs from the description, it is set in board. The error of a failure
- * says what was found. */
+ * these corners on the board and in the picture, as doubles, two per point. The markers of a
+ * ChArUco board show which colour its first square has. If this colour differs from
+ * board->white_first, board->white_first is changed. Returns FALSE with an error that says what was
+ * found if too few markers agree. */
 static gboolean plane_of_markers(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from, GArray *to, GError **error) {
     const int border = board_border(board);
@@ -375,8 +385,8 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
     return FALSE;
 }
 
-/* Returns whether a chessboard's corners were found in the reverse order, so that its top left
- * square would have the wrong colour. */
+/* Returns whether the light and dark squares in the picture are exchanged relative to the board:
+ * the corners were found in the reverse order, or the first square has the other colour. */
 static gboolean is_reversed(const struct picture *picture, const struct board *board,
                             const double h[9]) {
     double sum = 0;
@@ -410,7 +420,7 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
     double *seen = (double *)(gpointer)g_array_set_size(seen_px, 2 * (guint)n)->data;
     g_autofree guint8 *good = g_new0(guint8, n);
     g_autoptr(GError) own = NULL;
-    gboolean fits = FALSE; /* a homography fits the corners in one of the two orders */
+    gboolean fits = FALSE; /* a homography fits the corners in at least one of the two orders */
     if (!vision_find_chessboard(picture, board->columns, board->rows, seen, &own)) {
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
@@ -470,8 +480,9 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
     return FALSE;
 }
 
-/* Fits all corners at the places that the points (doubles, two per point) and the homography
- * predict. */
+/* Fits all corners at the places that the homography map->h and the points predict. from and seen
+ * have the points on the board and in the picture, as doubles, two per point. The other members of
+ * map are set. */
 static GArray *fit_by_map(const struct picture *picture, const struct board *board, struct map *map,
                           const GArray *from, const GArray *seen) {
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
@@ -504,13 +515,14 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         return refuse(error, "the board's first square is %s: %s --board",
                       board->white_first ? "white" : "black",
                       board->white_first ? "add first=white to" : "take first=white out of");
-    /* A flipped picture looks like a board seen from below. The picture's y points down. */
+    /* The picture's y points down, so the determinant is negative unless the picture is flipped. */
     if (!slopes(by_homography, FALSE, map.h, middle, m) ||
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
         return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
                              "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
-    if (fine) { /* fits again, from all corners found, because they are more accurate */
+    if (fine) { /* fits again from all fitted corners, which are more accurate than the detector's
+                 * points */
         g_array_set_size(from, 2 * corners->len);
         g_array_set_size(seen, 2 * corners->len);
         for (guint i = 0; i < corners->len; i++) {
@@ -558,8 +570,9 @@ static void gather_points(const struct board *board, BoardProject project, gcons
     board_values(board, at, to->n, to->value);
 }
 
-/* Pearson correlation of the printed values u with the values v of the picture, shifted by (dx, dy)
- * pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). */
+/* Returns the Pearson correlation of the printed values u with the values v of the picture, shifted
+ * by (dx, dy) pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). Returns −1 if u or v is
+ * constant, or if at most a fifth of the points or at most 100 lie in the picture. */
 static double correlate(const struct picture *picture, const struct points *points, int dx,
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;

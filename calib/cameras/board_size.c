@@ -1,8 +1,8 @@
 /* Finds the size of a board from its print. For a chessboard, OpenCV searches for corners and
  * extends the grid as far as it can. For markers, the right number of columns is the one with which
  * the numbers of the visible markers lie on a plane. For circles, the spots form a full rectangle.
- * The board must also end there. A larger board of this print would be dark at certain places
- * outside the board that was found. These places must be light on all four sides. */
+ * The board must also end at this size. A larger board of this print would be dark at certain
+ * places outside the board that was found. These places must be light on all four sides. */
 #include "board_size.h"
 
 #include "pictures/vision.h"
@@ -19,7 +19,9 @@
 #define AGREE_MORE 2
 #define MAX_PX     1000 /* longer side of the pictures that are examined */
 #define MARKERS_PX 2000 /* longer side for boards with markers, whose cells are small */
-#define LARGE      1.5  /* times MAX_PX: above, a failed search takes seconds */
+/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined first.
+ */
+#define LARGE 1.5
 
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
 /* distance of tested places from the centre of the next circle, in radii of a circle */
@@ -38,8 +40,9 @@
 #define AGREEING   0.9  /* smallest share of the visible markers that fit the size found */
 /* largest number of markers that fit another size, relative to those that fit the size found */
 #define ALONE 0.7
-/* Random samples of a homography. A size that fewer than AGREEING · ALONE of the markers fit does
- * not matter. With this share of right corners, one of seven samples has four of them. */
+/* Largest number of random samples of four corners that are tried for a homography. A size that
+ * fewer than AGREEING · ALONE of the markers fit does not matter. With this share of right corners,
+ * one of six samples has four of them. */
 #define MAX_SAMPLES 200
 #define TOLERANCE   0.12 /* tolerance of the homography, in marker sides */
 #define ANY_PX      1e6  /* no bound */
@@ -111,14 +114,17 @@ static void add_circles(const struct board *board, GArray *to) {
 
 typedef gboolean (*Project)(const double xy_mm[2], double ret_px[2], gconstpointer data);
 
-struct print {      /* points of the print that are visible in the picture */
-    GArray *points; /* struct point */
+struct print {      /* how the print looks in the picture */
+    GArray *points; /* struct point, of the visible points */
+    /* mean value of the black and of the white points in the picture */
     double black, white;
 };
 
 struct point {
-    double x, y; /* mm */
+    double x, y; /* place in the board frame, mm */
+    /* the print is white here */
     gboolean white;
+    /* value of the picture here */
     double seen;
 };
 
@@ -163,8 +169,8 @@ static void see_print(const struct picture *picture, const struct board *board, 
 /* Outward direction of each side, in the board's frame. */
 static const int outwards[4][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}};
 
-/* Gives the black level and the contrast of the print near a place. Returns FALSE if the print is
- * not visible there. */
+/* Gives the black level and the contrast of the print near a place. Returns FALSE if black or white
+ * is not visible there, or if the contrast is too small. */
 static gboolean levels_near(const struct board *board, const struct print *print,
                             const struct outside *place, double *ret_black, double *ret_contrast) {
     double sum[2] = {0, 0};
@@ -186,7 +192,8 @@ static gboolean levels_near(const struct board *board, const struct print *print
     return all != 0 && *ret_contrast * (all < 0 ? -1 : 1) > LEAST * fabs(all);
 }
 
-/* Level at a place, relative to the contrast; NAN outside the picture. */
+/* Returns the level at a place: 0 for the given black, 1 for white. Returns NAN outside the
+ * picture. */
 static double level_at(const struct picture *picture, Project project, gconstpointer data, double x,
                        double y, double black, double contrast) {
     double px[2], seen;
@@ -221,9 +228,11 @@ static int margin_at(const struct picture *picture, const struct board *board,
     return fabs(dark / EDGE_STEPS * 2 - 1) * EDGE_REACH < EDGE_OFF ? 1 : 0;
 }
 
+/* Whether the print ends at the size of a board, goes on beyond it, or neither is shown (OPEN). */
 enum end { OPEN, ENDS, GOES_ON };
 
-/* Returns whether a place next to a black square is light. */
+/* Returns whether it is light at OUTSIDE beyond the edge, for a place on the edge of a black
+ * square. */
 static gboolean is_light_beyond(const struct picture *picture, const struct board *board,
                                 const struct print *print, const struct outside *place,
                                 Project project, gconstpointer data) {
@@ -234,9 +243,9 @@ static gboolean is_light_beyond(const struct picture *picture, const struct boar
                     place->y + s * outwards[place->side][1], black, contrast) > WHITE;
 }
 
-/* Returns whether the picture shows that the board ends as described, or goes on at one side. It
- * goes on if places are dark where the next squares or circles would be dark, and light where they
- * would be light. */
+/* Returns ENDS if places outside all four sides are light, and GOES_ON if the board goes on at one
+ * side. Otherwise returns OPEN. The board goes on if places are dark where the next squares or
+ * circles would be dark, and light where they would be light. */
 static enum end end_of(const struct picture *picture, const struct board *board, Project project,
                        gconstpointer data) {
     g_autoptr(GArray) places = g_array_new(FALSE, FALSE, sizeof(struct outside));
@@ -272,6 +281,7 @@ static enum end end_of(const struct picture *picture, const struct board *board,
  * through three corners in each direction. The parabolas follow perspective and distortion. */
 struct corner_grid {
     const struct board *board;
+    /* x, y of each corner in the picture, row by row */
     const double *xy;
     int columns, rows; /* columns and rows of corners */
 };
@@ -311,8 +321,8 @@ static gboolean by_plane(const double xy_mm[2], double ret_px[2], gconstpointer 
     return TRUE;
 }
 
-/* corners are doubles x, y, row by row. The colour of the first square is taken from the
- * picture. */
+/* Like end_of(), for a chessboard. corners are doubles x, y, row by row. Sets board->white_first as
+ * the picture shows it. Returns OPEN if there are fewer than 3 columns or rows of corners. */
 static enum end end_of_chessboard(const struct picture *picture, struct board *board,
                                   const GArray *corners) {
     const struct corner_grid grid = {board, (const double *)(gconstpointer)corners->data,
@@ -368,7 +378,8 @@ static enum end measure_circles(const struct picture *picture, struct board *boa
     return GOES_ON;
 }
 
-/* Returns the number of markers that lie on a plane if the board has this number of columns. ret_h
+/* Returns the number of markers that lie on a plane if the board has this number of columns.
+ * Returns 0 if the board has fewer than MIN_SPOTS of the markers, or if no homography fits. ret_h
  * is the homography. ret_rows is the number of rows up to the last of these markers. */
 static int count_on_plane(const struct board *board, const GArray *found, double ret_h[9],
                           int *ret_rows) {
@@ -465,7 +476,8 @@ static gboolean is_exchangeable(const struct board *board) {
 }
 
 /* Measures the number of columns and rows of the board in the picture. Returns ENDS if the board
- * has this size, OPEN if it has at least this size, and GOES_ON if the size was not found. */
+ * has this size, OPEN if it has at least this size, and GOES_ON if the size was not found or the
+ * board goes on beyond it. */
 static enum end measure(const struct picture *picture, const struct board *given, int *ret_columns,
                         int *ret_rows) {
     g_autoptr(Picture) small = reduce(picture, max_px(given));
@@ -544,8 +556,9 @@ static gboolean refuse_size(const struct board *given, const struct sighting *a,
     return FALSE;
 }
 
-/* Takes the lock while it adds the sighting. Returns FALSE if enough pictures have shown this other
- * size. columns 0 means that the size is not known. */
+/* Counts a picture that has shown the given size or another one; columns is 0 if the size is not
+ * known. Holds the lock meanwhile. Returns FALSE with an error if enough pictures have shown this
+ * other size. */
 static gboolean add_sighting(struct board_census *census, const char *name, int columns, int rows,
                              GError **error) {
     gboolean ok = TRUE;
@@ -591,7 +604,8 @@ static gboolean goes_on(const struct board *given, const struct picture *picture
            end_of(picture, &board, by_plane, h) == GOES_ON;
 }
 
-/* searched is TRUE if a search for the given board in this picture has failed. */
+/* Measures the board in a picture and adds the sighting. searched is TRUE if the search for the
+ * given board in this picture has failed, or has found a board that goes on beyond its corners. */
 static gboolean examine(struct board_census *census, const struct picture *picture,
                         gboolean searched, GError **error) {
     const struct board *given = &census->given;
@@ -606,7 +620,7 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
     const gboolean as_given = end == OPEN && columns == given->columns && rows == given->rows;
     if (end != ENDS && !counted_corners && !as_given)
         columns = rows = 0;
-    /* A picture may show two boards. */
+    /* A picture may show the given board beside another one, so the given board is searched too. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {
         g_autoptr(Picture) small = reduce(picture, max_px(given));
         g_autoptr(GArray) corners = board_find(small, given, FALSE, NULL);

@@ -30,8 +30,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BoardCensus, board_census_free)
 
 /* Examines a picture before the search if it is so large that a failed search takes seconds.
  * Returns FALSE with BOARD_ERROR_SPEC if the pictures show another size, which the error names.
- * *ret_more says whether further pictures of this size should be examined. After one picture has
- * shown the given size, the call returns immediately. */
+ * *ret_more says whether further pictures of this size should be examined. The call returns
+ * immediately after one picture has shown the given size, or after enough pictures were
+ * examined. */
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error);
 
@@ -41,9 +42,9 @@ gboolean board_census_before(struct board_census *census, const struct picture *
 gboolean board_census_after(struct board_census *census, const struct picture *picture,
                             const GArray *corners, GError **error);
 
-/* For tests, which count how often a single picture gives the right size. Measures the size of the
- * board in a picture: columns and rows of the given print. If they look the same exchanged, they
- * are in the order of the given ones. Returns FALSE if the size is not known, or if the board does
- * not end within the picture. */
+/* Measures the size of the board in one picture, for tests, which count how often it is right:
+ * columns and rows of the given print. If the print looks the same with columns and rows exchanged,
+ * the larger of the two is returned as columns or rows as in `given`. Returns FALSE if the size is
+ * not known, or if the board does not end within the picture. */
 gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
                        int *ret_rows);

@@ -31,7 +31,7 @@ const bool quiet = [] {
 constexpr double GAUGE_SIGMA_RAD = 1e-7;
 /* prior standard deviation of fx / fy from its prior value */
 constexpr double ASPECT_SIGMA = 0.002;
-/* rad, prior standard deviation of each coefficient about 0 */
+/* prior standard deviation of each coefficient of the wobble, rad */
 constexpr double WOBBLE_SIGMA = 0.002;
 
 /* Residual of a corner, whitened and divided by its noise. */
@@ -167,8 +167,8 @@ struct MeanAngle final : ceres::CostFunction {
     }
 };
 
-/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal centres, is 0. With c
- * and n the true and nominal centres, Σ (c × n)_z / |n|² = 0. */
+/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal centres, is 0. With the
+ * adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. */
 struct MeanAzimuth final : ceres::CostFunction {
     std::vector<const bundle_camera *> cameras;
 
@@ -197,7 +197,7 @@ struct MeanAzimuth final : ceres::CostFunction {
 /* The parameter blocks and the problem in the form that Ceres needs. */
 struct Work {
     bundle *b;
-    /* a stop uses the lens of its first stop */
+    /* cameras that share a lens use the element lens_of() */
     std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses;
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
@@ -351,9 +351,9 @@ struct Work {
         std::memcpy(b->wobble, wobble.data(), sizeof b->wobble);
     }
 
-    /* Returns all free parameter blocks in order. lens and pose get the first column in the
-     * Jacobian of each camera's lens and pose, and wobble gets that of the wobble. A block that is
-     * fixed has −1. */
+    /* Returns all free parameter blocks in the order of the Jacobian's columns. lens and pose get
+     * the first column of each camera's lens and pose, and ret_wobble that of the wobble. A block
+     * that is fixed or unused has −1. */
     std::vector<double *> free_blocks(std::vector<int> *lens, std::vector<int> *pose,
                                       int *ret_wobble) {
         std::vector<double *> blocks;

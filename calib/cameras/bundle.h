@@ -38,7 +38,8 @@ struct bundle_camera {
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
     double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
-    int stop;     /* offset back to the camera that owns its lens; 0: its own */
+    int stop;     /* index of this camera minus that of the camera whose lens it shares; 0: it has
+                   * its own */
     double noise; /* factor by which the sigmas of its observations are too small */
     /* Output: covariance in the order fx … p2, ω, shift, k4, k5, k6, as in enum
      * calibration_camera_parameter. Fixed parameters have 0. */
@@ -49,7 +50,7 @@ struct bundle_camera {
 struct bundle_lay {
     double rotation[9], place[3]; /* t_x, t_y, h */
     gboolean fixed_height;
-    gboolean fixed; /* position and rotation */
+    gboolean fixed; /* position and rotation are not adjusted */
 };
 
 struct bundle_stop {
@@ -59,7 +60,7 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, picture, corner; /* picture and corner are only for the caller */
+    int camera, stop, picture, corner; /* corner is only for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;
@@ -72,8 +73,8 @@ struct bundle {
     struct bundle_stop *stops;
     struct bundle_observation *observations;
     int n_cameras, n_lays, n_stops, n_observations;
-    double bend[3];    /* b₀, b₁, b₂, in 1 / mm */
-    double bend_sigma; /* prior standard deviation of each about 0; 0: the bend is not adjusted */
+    double bend[3]; /* b₀, b₁, b₂, in 1 / mm */
+    double bend_sigma; /* prior standard deviation of b₀, b₁ and b₂; 0: the bend is not adjusted */
     double wobble[BUNDLE_WOBBLE];
     int wobble_harmonics;    /* highest harmonic that is adjusted; 0: the wobble is not adjusted */
     double wobble_error_rad; /* output: RMS error of the tilt over a turn; 0: fixed */
@@ -82,14 +83,14 @@ struct bundle {
     gboolean coarse;         /* stops when a step lowers the cost by less than a share of 1e-5 */
 };
 
-/* Minimises the cost, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if it
- * does not converge. */
 #define BUNDLE_ERROR bundle_error_quark()
 GQuark bundle_error_quark(void);
 enum bundle_error {
     BUNDLE_ERROR_FAILED,
     BUNDLE_ERROR_SINGULAR, /* the observations do not determine all parameters */
 };
+/* Minimises the cost, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if it
+ * does not converge. The parameters are then not changed. */
 gboolean bundle_solve(struct bundle *bundle, GError **error);
 
 /* Converts the parameters of the wobble to the form of rig.h. */
@@ -113,8 +114,8 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret);
  * t over that of the normal distribution. g is 1 if f is 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
-/* Projects a board point. If straight is TRUE, it projects as a lens without distortion. Returns
- * FALSE if the point is behind the camera. */
+/* Projects a board point to the picture. If straight is TRUE, the point is projected as by a lens
+ * without distortion. Returns FALSE if the point is behind the camera. */
 gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gboolean straight,
                         const double board_mm[2], double ret_px[2]);
 

@@ -13,12 +13,11 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_LEFT  1e-6  /* smallest share of a residual that remains after the fit */
+#define MIN_LEFT  1e-6  /* smallest 1 − l at which a direction of B is used */
 #define MIN_RCOND 1e-15 /* smallest reciprocal condition number of the scaled JᵀJ */
 #define MAX_OWN                                                                                    \
     (BUNDLE_CAMERA + 6 + 1 + 3 +                                                                   \
-     BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, */
-                    /* wobble */
+     BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, wobble */
 
 struct factor {
     int n;
@@ -27,6 +26,7 @@ struct factor {
     double *scale;
 };
 
+/* Computes G and the scale. Returns FALSE if JᵀJ is singular or nearly so. */
 static gboolean factorise(const struct bundle_linear *linear, struct factor *ret) {
     const int n = ret->n = linear->n_columns;
     double *g = ret->g = g_new0(double, (gsize)n *(gsize)n + 1), rcond = 0;
@@ -46,7 +46,8 @@ static gboolean factorise(const struct bundle_linear *linear, struct factor *ret
            LAPACKE_dpocon(LAPACK_COL_MAJOR, 'L', n, g, n, norm, &rcond) == 0 && rcond >= MIN_RCOND;
 }
 
-/* Decomposes some columns of G⁻¹ into Q (n × k) and R (k × k, upper, row by row). */
+/* Decomposes k columns of G⁻¹ into Q (n × k, column by column) and R (k × k, upper, row by row).
+ * Returns FALSE if LAPACK fails. */
 static gboolean columns_of_inverse(const struct factor *factor, const int *columns, int k,
                                    double *ret_q, double *ret_r) {
     const int n = factor->n;
@@ -64,8 +65,8 @@ static gboolean columns_of_inverse(const struct factor *factor, const int *colum
 }
 
 /* Computes the score y of a picture. rows are its rows of the Jacobian, which have k columns that
- * are not 0. Where l is 1, the fit follows this picture completely, so that its residuals contain
- * no information. */
+ * are not 0. Where an eigenvalue l of BᵀB is 1, the fit follows this picture completely, so its
+ * residuals contain no information. Such directions are left out. */
 static gboolean picture_score(const struct factor *factor, const struct bundle_linear *linear,
                               const GArray *rows, double *ret_y) {
     const int n = factor->n;
@@ -87,7 +88,7 @@ static gboolean picture_score(const struct factor *factor, const struct bundle_l
     }
     if (!columns_of_inverse(factor, columns, k, q, r))
         return FALSE;
-    for (guint i = 0; i < rows->len; i++) { /* BᵀB and Bᵀr, a row of B at a time */
+    for (guint i = 0; i < rows->len; i++) { /* adds one row of B to BᵀB (v) and to Bᵀr (towards) */
         const int row = g_array_index(rows, int, i);
         double b[MAX_OWN] = {0};
         for (int a = linear->rows[row]; a < linear->rows[row + 1]; a++) {
@@ -129,7 +130,8 @@ static gboolean prior_score(const struct factor *factor, const struct bundle_lin
     return LAPACKE_dtrtrs(LAPACK_COL_MAJOR, 'L', 'N', 'N', n, 1, factor->g, n, ret_y, n) == 0;
 }
 
-/* Returns the scores y of all pictures, then those of all rows of priors. */
+/* Returns the scores y of all pictures, then those of all rows of priors, as n doubles each.
+ * Returns NULL if LAPACK fails. */
 static GArray *scores(const struct bundle *bundle, const struct factor *factor,
                       const struct bundle_linear *linear) {
     g_autoptr(GHashTable) pictures =
@@ -175,8 +177,8 @@ static int pictures_of(const struct bundle *bundle, int camera) {
     return (int)g_hash_table_size(seen);
 }
 
-/* Returns the 97.5 % quantile of Student's t over that of the normal distribution (Cornish-Fisher
- * expansion). */
+/* Returns the 97.5 % quantile of Student's t divided by that of the normal distribution
+ * (Cornish-Fisher expansion). */
 static double student(int freedom) {
     const double z = 1.959964, z2 = z * z, v = MAX(freedom, 1);
     return 1 + (z2 + 1) / (4 * v) + ((5 * z2 + 16) * z2 + 3) / (96 * v * v) +
@@ -184,8 +186,8 @@ static double student(int freedom) {
 }
 
 /* Computes a camera's covariance V = g (n S + p f C) / (n + p) from n pictures and p parameters,
- * and its inflation f. free has the columns of its free parameters. at has, for each of the
- * BUNDLE_CAMERA parameters, its index in free, or −1. */
+ * and its inflation f (bundle.h). y has the scores. free has the columns of the camera's p free
+ * parameters. at has, for each of the BUNDLE_CAMERA parameters, its index in free, or −1. */
 static gboolean camera_covariance(struct bundle_camera *camera, const struct factor *factor,
                                   const GArray *y, const int *free, int p, const int *at,
                                   int pictures, double *ret_f) {
@@ -232,8 +234,8 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
     return TRUE;
 }
 
-/* Computes the square root of the trace of the wobble's part of C. The mean of |tilt|² over a turn
- * is Σ |z_n|². */
+/* Sets wobble_error_rad to the square root of the trace of the wobble's part of C. This is the RMS
+ * tilt error, because the mean of |tilt|² over a turn is Σ |z_n|². */
 static gboolean wobble_error(struct bundle *bundle, const struct factor *factor,
                              const struct bundle_linear *linear) {
     const int k = linear->n_wobble;

@@ -79,7 +79,8 @@ static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2
     return TRUE;
 }
 
-/* The polynomial and the rational lens. j and k are as in fisheye(). */
+/* The polynomial and the rational lens (lens.h). j and k are as in fisheye(). Returns FALSE if the
+ * point is behind the camera, or beyond the range of the rational lens. */
 static gboolean polynomial(enum rig_lens lens, const double *c, struct vec3 q, double uv[2],
                            double j[2][3], double k[2][8]) {
     const double x = q.x / q.z, y = q.y / q.z, s = x * x + y * y, xy[2] = {x, y};
@@ -116,12 +117,12 @@ static void along(const double a[2][3], struct vec3 v, double *ret_x, double *re
     *ret_y = a[1][0] * v.x + a[1][1] * v.y + a[1][2] * v.z;
 }
 
-/* Returns n of the wobble's parameters 2 i and 2 i + 1. */
+/* Returns the order n (bundle.h) of the wobble's parameters 2 i and 2 i + 1. */
 static int wobble_order(int i) {
     return i == 0 ? -1 : i % 2 ? (i + 3) / 2 : -(i + 2) / 2;
 }
 
-/* z exp(i n τ) = (a + i b)(cos n τ + i sin n τ). */
+/* Computes the tilt x + i y = Σ z_n exp(i n τ) of the bearing (bundle.h) at τ = angle. */
 static void wobble_tilt(const double *z, double angle, double ret[2]) {
     ret[0] = ret[1] = 0;
     for (int i = 0; i < BUNDLE_WOBBLE / 2; i++) {
@@ -146,9 +147,9 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret) {
     }
 }
 
-/* With M = R₀ exp([ω]×), ∂(M x)/∂ω_k = M (J_k × x). The board's point is at p = Rz(τ) (M_l X + t).
- * With n = M_l (0, 0, 1), t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p +
- * shift. */
+/* Let M = R₀ exp([ω]×), for a lay (M_l) and for a camera (M_c). Then ∂(M x)/∂ω_k = M (J_k × x).
+ * Without wobble, the board's point X is at p = Rz(τ) (M_l X + t). With the board's normal n = M_l
+ * (0, 0, 1), t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p + shift. */
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],
                       double ret_px[2], struct bundle_slopes *ret) {
@@ -191,8 +192,7 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
         return TRUE;
     memset(ret->lens, 0, sizeof ret->lens);
     double by_p[2][3], by_level[2][3],
-        by_from[2][3]; /* derivatives of the picture's x, y with respect to p, the point before W,
-                          and that before Rz */
+        by_from[2][3]; /* derivatives of the picture's x, y with respect to p, level and from */
     double by_tilt[2][2];
     for (int i = 0; i < 2; i++) {
         ret->lens[i][i] = uv[i];

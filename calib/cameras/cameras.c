@@ -154,8 +154,8 @@ gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy
     return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
-/* Searches picture i for the corners where the geometry predicts them, including corners that the
- * detector has not found. */
+/* Searches picture i for all corners where the geometry predicts them, including corners that the
+ * detector has not found. If too few are found, the picture is no longer used. */
 static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     struct cameras_look at = {&work->bundle, seen->camera, seen->stop};
@@ -253,8 +253,9 @@ gboolean cameras_solve(struct cameras_work *work, GError **error) {
 }
 
 /* Searches in two passes. The first pass searches every picture of cameras with fewer than
- * MIN_PICTURES usable pictures, within a large radius. Of the other cameras it searches only
- * pictures without corners. The second pass searches all pictures with the improved geometry. */
+ * MIN_PICTURES usable pictures, within a large radius. Of the other cameras, the first pass
+ * searches only pictures without corners, within a small radius. The second pass searches all
+ * pictures with the improved geometry. */
 static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)
@@ -376,7 +377,7 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
                     to->further_covariance[i - CALIBRATION_K4][k] = from->covariance[i][k];
                 else if (k < CALIBRATION_K4)
                     to->covariance[i][k] = from->covariance[i][k];
-        /* Counts a camera's points and the RMS of their residuals. */
+        /* Counts the camera's points, and computes the RMS of their residuals. */
         const struct bundle *b = &work->bundle;
         double squares = 0;
         to->points = 0;

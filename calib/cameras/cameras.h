@@ -68,11 +68,12 @@ struct cameras_picture {
     double turntable_deg;
 };
 
-/* Reads picture i. The caller may ask for a picture several times. Returns a picture that the
- * caller frees, or NULL with an error. Called from several threads at the same time. */
+/* Reads picture i. The calibration may ask for the same picture several times. Returns a picture,
+ * which the calibration frees, or NULL with an error. It is called from several threads at the same
+ * time. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
-/* Reports that step of n steps is reached. Returns FALSE to cancel (G_IO_ERROR_CANCELLED). Called
- * from the calling thread. */
+/* Reports that `step` of `n` steps are done. Returns FALSE to cancel (G_IO_ERROR_CANCELLED). It is
+ * called from the thread that called cameras_calibrate() or cameras_calibrate_lens(). */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
 
 struct cameras_task {
@@ -90,19 +91,22 @@ struct cameras_task {
 };
 
 struct cameras_residual {
-    int camera, picture, corner; /* corner: board.h */
-    float x_px, y_px;            /* position of a corner in the picture */
-    float dx_px, dy_px;          /* its predicted minus its seen position */
+    /* corner is its id in board.h */
+    int camera, picture, corner;
+    float x_px, y_px;   /* seen position of the corner */
+    float dx_px, dy_px; /* predicted minus seen position */
 };
 
 struct cameras_stop {
     int lay;
-    double commanded_deg, error_deg; /* true minus commanded angle */
+    /* error_deg: estimated minus commanded angle */
+    double commanded_deg, error_deg;
 };
 
 struct cameras_lay {
     double tilt_deg;    /* angle between the board's normal and the axis */
     double azimuth_deg; /* azimuth of the board's x axis with the turntable at 0 */
+    /* number of pictures that show the board */
     int pictures;
 };
 
@@ -118,9 +122,10 @@ struct cameras_result {
     double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
     gboolean arm_known;       /* the axis of the arm was fitted */
     struct rig_swing_fit arm; /* its fit; valid if arm_known */
-    /* Bits of the cameras whose poses were predicted from the axis. */
+    /* Bit c is set if the pose of camera c was predicted from the axis of the arm. */
     guint32 predicted;
-    /* Factor of the variances that accounts for the scatter of pictures; at least 1. */
+    /* Factor of each camera's variances that accounts for the scatter between pictures; at least
+     * 1. */
     double inflation[RIG_MAX_CAMERAS];
     double expected_px;      /* RMS that the noise of the pictures explains; 0 if it is not known */
     double wobble_rad;       /* largest tilt of the turntable's axis; 0: no significant wobble */
@@ -129,9 +134,9 @@ struct cameras_result {
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 
 /* Computes the azimuth of the x axis of the flattest board, with the turntable at 0 and according
- * to the azimuths of the nominal cameras. Returns FALSE if this axis is half a turn from 0 and only
- * the colour of the board's first square distinguishes the x axis from its opposite. The given
- * colour or the nominal azimuths are then wrong. */
+ * to the azimuths of the nominal cameras. Returns FALSE with CAMERAS_ERROR_FIT if this axis is
+ * about half a turn from 0 and only the colour of the board's first square distinguishes the x axis
+ * from its opposite. The given colour or the nominal azimuths are then wrong. */
 gboolean cameras_board_azimuth(const struct cameras_result *result, const struct board *board,
                                double *ret_deg, GError **error);
 typedef struct cameras_result CamerasResult;

@@ -8,7 +8,7 @@
 #define MAX_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
 #define MAX_LEAN_DEG 20 /* largest angle between the axis and the axis in the rig file */
 
-/* Returns the calibrated stop of the same camera with the nearest angle; −1 if there is none. */
+/* Returns the calibrated stop (bits known) of the same camera whose arm angle is nearest, or −1. */
 static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
     int nearest = -1;
     double best_deg = G_MAXDOUBLE;
@@ -23,8 +23,8 @@ static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
     return nearest;
 }
 
-/* Predicts a stop by turning the nearest calibrated stop about the axis. The squared RMS deviations
- * of the calibrated stops from the axis are added to the variances of its rotation and
+/* Predicts the stop `camera` by turning the calibrated stop `from` about the axis. The squared RMS
+ * deviations of the calibrated stops from the axis are added to the variances of its rotation and
  * translation. */
 static void predict(struct calibration *calibration, int camera, int from,
                     const struct rig_swing_fit *arm) {

@@ -10,7 +10,7 @@
 #define FLAT_DEG     2
 #define MIN_TILT_DEG 5
 #define MIN_PICTURES 3
-/* largest scale error that the distances have in common, relative to the rig file */
+/* largest relative deviation of all cameras' distances together from the rig file */
 #define MAX_SCALE    0.04
 #define MAX_RMS_PX   1.0
 #define MAX_DISTANCE 0.02 /* largest relative standard error of a camera's distance */
@@ -61,8 +61,8 @@ static int n_set_aside(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* Refuses a geometry on which only a minority of the photographs agrees, because that may be an
- * accident. */
+/* Refuses a lens on which fewer than MIN_PICTURES or less than half of the photographs agree,
+ * because their agreement may be an accident. */
 static gboolean check_photographs(const struct cameras_work *work, GError **error) {
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
@@ -76,8 +76,8 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                first_reason(work, 0));
 }
 
-/* On the turntable, a tilted board faces away from some cameras. Only pictures in which the board
- * was found are counted. */
+/* For a rig, only pictures in which the board was found are counted, because a tilted board on the
+ * turntable faces away from some cameras. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
     if (work->free_boards)
         return check_photographs(work, error);
@@ -95,8 +95,8 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
     return TRUE;
 }
 
-/* Both a tilted and a flat board are necessary. The tilted board determines distances, and the flat
- * board determines the top of the turntable. */
+/* Refuses pictures unless they show both a tilted and a flat board. The tilted board determines
+ * distances, and the flat board determines the top of the turntable. */
 static gboolean check_lays(const struct cameras_work *work, GError **error) {
     double least = G_MAXDOUBLE, most = 0;
     for (int l = 0; l < work->bundle.n_lays; l++) {
@@ -153,8 +153,8 @@ static double centre_distance(const struct bundle_camera *camera) {
 }
 
 /* If the squares are larger than specified, all distances come out too small by the same factor.
- * The mean ratio to the nominal distances is refused if it differs from 1 by at least MAX_SCALE and
- * by three standard deviations of the ratios. */
+ * The result is refused if the mean ratio of the distances to the nominal ones differs from 1 by at
+ * least MAX_SCALE and by three standard deviations of the ratios. */
 static gboolean check_scale(const struct cameras_work *work, GError **error) {
     double sum = 0, squares = 0;
     int n = 0;
@@ -185,8 +185,8 @@ gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
            check_scale(work, error);
 }
 
-/* The boards must differ in tilt, and the relative standard error of the focal length must be
- * small. */
+/* Refuses a lens if the boards do not differ in tilt, or if the relative standard error of the
+ * focal length is large. */
 static gboolean check_lens(const struct cameras_work *work, GError **error) {
     const struct bundle_camera *camera = &work->bundle.cameras[0];
     const double focal = sqrt(camera->covariance[0][0]) / camera->intrinsics[0];

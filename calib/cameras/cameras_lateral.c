@@ -13,7 +13,7 @@
 /* smallest deviation of both colours together that is corrected, in standard errors */
 #define SIGNIFICANT 4
 
-struct lateral { /* result of one picture: red, blue */
+struct lateral { /* result of one picture, for red [0] and blue [1], as in struct corner_lateral */
     double normal[2][2], larger[2];
 };
 
@@ -24,7 +24,7 @@ static gboolean solve2(const double a[2][2], const double b[2], double ret[2]) {
     return det > 1e-12 * a[0][0] * a[1][1];
 }
 
-/* dᵀ a d */
+/* Returns dᵀ a d. */
 static double form(const double a[2][2], const double d[2]) {
     return a[0][0] * d[0] * d[0] + 2 * a[0][1] * d[0] * d[1] + a[1][1] * d[1] * d[1];
 }
@@ -62,11 +62,12 @@ static gboolean look_at(struct cameras_work *work, int i, double reach_px, GErro
     return TRUE;
 }
 
-/* Averages the pictures i of one lens: c = N⁻¹ Σ N_i c_i with N = Σ N_i. The covariance of c is f
- * N⁻¹. The factor f = Σ (c_i − c)ᵀ N_i (c_i − c) / 2 (n − 1), at least 1, says how much more the
- * pictures scatter than their noise explains. The lens parameters are the mean over all pixels of a
- * filter that has twice as many green pixels as red or blue ones. Green itself is therefore larger
- * by −(red + blue) / 4. A result that is not significant is only noise and is not applied. */
+/* Averages the pictures i of one lens: c = N⁻¹ Σ N_i c_i with N = Σ N_i, where N_i is `normal` and
+ * c_i is `larger` of picture i. The covariance of c is f N⁻¹. The factor f = Σ (c_i − c)ᵀ N_i (c_i
+ * − c) / 2 (n − 1), at least 1, says how much more the n pictures scatter than their noise
+ * explains. The lens parameters are the mean over all pixels of a filter that has twice as many
+ * green pixels as red or blue ones. Green itself is therefore larger by −(red + blue) / 4. A result
+ * that is not significant is only noise and is not applied. */
 static void average(struct cameras_work *work, int unit) {
     static const double mix[3][2] = {{0.75, -0.25}, {-0.25, -0.25}, {-0.25, 0.75}};
     double normal[2][2] = {{0}}, right[2] = {0}, mean[2], scatter = 0;

@@ -8,8 +8,8 @@
 #define WIDE_SIGMA 1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
 #define ROBUST     3   /* times the noise: threshold of Huber's loss */
 #define MAX_LOSS   4.5 /* times the noise: larger residuals count as this value */
-/* smallest significant gain: standard errors of the sum of the differences of losses; for a bend
- * 1 */
+/* A model is better if it lowers the sum of losses by more than this many standard errors of the
+ * differences. For a bend, one standard error is sufficient. */
 #define SIGNIFICANT 2
 /* prior sigma of a bend at half the longer side, relative to that length */
 #define BENT 0.02
@@ -60,8 +60,9 @@ static gboolean fit_all(struct trial *ret) {
     return TRUE;
 }
 
-/* Adds Σ min((r / noise)², MAX_LOSS²) for each picture of a fold. The lens is fitted to the
- * pictures of all other folds, and then only the poses of the boards in this fold are fitted. */
+/* Adds Σ min((r / noise)², MAX_LOSS²) to the loss of each picture of a fold. Returns FALSE if a fit
+ * fails. The lens is fitted to the pictures of all other folds, and then only the poses of the
+ * boards in this fold are fitted. */
 static gboolean predict(const struct trial *trial, int fold, double noise, double *loss) {
     struct bundle b;
     double d[2];
@@ -95,8 +96,8 @@ static gboolean is_better(const double *a, const double *b, int n, double errors
     return sum > errors * sqrt(squares);
 }
 
-/* Fits a bend that all pictures have in common, and keeps it if it improves the prediction of
- * corners. */
+/* Fits a bend that all pictures have in common. The bundle of `flat` is replaced by this fit if the
+ * bend improves the prediction of corners. */
 static void try_bend(const struct cameras_work *work, struct trial *flat) {
     const int n = work->task->n_pictures;
     struct trial trials[2] = {*flat};

@@ -18,8 +18,11 @@
 #define EXCHANGED 5.0
 
 struct mistake {
-    double turntable; /* factor of the noted angles */
+    /* factor by which the noted angles are multiplied */
+    double turntable;
+    /* number of the camera that took the pictures noted for each camera */
     int cameras[RIG_MAX_CAMERAS];
+    /* result of start_px() */
     double start_px;
 };
 
@@ -87,7 +90,8 @@ static void set_mistake(struct cameras_work *work, const struct mistake *mistake
     cameras_start(work);
 }
 
-/* Returns the median residual of all corners in pixels, or a large value if there is none. */
+/* Returns the median residual of all corners in pixels. Corners behind their camera count as 1e6,
+ * which is also returned if there are no corners. */
 static double typical_px(const struct cameras_work *work) {
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->bundle.n_observations; i++) {
@@ -99,8 +103,8 @@ static double typical_px(const struct cameras_work *work) {
     return all->len > 0 ? cameras_median(all) : 1e6;
 }
 
-/* Returns how well the boards fit with a mistake. start_px() measures it before the cameras are
- * adjusted, refined_px() afterwards. */
+/* Returns the median residual in pixels if this mistake was made, before the cameras are adjusted.
+ * Returns G_MAXDOUBLE if the fit cannot begin. */
 static double start_px(struct cameras_work *work, const struct mistake *mistake) {
     set_mistake(work, mistake);
     if (!cameras_check_motion(work, NULL) || !cameras_start_lays(work, NULL) ||
@@ -110,6 +114,8 @@ static double start_px(struct cameras_work *work, const struct mistake *mistake)
     return typical_px(work);
 }
 
+/* Returns the median residual in pixels if this mistake was made, after the cameras were adjusted.
+ * If the adjustment fails, returns start_px(). */
 static double refined_px(struct cameras_work *work, const struct mistake *mistake) {
     const double start = start_px(work, mistake);
     return start < G_MAXDOUBLE && cameras_solve(work, NULL) ? typical_px(work) : start;

@@ -15,6 +15,7 @@ struct seen { /* a picture */
     GArray *corners;   /* struct corner; NULL if not found or set aside, see why */
     /* corners of a picture that was rejected because it contradicts the others */
     GArray *set_aside;
+    /* "picture: reason" why the picture is not used; NULL if it is used */
     char *why;
     gboolean coloured; /* the camera has a colour filter */
 };
@@ -27,6 +28,7 @@ struct cameras_work {
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
     BoardCensus *census;  /* notices a wrong size of the board */
+    /* only a lens is calibrated, from photographs; each photograph is a lay */
     gboolean free_boards;
     double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
     /* as in rig.h and calibration.h */
@@ -47,14 +49,15 @@ gboolean cameras_refuse(GError **error, enum cameras_error code, const char *for
 
 /* Sets the reason why a picture is not used. The name of the picture is put in front of it. */
 void cameras_set_why(struct seen *seen, const char *why);
-/* Reports one more step of progress. */
+/* Reports one more step of progress. Returns FALSE with an error if the user cancels. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
 /* cameras_arm.c: fits the camera arm's axis to the stops with pictures. *ret_known says whether
- * there are enough of them. Returns FALSE if they do not turn about one axis, or if it is not near
- * the axis of the rig file. */
+ * enough stops have pictures. Returns FALSE if they do not turn about one axis, or if it is not
+ * near the axis of the rig file. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
-/* Copies the axis to the result, and uses it to place the stops without pictures. */
+/* Copies the axis result->arm to the calibration, and places the stops without pictures by it. Sets
+ * result->predicted. */
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
@@ -100,7 +103,7 @@ gboolean cameras_refine(struct cameras_work *work, GError **error);
 /* Sets each camera's noise robustly, from all observations. */
 void cameras_estimate_noise(struct bundle *bundle);
 /* Returns the length of the whitened residual, in standard deviations of the corner. ret_d is the
- * residual in pixels. */
+ * residual in pixels. Returns G_MAXDOUBLE if the point is behind the camera. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
@@ -114,10 +117,10 @@ gboolean cameras_solve(struct cameras_work *work, GError **error);
 
 /* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
  * error that names the mistake and returns TRUE. fitted says that the first fit has succeeded.
- * Otherwise returns FALSE, after the fit without a mistake was repeated and unexplained_px was
- * set. */
+ * Returns FALSE at once if the residual is small. Otherwise returns FALSE after the fit without a
+ * mistake was repeated, and sets unexplained_px if fitted. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
-/* Refuses cameras that stand at each other's places. */
+/* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
 /* cameras_check.c: refuses results that cannot be right. */

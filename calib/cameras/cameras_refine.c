@@ -75,7 +75,7 @@ void cameras_estimate_noise(struct bundle *b) {
     }
 }
 
-/* Sum over the corners of (residual / noise)², each at most ROBUST². */
+/* Returns the sum over all corners of (residual / noise)², each at most ROBUST². */
 static double robust_squares(const struct bundle *b) {
     double sum = 0, d[2];
     for (int i = 0; i < b->n_observations; i++) {
@@ -86,7 +86,7 @@ static double robust_squares(const struct bundle *b) {
     return sum;
 }
 
-/* Number of different angles of the turntable, modulo a turn. */
+/* Returns the number of different angles of the turntable, modulo a turn. */
 static int n_angles(const struct bundle *b) {
     int n = 0;
     for (int i = 0; i < b->n_stops; i++) {
@@ -134,7 +134,8 @@ static gboolean is_outlier(const struct bundle *b, const struct bundle_observati
 }
 
 /* Rejects outliers, and estimates each camera's noise from its other corners: σ² = Σ r² / (n (1 − p
- * / N)). p parameters are fitted to N residuals of all cameras. */
+ * / N)). n is the number of the camera's residuals r. p parameters are fitted to N residuals of all
+ * cameras. */
 static void weigh(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, r;
@@ -155,8 +156,8 @@ static void weigh(struct cameras_work *work) {
 }
 
 /* Estimates the noise of each picture relative to its camera, because darker and more oblique
- * pictures are noisier: σ² = (TYPICAL + Σ r²) / (TYPICAL + n). With few corners the camera's noise
- * dominates. */
+ * pictures are noisier: σ² = (TYPICAL + Σ r²) / (TYPICAL + n). n is the number of the picture's
+ * residuals r, in units of the camera's noise. With few corners the camera's noise dominates. */
 static void weigh_pictures(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     const int n = work->task->n_pictures;
@@ -209,8 +210,8 @@ static void drop_pictures(struct cameras_work *work) {
     }
 }
 
-/* Fits one picture to the present cameras. It fits the pose of a hand-held board, or on the
- * turntable only the angle. */
+/* Fits the position of the board in one picture to the present cameras. With a turntable, only the
+ * angle is fitted. Changes the picture's lay and stop in place. Returns FALSE if the fit fails. */
 static gboolean solve_picture(struct cameras_work *work, int picture) {
     struct seen *seen = &work->seen[picture];
     struct bundle one = work->bundle;
@@ -241,7 +242,8 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     return ok;
 }
 
-/* Flags the outliers of one picture. Returns whether few enough of its corners are outliers. */
+/* Sets `rejected` of the corners of one picture that are outliers. Returns whether few enough of
+ * its corners are outliers. */
 static gboolean is_good(struct cameras_work *work, int picture) {
     struct bundle *b = &work->bundle;
     int rejected = 0, all = 0;

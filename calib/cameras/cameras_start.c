@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define MAX_CANDIDATES 40
-#define MIN_SIGMA_PX   0.01 /* lower bound of a corner's standard deviation */
+#define MIN_SIGMA_PX   0.01 /* added in quadrature to a corner's standard deviation */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -31,13 +31,13 @@ void cameras_start(struct cameras_work *work) {
 }
 
 /* Computes the pose of the board from one picture whose camera is in its nominal pose (R_c, t_c):
- * R_l = Rz(−τ) R_cᵀ R, t_l = Rz(−τ) R_cᵀ (t − t_c). R, t is the board's pose in the camera's
- * frame. */
+ * R_l = Rz(−τ) R_cᵀ R, t_l = Rz(−τ) R_cᵀ (t − t_c). R, t is the board's pose in the camera's frame.
+ * Returns FALSE if the pose is not found, or if the board is nearly parallel to the z axis. */
 static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
                                struct bundle_lay *ret) {
     const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
-    /* For each corner: x, y on the board, and x', y' of its viewing ray with z = 1. */
     struct rig_camera own = *camera;
+    /* For each corner: x, y on the board, and x', y' of its viewing ray with z = 1. */
     g_autofree double *points = g_new(double, 4 * seen->corners->len);
     cameras_take_camera(&own, &work->bundle.cameras[seen->camera]);
     own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -82,7 +82,8 @@ double cameras_median(GArray *values) {
     return g_array_index(values, double, values->len / 2);
 }
 
-/* Returns the median reprojection error of every fifth corner of a lay. */
+/* Returns the median reprojection error in pixels over every fifth corner of a lay. Returns
+ * G_MAXDOUBLE if the lay has no corners. */
 static double median_error(const struct cameras_work *work, int lay) {
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->task->n_pictures; i++) {
@@ -100,7 +101,7 @@ static double median_error(const struct cameras_work *work, int lay) {
 }
 
 /* Tries the pose from each of several pictures, and keeps the pose with the smallest median error
- * over all pictures. */
+ * over all pictures of the lay. Returns FALSE if no picture gives a pose. */
 gboolean cameras_start_lay(struct cameras_work *work, int lay) {
     struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
     double least = G_MAXDOUBLE;
@@ -229,8 +230,8 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* Computes W = L⁻¹ from the Cholesky factor of the covariance L Lᵀ. The standard deviations on the
- * diagonal have a lower bound. */
+/* Computes W = L⁻¹ from the Cholesky factor of the covariance L Lᵀ. MIN_SIGMA_PX² is first added to
+ * both variances. */
 static void whiten(const struct corner *corner, double ret[2][2]) {
     const double a = corner->covariance_px2[0][0] + MIN_SIGMA_PX * MIN_SIGMA_PX;
     const double b = corner->covariance_px2[0][1];

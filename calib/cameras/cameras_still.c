@@ -35,11 +35,12 @@ static struct vec3 on_plane(const struct rig_camera *camera, double x_px, double
     return vec3_add(eye, vec3_scale(ray, -eye.z / ray.z));
 }
 
-/* Computes the rotation by a about z and the shift d that bring points p_i of the plane nearest to
- * q_i. It minimises Σ |Rz(a) p_i + d − q_i|², so a = atan2(Σ p_i × q_i, Σ p_i · q_i) with the means
- * of p_i and q_i subtracted. The q_i are four points around the origin. The p_i are the points that
- * the calibrated cameras see in the pixels in which the nominal cameras see q_i. These points are
- * well determined, unlike the cameras' own positions. */
+/* Returns the angle a of the rotation about z, and gives the shift d, that bring points p_i of the
+ * plane nearest to q_i. They minimise Σ |Rz(a) p_i + d − q_i|², so a = atan2(Σ p_i × q_i, Σ p_i ·
+ * q_i) with the means of p_i and q_i subtracted. For each camera, the q_i are four points around
+ * the origin. The p_i are the points that the calibrated camera sees in the pixels in which the
+ * nominal camera sees q_i. These points are well determined, unlike the cameras' own positions.
+ * Returns 0 without a shift if there are no points. */
 static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     const struct board *board = &work->task->board;
     const double r = board->columns * board->square_mm / 2;
@@ -71,7 +72,8 @@ static double fit_plane(const struct cameras_work *work, struct vec3 *ret_off) {
     return angle;
 }
 
-/* Moves the rig by p' = Rz(a) p + d. The cameras' poses become R' = R Rz(−a), t' = t − R' d. */
+/* Moves the rig by p' = Rz(a) p + d, with a and d from fit_plane(). The cameras' poses become R' =
+ * R Rz(−a), t' = t − R' d. */
 void cameras_align(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     struct vec3 off = vec3(0, 0, 0);

@@ -18,7 +18,7 @@ enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BL
 
 struct pixels {
     int n;
-    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
+    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* x, y from the expected centre */
 };
 
 /* Computes the residual of each pixel, for cminpack. */
@@ -108,7 +108,8 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
     const double moved = hypot(p[AT_X], p[AT_Y]) * sqrt(fabs(p[L_XX] * p[L_YY]));
     if (info < 1 || info > 4 || !isfinite(moved))
         return FALSE;
-    covar(N, jacobian, n, pivot, 1e-14, wa[0]); /* (JᵀJ)⁻¹, column by column with a stride of n */
+    covar(N, jacobian, n, pivot, 1e-14, wa[0]); /* jacobian gets (JᵀJ)⁻¹, column by column with a
+                                                 * stride of n */
     *ret = (struct corner){.id = id,
                            .x_px = guess->x_px + p[AT_X],
                            .y_px = guess->y_px + p[AT_Y],

@@ -30,7 +30,7 @@ enum { RED, BLUE, GREEN, OWN = 3, ALL = N + 2 * OWN };
 
 struct pixels {
     int n;
-    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
+    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* x, y from the guess */
     double sign;    /* +1: white where both distances have the same sign */
     gboolean ended; /* the edges end in the corner */
     /* Only for lateral colour: RED, BLUE or GREEN of each pixel, and its position relative to the
@@ -39,7 +39,8 @@ struct pixels {
     double across[MAX_PIXELS], down[MAX_PIXELS];
 };
 
-/* Direction from a marker's corner into the marker: +1 or −1 along the board's x and y. */
+/* Gives the direction from a marker's corner into the marker: +1 or −1 along the board's x and
+ * y. */
 static void inwards(const struct board *board, int id, double ret[2]) {
     double corners[4][2];
     board_marker_mm(board, id / 4, corners);
@@ -47,8 +48,9 @@ static void inwards(const struct board *board, int id, double ret[2]) {
         ret[k] = corners[(id + 2) % 4][k] > corners[id % 4][k] ? 1 : -1;
 }
 
-/* The same as is_clear(), for a grid of markers. dx, dy are positive inside the marker, of which
- * only the border is black. */
+/* Like is_clear(), for the corner of a marker in a grid of markers. dx, dy are positive inside the
+ * marker. Only the marker's border is black, so the pixels must lie in its border or outside the
+ * marker. */
 static gboolean is_clear_of_marker(const struct board *board, double dx, double dy,
                                    const double guard_mm[2]) {
     const int bits = vision_dictionary(board->dictionary, NULL), border = board_border(board);
@@ -81,13 +83,13 @@ static gboolean is_clear(const struct board *board, double sign, double dx, doub
     return fabs(dx) < margin - guard_mm[0] || fabs(dy) < margin - guard_mm[1];
 }
 
-/* Second-order correction of lens distortion, see struct corner_guess. */
+/* Returns the second-order correction of lens distortion (struct corner_guess). */
 static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* Records the colour of the last pixel, and moves the pixel to the position of green light from the
- * same point. */
+/* Records the colour of pixel number to->n, which is at x, y of the picture. Its position is that
+ * of green light from the same point. */
 static void take_colour(const struct picture *picture, const struct corner_guess *guess,
                         const struct corner_lateral *lateral, int x, int y, struct pixels *to) {
     const char filter = picture->cfa[2 * (y & 1) + (x & 1)];
@@ -163,7 +165,7 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     const double e1 = erf(u1), e2 = erf(u2);
     const double d1 = M_2_SQRTPI * exp(-u1 * u1), d2 = M_2_SQRTPI * exp(-u2 * u2);
     const double light = 1 + p[GRADIENT_X] * x + p[GRADIENT_Y] * y;
-    /* F and its derivatives with respect to e₁ and e₂ */
+    /* F of the model above, and its derivatives with respect to e₁ and e₂ */
     const double f = pixels->ended ? (1 + e1) * (1 + e2) / 2 - 1 : e1 * e2;
     const double f1 = pixels->ended ? (1 + e2) / 2 : e2, f2 = pixels->ended ? (1 + e1) / 2 : e1;
     const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * f;
@@ -179,8 +181,8 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     return light * print - pixels->value[i];
 }
 
-/* Returns the sum of squares, and computes the normal equations h · step = g with h = Σ d dᵀ, g =
- * −Σ d r. */
+/* Returns the sum of squared residuals r, and computes the normal equations h · step = g with h = Σ
+ * d dᵀ, g = −Σ d r. */
 static double sum(const struct pixels *pixels, const double p[N], double h[N * N], double g[N]) {
     const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
                             sin(p[TURN_2]), M_SQRT1_2 / p[BLUR], p[CONTRAST] * pixels->sign};
@@ -239,7 +241,8 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
     return FALSE;
 }
 
-/* Covariance of the position: variance · (h⁻¹) restricted to x and y. */
+/* Computes the covariance of the position: the part of variance · h⁻¹ that belongs to x and y.
+ * Returns FALSE if h is singular. */
 static gboolean covariance(const double h[N * N], double variance, double ret[2][2]) {
     double a[N * N], b[2 * N] = {0};
     memcpy(a, h, sizeof a);
@@ -253,7 +256,7 @@ static gboolean covariance(const double h[N * N], double variance, double ret[2]
 }
 
 /* Gathers pixels and fits the model. ret_back is the derivative of the board's x, y with respect to
- * the picture's. */
+ * the picture's. Returns FALSE if there are too few pixels, or if the fit does not converge. */
 static gboolean fit_pixels(const struct picture *picture, const struct board *board, int id,
                            const struct corner_guess *guess, const struct corner_lateral *lateral,
                            struct pixels *pixels, double p[N], double h[N * N], double *ret_total,
@@ -313,8 +316,8 @@ static gboolean do_fit(const struct picture *picture, const struct board *board,
                CORNER_MAX_ERROR_PX * CORNER_MAX_ERROR_PX;
 }
 
-/* The pixels are selected around the guess. If the corner is far from the guess, the fit is
- * repeated from the corner found. */
+/* The pixels are selected around the guess. If the corner found is farther than NEAR_PX from the
+ * guess, the fit is repeated with pixels around that corner. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret) {
     struct corner_guess nearer = *guess;

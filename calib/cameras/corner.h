@@ -22,9 +22,9 @@ struct corner_guess {
     double px_a_mm[2][2];
     /* Only for circles: centre of the seen ellipse minus the image of the circle's centre. */
     double off_centre_px[2];
-    /* Straightens edges that lens distortion has bent. With x, y relative to the guess, x +=
-     * straighten[0] · (x², xy, y²) and y += straighten[1] · (x², xy, y²). With 0, the edges are
-     * straight. */
+    /* Straightens edges that lens distortion has bent. With x, y relative to the guess, x increases
+     * by straighten[0] · (x², xy, y²) and y by straighten[1] · (x², xy, y²). If all values are 0,
+     * the edges are straight already. */
     double straighten[2][3];
 };
 
@@ -33,7 +33,8 @@ struct corner {
     double x_px, y_px;
     double covariance_px2[2][2]; /* from the noise of the residuals */
     double blur_px;              /* standard deviation, including the pixel's own width */
-    double contrast; /* half the step between black and white, in units of the picture */
+    /* half the difference between white and black, in units of the picture */
+    double contrast;
 };
 
 #define CORNER_MAX_BLUR_PX  4
@@ -67,6 +68,6 @@ struct corner_lateral {
 gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
                         const struct corner_guess *guess, struct corner_lateral *lateral);
 
-/* The same as corner_fit(), for a circle's centre. */
+/* Does the same as corner_fit() for the centre of a circle. */
 gboolean circle_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);

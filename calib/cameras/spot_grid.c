@@ -16,17 +16,18 @@
 #define REACH     2    /* largest absolute coefficient of the integer maps */
 
 struct node {
-    int a, b; /* coordinates */
+    int a, b; /* integer coordinates in the grid */
     gboolean known;
-    double step[2][2]; /* to the next spot along a, and along b */
+    double step[2][2]; /* from this spot to the next one along a, and along b */
 };
 
 struct lattice {
     const double *xy;
     int n;
-    struct node *nodes; /* n */
+    struct node *nodes; /* one for each of the n spots */
 };
 
+/* Returns the spot that is nearest to a place. Returns −1 if none is nearer than `within`. */
 static int nearest(const struct lattice *lattice, const double at[2], double within) {
     double least = within * within;
     int best = -1;
@@ -40,7 +41,8 @@ static int nearest(const struct lattice *lattice, const double at[2], double wit
     return best;
 }
 
-/* Gives the step to the nearest spot, and the step to the nearest spot in another direction. */
+/* Gives the step from a seed to the nearest spot, and the step to the nearest spot in another
+ * direction. Returns FALSE if there is no such spot. */
 static gboolean first_steps(const struct lattice *lattice, int seed, double ret[2][2]) {
     const double *from = lattice->xy + 2 * seed;
     double length[2] = {INFINITY, INFINITY};
