@@ -111,9 +111,9 @@ struct calibration_laser { /* for rig.lasers; standard errors */
     double position_mm[3]; /* across the axis; the position along the axis is undetermined */
     double axis_rad, normal_rad, stretch;
     double bend_rad;
-    /* 1 if the lines do not determine a value. Its error is then the error of the arc's axis from
-     * an earlier calibration. Such errors cancel each other. The errors of the sheets are in
-     * sheet. */
+    /* 1 if the lines hardly determine a value, so that a large part of its error comes from the
+     * error of the arc's axis in an earlier calibration. These errors of several values partly
+     * cancel in the sheets, whose errors are in sheet. */
     int from_prior[CALIBRATION_LASER_VALUES];
     /* Errors of the sheet near the sample, including the part of the residual that noise does not
      * explain. They are 0 in files of earlier versions. */

@@ -19,8 +19,8 @@
 #define AGREE_MORE 2
 #define MAX_PX     1000 /* longer side of the pictures that are examined */
 #define MARKERS_PX 2000 /* longer side for boards with markers, whose cells are small */
-/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined first.
- */
+/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined
+ * first. */
 #define LARGE 1.5
 
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
