@@ -2,9 +2,9 @@
 
 #include <math.h>
 
-#define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
+#define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation of an angle error */
 #define ROUNDS    4                   /* rounds of fit and estimate */
-#define WORTH     4                   /* The prior counts as much as this number of angles. */
+#define WORTH     4                   /* number of angles that the prior counts as */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};
@@ -37,8 +37,8 @@ gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *dr
         with.is_near = TRUE;
         if (round == ROUNDS)
             return TRUE;
-        /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), where C is the covariance of the errors
-         * x. */
+        /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), where x_i are the n angle errors of the
+         * drive and C is their covariance. */
         for (int k = 0; k < n_drives; k++) {
             double sum = WORTH * USUAL_RAD * USUAL_RAD;
             for (int i = drives[k]->at; i < drives[k]->at + drives[k]->n; i++)

@@ -15,13 +15,14 @@ struct field {
     int n;
     gboolean integer;
     double min, max;
-    gboolean optional; /* a file may lack the field; its value is then 0 */
+    gboolean optional; /* a file may lack the field; its value is then not changed */
     /* The field is not written if all its values are 0, so that such files equal those of earlier
      * versions, which did not have the field. */
     gboolean sparing;
 };
 
-/* Appends lines "key=value" to text. An optional integer that is 0 is left out. */
+/* Appends lines "key=value" to text. A sparing field that is all 0, and an optional single integer
+ * that is 0, are left out. */
 void fields_write(GString *text, const struct field *fields, gconstpointer from);
 /* Appends one line "key=value", with the value escaped for GKeyFile. */
 void fields_write_string(GString *text, const char *key, const char *value);

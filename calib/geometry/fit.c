@@ -1,6 +1,6 @@
 /* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)², where r_i are the
  * residuals of observation i. The weights w are estimated again in each round. First they are soft,
- * 1 / √(1 + (|r| / SOFT·s)²) with the robust scale s, and later 0 or 1. Each round runs
+ * 1 / √(1 + (|r| / (SOFT s))²) with the robust scale s, and later 0 or 1. Each round runs
  * Levenberg-Marquardt on the normal equations, with m residuals and n parameters. */
 #include "fit.h"
 
@@ -41,7 +41,8 @@ static double known_residual(const struct fit *fit, const double *x, int i) {
                : 0;
 }
 
-/* Computes the residuals f. Returns their weighted sum of squares. */
+/* Computes the residuals f. Returns the weighted sum of squares of residuals and priors, or
+ * G_MAXDOUBLE if it is not finite. */
 static double evaluate(const struct work *work, const double *x, double *f) {
     const struct fit *fit = work->fit;
     double sum = 0;
@@ -163,7 +164,7 @@ int fit_compare_floats(gconstpointer a, gconstpointer b) {
 
 /* Computes the weights from the residuals. The robust scale is median |r| / 0.6745 in one dimension
  * and median |r| / 1.1774 in two (medians of normal deviates). If hard is set, the weights are 0 or
- * 1. */
+ * 1, otherwise soft. */
 static void weigh(struct work *work, gboolean hard) {
     const struct fit *fit = work->fit;
     g_autofree double *sizes = g_new(double, fit->n_observations);
@@ -180,7 +181,7 @@ static void weigh(struct work *work, gboolean hard) {
 }
 
 /* Returns the inverse of h, by Cholesky decomposition with pivoting. The rows of undetermined
- * parameters are 0. */
+ * parameters are 0. *ret_undetermined gets one of these parameters, or −1 if there is none. */
 static double *invert(int n, const double *h, int *ret_undetermined) {
     g_autofree double *a = g_new(double, (gsize)n *(gsize)n), *scale = g_new0(double, n);
     g_autofree lapack_int *pivots = g_new(lapack_int, n);

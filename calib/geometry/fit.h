@@ -48,13 +48,12 @@ struct fit_result {
     int degrees_of_freedom;
     /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */
     double sigma;
-    int undetermined; /* first parameter that the observations do not determine, or −1 */
+    int undetermined; /* a parameter that the observations do not determine, or −1 */
 };
 
 /* Minimises from the given parameters, which must be close to the solution, and writes the solution
- * into them. Returns FALSE if an initial residual is not finite, or if the numbers of observations
- * and priors together do not exceed the number of parameters. In both cases ret must not be
- * cleared. */
+ * into them. Returns FALSE if an initial residual is not finite, or if the numbers of residuals and
+ * priors together do not exceed the number of parameters. In both cases ret must not be cleared. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

@@ -45,7 +45,7 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 right = vec3_cross(forward, up);
 
     /* The cross product does not determine the right of a camera that looks straight up or down.
-     * Take the limit of a camera at azimuth 0. */
+     * The limit of a camera at azimuth 0 is taken. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){
@@ -181,7 +181,7 @@ static double fisheye_angle(const struct rig_camera *c, double radius) {
     return (low + high) / 2;
 }
 
-/* Applies p' = R p + t, then the lens, then the camera matrix. Fails where the model is not
+/* Applies p' = R p + t, then the lens, then the camera matrix. Returns FALSE where the model is not
  * invertible, because the radius stops growing or the Jacobian's determinant is not positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
@@ -442,8 +442,8 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
-/* Returns bend·t², with t² = a² / r², a = q·axis and r² = q·q − a², where q is the point relative
- * to the laser. */
+/* Returns bend·t², with t² = a² / r², a = q·axis and r² = q·q − a², where q = way is the point
+ * relative to the laser. */
 static double bent_rad(const struct rig_laser *laser, struct vec3 way) {
     const double along = vec3_dot(way, laser->axis);
     const double away2 = vec3_dot(way, way) - along * along;
@@ -461,7 +461,7 @@ double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *las
 }
 
 /* Returns s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), where q is the point relative to the
- * laser in its carrier's frame. t does not depend on s. */
+ * laser in its carrier's frame, n the normal, and beam = n × axis. t does not depend on s. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way =

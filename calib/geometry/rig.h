@@ -167,7 +167,8 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
  * that the arm carries must have the same angle. If the arm carries none of them, it stands at the
  * first stop of the rig. Returns 0 if there is no arm. */
 double rig_arm_deg(const struct rig *rig, guint32 cameras);
-/* Does the same for the probe and a lamp. lamp is −1 if no lamp is used. */
+/* Returns the angle of the probe while a lamp is lit, in the same way as rig_arm_deg(). lamp is −1
+ * if no lamp is used. */
 double rig_probe_deg(const struct rig *rig, int lamp);
 
 /* Writes the name of the device to ret: NAME for a camera or lamp NAME@ANGLE that is carried, and
@@ -212,15 +213,16 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
  * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* Return the tilt (x, y, 0) of the turntable's axis at an angle, and the largest tilt in a turn. */
+/* Give the tilt (x, y, 0) of the turntable's axis at an angle, and return the largest tilt in a
+ * turn, sampled at every degree. */
 void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]);
 double rig_wobble_most_rad(const struct rig_wobble *wobble);
 
 /* Returns the rig with the turntable at an angle, in the frame in which the tilted axis is z.
- * Cameras, arc, and devices that stand by themselves are tilted back by the wobble. In this frame
- * the sample turns only by Rz, and a thing that lies on the turntable is level. The arc's tilt is
- * corrected to first order only: the wobble's tilt is subtracted. The error of this is below 1 µm
- * for wobbles below 0.1°. ret may be rig. */
+ * Cameras, the arc, the axes of arm and probe, and devices that stand by themselves are tilted back
+ * by the wobble. In this frame the sample turns only by Rz, and a thing that lies on the turntable
+ * is level. The arc's tilt is corrected to first order only: the wobble's tilt is subtracted. The
+ * error of this is below 1 µm for wobbles below 0.1°. ret may be rig. */
 void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
 
 /* Rotates a point or direction by a tilt: to W v if sign is 1, and to W⁻¹ v if sign is −1. */
@@ -229,8 +231,8 @@ struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign)
 /* Converts a point from the sample frame to the rig frame, with wobble. */
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm);
 
-/* Transform between the arc's frame at the angle arc_rad and the rig frame. Here and below, arc may
- * be NULL, which means an ideal arc. */
+/* Transform a point or direction from the arc's frame at the angle arc_rad to the rig frame, and a
+ * point back. Here and below, arc may be NULL, which means an ideal arc. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
@@ -252,8 +254,8 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
                            double arc_rad);
 
-/* Returns the laser as it stands with the arc at an angle: a fixed laser with the same sheets. It
- * saves time where many points at the same angle are computed. */
+/* Returns the laser as it stands with the arc at an angle: a fixed laser with the same sheets.
+ * Computing this once saves time if there are many points at the same angle. */
 struct rig_laser rig_laser_placed(const struct rig_arc *arc, const struct rig_laser *laser,
                                   double arc_rad);
 
@@ -302,9 +304,10 @@ double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_lase
                                 struct vec3 point_mm);
 
 /* Returns the free width between the light arc and the cone of sight from a camera to a disc of
- * radius_mm around the origin. It is negative if the arc stands in the picture. The arc is a band
- * with the radius arc_radius_mm in the vertical plane of azimuth α, from the zenith down to the
- * horizon at α (a quarter circle). Returns G_MAXDOUBLE if no part of the arc can be in the way. */
+ * radius_mm around the origin. This width is negative if the arc stands in the way. The arc is a
+ * band with the radius arc_radius_mm in the vertical plane of azimuth α, from the zenith down to
+ * the horizon at α (a quarter circle). Returns G_MAXDOUBLE if no part of the arc can be in the
+ * way. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
 
 /* Convert between a direction and its spherical angles: θ from +z in [0, π], and φ from +x,

@@ -148,7 +148,7 @@ static gboolean is_rotation(const struct mat3 *m) {
            vec3_length(vec3_sub(vec3_cross(row[0], row[1]), row[2])) < 4 * UNIT_TOLERANCE;
 }
 
-/* Refuses a value of the section of device i of a kind: [camera 0], [lamp 0] or [laser 0]. */
+/* Sets an error about a key of the section "[kind i]", such as [camera 0]. Returns FALSE. */
 static gboolean refuse_device(const char *path, const char *kind, int i, const char *key,
                               GError **error, const char *why) {
     g_autofree char *group = g_strdup_printf("%s %d", kind, i);
@@ -194,7 +194,7 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
                 !fields_read(file, path, group, devices[k].fields, name, device, error))
                 return FALSE;
         }
-    /* Rotations must rotate, directions must be unit vectors. */
+    /* Checks rotations, numbers of stops, and unit vectors. */
     for (int i = 0; i < rig->n_cameras; i++)
         if (!is_rotation(&rig->cameras[i].rotation))
             return refuse_device(path, "camera", i, "rotation", error, "is not a rotation");

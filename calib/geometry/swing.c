@@ -36,12 +36,12 @@ void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct ri
     camera->translation_mm = vec3_scale(mat3_mul_vec(&camera->rotation, centre), -1);
 }
 
-/* Returns S v = R_kᵀ (R_j v). */
+/* Returns S v, where S = R_kᵀ R_j is the rotation of a camera from stop j to stop k (swing.h). */
 static struct vec3 turned(const struct rig_camera *j, const struct rig_camera *k, struct vec3 v) {
     return mat3_mul_transposed(&k->rotation, mat3_mul_vec(&j->rotation, v));
 }
 
-/* Returns the rotation vector of S. */
+/* Returns the rotation vector of S = R_kᵀ R_j (swing.h). */
 static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_camera *k) {
     const struct vec3 x = turned(j, k, vec3(1, 0, 0)), y = turned(j, k, vec3(0, 1, 0)),
                       z = turned(j, k, vec3(0, 0, 1));
@@ -51,7 +51,8 @@ static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_
     return sine < 1e-12 ? vec3(0, 0, 0) : vec3_scale(twice, atan2(sine, cosine) / (2 * sine));
 }
 
-/* Finds the next pair of known, different stops of one camera. Returns FALSE if none is left. */
+/* Finds the next pair of known stops j and k of one camera that are at least MIN_APART_RAD apart.
+ * Returns FALSE if none is left. */
 static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) {
     for (;;) {
         if (++*k >= rig->n_cameras) {
@@ -69,8 +70,9 @@ static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) 
     }
 }
 
-/* Solves Σ (I − S)ᵀ (I − S) c = Σ (I − S)ᵀ (C_k − S C_j) for c, with the condition a aᵀ c = 0,
- * because c may be any point of the axis. */
+/* Solves Σ (I − S)ᵀ (I − S) c = Σ (I − S)ᵀ (C_k − S C_j) for c, with the symbols of swing.h. The
+ * condition a aᵀ c = 0 is added, because c may be any point of the axis. Returns FALSE if the
+ * equations are singular. */
 static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swing *swing) {
     const struct vec3 units[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double a[3] = {swing->axis.x, swing->axis.y, swing->axis.z};
@@ -99,7 +101,7 @@ static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swin
 }
 
 /* Returns the mean angle about the axis from the nominal centre of each known camera to its true
- * centre. */
+ * centre. Returns 0 if there is no such camera. */
 static double mean_zero_rad(const struct rig *rig, guint32 known, const struct rig *nominal,
                             const struct rig_swing *swing) {
     double sum = 0;

@@ -11,14 +11,15 @@
 
 #include "rig.h"
 
+/* Return a point or a direction after the swing has turned by a further angle. */
 struct vec3 rig_swing_point(const struct rig_swing *swing, double angle_rad, struct vec3 point_mm);
 struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
                                 struct vec3 direction);
 /* Moves a camera as its arm moves it when the arm turns by a further angle. */
 void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct rig_camera *camera);
 
-/* The axis as a least squares fit to the poses of its stops, and the deviations of the poses from
- * it. */
+/* An axis as a least squares fit to the poses of the stops, and the deviations of the poses from
+ * this axis. */
 struct rig_swing_fit {
     struct rig_swing swing;
     int n_pairs;          /* number of pairs of stops of one camera */
@@ -27,11 +28,11 @@ struct rig_swing_fit {
     double zero_rad;        /* mean angle about the axis from the nominal to the found positions */
 };
 
-/* Finds the arm's axis from the poses of its cameras. known has a bit for each camera whose pose is
- * known. From stop j to stop k of one camera, the camera has turned by S = R_kᵀ R_j, a rotation
- * about a by β_k − β_j, and its centres obey (I − S) c = C_k − S C_j. a is the mean of the rotation
- * vectors of S over all pairs of stops, and c is the least squares solution nearest to the origin.
- * zero_rad is measured from the cameras of nominal. Returns FALSE if no camera is known at two
- * stops that are at least 1° apart. */
+/* Finds the arm's axis from the poses of its cameras. Bit c of known is set if the pose of camera c
+ * is known. From stop j to stop k of one camera, the camera has turned by S = R_kᵀ R_j, a rotation
+ * about a by β_k − β_j, and its centres obey (I − S) c = C_k − S C_j. a is the direction of the sum
+ * of the rotation vectors of S, with the sign of β_k − β_j, over all pairs of stops. c is the least
+ * squares solution nearest to the origin. zero_rad is measured from the cameras of nominal. Returns
+ * FALSE if no camera is known at two stops that are at least 1° apart. */
 gboolean rig_swing_fit(const struct rig *rig, guint32 known, const struct rig *nominal,
                        struct rig_swing_fit *ret);
