@@ -66,9 +66,10 @@ static gboolean ball_centre(const struct ball_camera *camera, const struct ball_
 }
 
 /* Computes the unit direction of the light whose highlight is at a point of the ball, and the
- * highlight's place in radii. Returns FALSE if the point is outside the ball. Without a focal
- * length the normal is n = (x, y, √(1 − x² − y²)), with x and y relative to the middle in radii, y
- * up. With a focal length, the ray t r meets the ball of radius 1 around c where |t r − c| = 1. */
+ * highlight's place in radii. Returns FALSE if the point is outside the ball, or if the ball cannot
+ * be located. Without a focal length the normal is n = (x, y, √(1 − x² − y²)), with x and y
+ * relative to the middle in radii, y up. With a focal length, the ray t r meets the ball of radius
+ * 1 around c where |t r − c| = 1. */
 static gboolean ball_light_direction(const struct ball_camera *camera,
                                      const struct ball_outline *ball, double x_px, double y_px,
                                      struct vec3 *ret_from, struct vec3 *ret) {
@@ -138,7 +139,7 @@ struct model {
     struct vec3 direction, place;
 };
 
-/* Angle between a ray and the direction from its ball that the model predicts. */
+/* Returns the angle between a ray and the direction from its ball that the model predicts. */
 static double off_rad(const struct model *model, const struct ball_ray *ray) {
     return angle_rad(ray->direction,
                      model->placed ? vec3_sub(model->place, ray->from) : model->direction);
@@ -185,14 +186,16 @@ static gboolean meet(const struct ball_ray *rays, int n, guint32 set, struct mat
 
 struct vote {
     struct model model;
+    /* bit i is set if ray i agrees */
     guint32 set;
     int count;
     double misfit; /* sum of squared deviations of the rays, relative to their variances */
     gboolean tied; /* another set has as many rays */
 };
 
-/* Counts the rays that agree with a model. sigma_rad is the standard deviation of the model. If two
- * models have the same number of rays, the one with the smaller misfit is kept. */
+/* Counts the rays that agree with a model, and replaces best if they are more. sigma_rad is the
+ * standard deviation of the model. If another model has the same number of rays, the one with the
+ * smaller misfit is kept; best is tied if the rays are others. */
 static void vote(const struct ball_ray *rays, int n, const struct model *model, double sigma_rad,
                  struct vote *best) {
     struct vote mine = {.model = *model};
@@ -213,8 +216,9 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
     best->tied = tied;
 }
 
-/* Standard error of a position, per axis: the square roots of the diagonal of N⁻¹ S N⁻ᵀ, where N is
- * the normal matrix and S = Σ σ² (I − d dᵀ) / 2. σ is the error of a ray at the position. */
+/* Returns the standard error of a position, per axis: the square roots of the diagonal of N⁻¹ S
+ * N⁻ᵀ, where N is the normal matrix and S = Σ σ² (I − d dᵀ) / 2. d is the direction of a ray, and σ
+ * its error at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
                                const struct mat3 *normal, struct vec3 place) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
@@ -250,8 +254,9 @@ static void ball_light_place(const struct ball_ray *rays, int n, guint32 set,
     ret->miss = sqrt(ret->miss / count);
 }
 
-/* Computes the result and its errors from the set of rays that agree. If the rays deviate by more
- * than their standard deviations, the errors are scaled up by χ² per degree of freedom. */
+/* Computes the result and its errors from the set of rays that agree (bit i for ray i). If the rays
+ * deviate by more than their standard deviations, the errors are scaled up by χ² per degree of
+ * freedom. */
 static void estimate(const struct ball_ray *rays, int n, guint32 set, struct ball_light *ret) {
     double squares = 0, misfit = 0, count = 0;
     ret->direction = mean_direction(rays, n, set);

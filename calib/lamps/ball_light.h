@@ -12,26 +12,27 @@ struct ball_outline { /* in the picture, y down */
 };
 
 struct ball_camera {
-    double focal_px;   /* 0: the camera is taken as far away. Directions then have errors of up to a
-                          ball's radius over its distance, plus the angle between the ball and the
-                          middle of the picture. */
+    double focal_px;   /* Focal length in px. 0: not known; the camera is taken as far away.
+                        * Directions then have errors of up to a ball's radius over its distance,
+                        * plus the angle between the ball and the middle of the picture. */
     double x_px, y_px; /* principal point: the picture's middle; used only with a focal length */
 };
 
-/* Computes the unit direction of the light whose highlight is at a point of the ball and has the
- * given second moments. It is the mean direction of its light, which is further outwards than the
- * direction at its centroid. *ret_from is the highlight's place on the ball, in radii of the ball.
- * With a focal length it is relative to the camera, otherwise to the middle of the ball.
- * *ret_shift_rad is the angle from the mean to the direction at the centroid. The direction at the
- * centroid is better if blur determines the highlight's size. Returns FALSE if the point is outside
- * the ball. */
+/* Computes the unit direction *ret of the light whose highlight is at a point of the ball and has
+ * the given second moments. This is the mean direction of the highlight's light. It is further
+ * outwards than the direction at the highlight's centroid. *ret_from is the highlight's place on
+ * the ball, in radii of the ball. With a focal length, this place is relative to the camera,
+ * otherwise to the middle of the ball. *ret_shift_rad is the angle from the mean direction to that
+ * at the centroid. The direction at the centroid is better if blur determines the highlight's size.
+ * Returns FALSE if the point is outside the ball. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,
                                    struct vec3 *ret_from, struct vec3 *ret, double *ret_shift_rad);
 
-/* Returns the RMS error of the direction. highlight_px is the standard deviation of the highlight's
- * position. circle_px is that of the outline's centre, per axis, and of its radius. */
+/* Returns the RMS error of the direction in radians. highlight_px is the standard deviation of the
+ * highlight's position. circle_px is the standard deviation of the outline's centre, per axis, and
+ * of its radius. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px);
 
@@ -48,15 +49,16 @@ struct ball_light {
     struct vec3 direction; /* mean of the rays that agree */
     double sigma_rad;      /* root mean square */
     gboolean placed; /* the rays determine the position of the light, not only its direction */
-    struct vec3 place, place_error; /* position in radii, and its standard deviations */
-    double miss;                    /* RMS distance of the rays from the position */
+    struct vec3 place, place_error; /* position of the light in radii, if placed; its standard
+                                     * deviations */
+    double miss;                    /* RMS distance of the rays from the position, in radii */
     gboolean left_out[BALL_LIGHT_MAX];
     double off_rad[BALL_LIGHT_MAX]; /* angle of each ray from the result */
 };
 
 /* Finds the light that 1 … BALL_LIGHT_MAX rays agree on: a position, or a direction if the light is
- * too far away. Rays that contradict the majority are left out. Returns FALSE if there is no
- * majority; off_rad then has the angle to the nearest other ray. */
+ * too far away. Rays that contradict the majority are left out. Returns FALSE if no majority
+ * agrees; off_rad then has the angle of each ray to the nearest other ray. */
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret);
 
 /* Solves a x = b for a symmetric positive definite matrix by Cramer's rule. Returns FALSE if a is

@@ -38,9 +38,10 @@ struct edges {
 
 struct BallEdges {
     struct ball_outline given;
-    int n;                     /* places on a ray */
+    int n;                     /* number of places on a ray */
     int pictures;              /* number of pictures that were added */
-    double *changes, *squared; /* RAYS × n, sums over the pictures */
+    double *changes, *squared; /* RAYS × n: change of the square root of light, and of light, summed
+                                * over the pictures */
 };
 
 BallEdges *ball_edges_new(const struct ball_outline *given) {
@@ -109,7 +110,8 @@ void ball_edges_add(BallEdges *edges, const struct picture *picture) {
 
 /* Returns the place of a ray's strongest edge, and clears its surroundings. The place is found in
  * the derivative of light itself, by a parabola to a fraction of a step. Blur would move the edge
- * of the square root towards the dark side. Returns 0 if no edge is left. */
+ * of the square root towards the dark side. The place is in px along the searched part of the ray.
+ * Returns 0 if no edge is left. */
 static double take_edge(double *changes, const double *squared, int n, double least) {
     int best = 1;
     for (int i = 2; i < n - 1; i++)
@@ -164,7 +166,8 @@ static gboolean is_near(const struct ball_outline *a, const struct ball_outline 
            fabs(a->radius_px - given->radius_px) <= reach_px;
 }
 
-/* RANSAC with a fixed seed; returns the number of agreeing rays of the best circle. */
+/* Finds the circle near the given one with which most rays agree (RANSAC with a fixed seed).
+ * Returns their number, or 0 if there is no circle. */
 static int most_agreed(const struct edges *e, const struct ball_outline *given, double reach_px,
                        double within_px, struct ball_outline *ret) {
     GRand *rand = g_rand_new_with_seed(1);

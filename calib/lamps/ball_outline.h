@@ -9,7 +9,7 @@
 #include "ball_light.h"
 #include "pictures/picture.h"
 
-/* Mean changes of brightness along rays from the centre of a given circle. */
+/* Changes of brightness along rays from the centre of a given circle, summed over pictures. */
 typedef struct BallEdges BallEdges;
 
 /* Returns NULL if the circle is too small for an outline to be found. */

@@ -57,6 +57,7 @@ struct window {
     guint16 *labels; /* label of each pixel's spot */
     int *members;    /* pixels of the spots, spot by spot */
     int n_members;
+    /* background, and smallest height of a peak above it */
     float level, floor;
     float *sorted; /* values within the circle */
     int n_sorted;
@@ -68,8 +69,10 @@ struct spot {
     float height;      /* peak above the background */
     /* sum of squares above the background; both brightness and size increase it */
     double energy;
-    struct highlight light; /* position in the window */
+    struct highlight light; /* x_px, y_px are relative to the window */
     double share;           /* share of the peak above which pixels belong to the light */
+    /* aspect ratio is at least STREAK; touches a brighter spot; reaches the border of the circle;
+     * other photographs also show it */
     gboolean streak, halo, cut, stays;
     gboolean large; /* too large to be a lamp's mirror image */
 };
@@ -125,8 +128,9 @@ static int brightest(const struct window *w) {
     return best;
 }
 
-/* Labels the region connected with the peak (flood fill). halo is set if it touches another spot,
- * cut if it reaches the border of the circle. */
+/* Labels the region connected with the peak whose values are above a share of the peak (flood
+ * fill). halo is set if the region touches another spot, cut if it reaches the border of the
+ * circle. */
 static void grow(struct window *w, int peak, double share, struct spot *spot) {
     const float least = w->level + (float)share * spot->height;
     spot->first = w->n_members;
@@ -287,7 +291,7 @@ static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
             spot->height > (float)FAR_ABOVE * MAX(height_of_rest(w, spot), fabsf(w->level)));
 }
 
-/* Returns whether two spots are too similar to decide which is the lamp. */
+/* Returns whether two spots are too similar in energy and height to decide which is the lamp. */
 static gboolean alike(const struct spot *best, const struct spot *other) {
     return other->energy > COMPARABLE * best->energy &&
            !(other->energy < LOWER * best->energy && other->height < (float)LOWER * best->height);
@@ -361,7 +365,7 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
     char *why;
     const struct spot *spot = choose(&window, spots, mean, &why);
     if (spot) {
-        /* Number of pixels of the spot that equal the maximum of their colour filter phase. Each
+        /* Counts the pixels of the spot that equal the maximum of their colour filter phase. Each
          * phase may saturate at a different value. */
         float most[4] = {0};
         int count = 0;
@@ -378,8 +382,8 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
         *ret = spot->light;
         ret->x_px += window.left;
         ret->y_px += window.top;
-        /* RMS displacement of the centroid for higher thresholds. Glare and lamps that are not
-         * round increase it. */
+        /* The displacement of the centroid for higher thresholds is part of its error. Glare and
+         * lamps that are not round increase it. */
         static const double higher[] = {0.35, 0.5, 0.7, 0.9};
         double sum = 0;
         int n = 0;
@@ -434,7 +438,8 @@ static gboolean is_free(const struct lamp_target *target, int mark, double turnt
     return TRUE;
 }
 
-/* Measures one ball in one picture if the geometry says that it shows the lamp. */
+/* Measures one ball in one picture if the geometry says that it shows the lamp. Appends a sight, or
+ * a reason to rejected. */
 static void measure_ball(const struct rig *rig, const struct lamp_target *target,
                          const struct highlight_picture *from, int mark, double reach_mm,
                          GArray *sights, GPtrArray *rejected) {

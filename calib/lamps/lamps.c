@@ -123,8 +123,9 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         }
 }
 
-/* Predicts the position of a sight. turntable_rad is the true angle. The end of a shadow is in the
- * sample frame of the commanded angle. tilt_rad is the tilt of the turntable's axis. */
+/* Predicts the position of a sight. turntable_rad is the true angle, and tilt_rad the tilt of the
+ * turntable's axis. The end of a shadow is given in the sample frame of the commanded angle.
+ * Returns FALSE if the shadow or highlight is not visible. */
 static gboolean predict(const struct problem *problem, const struct lamp_target *target,
                         const struct lamp_sight *sight, double turntable_rad,
                         const double tilt_rad[2], struct vec3 lamp_mm, double ret[2]) {
@@ -170,15 +171,16 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
     }
 }
 
-/* Derivative of a point on the plate (mm) with respect to the camera's offset (px). It is the
- * inverse of the Jacobian of the camera's projection there. */
+/* Computes the derivative of a point on the plate (mm) with respect to the camera's offset (px).
+ * This is the inverse of the Jacobian of the camera's projection there. ret is not changed if the
+ * point is not visible. */
 static void find_shift(const struct problem *problem, const struct lamp_sight *s, double ret[4]) {
     const struct rig_camera *camera = &problem->rig->cameras[s->camera];
     double x[3], y[3];
     for (int k = 0; k < 3; k++) {
         struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
         if (!rig_project(camera, rig_sample_point(problem->rig, s->turntable_rad, p), &x[k], &y[k]))
-            return; /* not visible; the residual is FIT_LOST in this case */
+            return; /* not visible */
     }
     double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
     double det = a * d - b * c;
@@ -193,8 +195,8 @@ static gboolean is_on_arc(const struct problem *problem, const struct lamp_sight
     return sight->lamp >= 0 && !problem->rig->lamps[sight->lamp].fixed;
 }
 
-/* Returns the range of the arc angles: 2π minus the largest gap between neighbours. It is 0 if no
- * lamp is on the arc. */
+/* Returns the range of the arc angles of all sights except those of fixed lamps: 2π minus the
+ * largest gap between neighbours. Returns 0 if no lamp is on the arc. */
 static double spread_rad(const struct problem *problem) {
     g_autofree double *turns = g_new(double, problem->n + 1);
     gboolean any = FALSE;
@@ -259,7 +261,8 @@ static int *new_depends(const struct problem *problem) {
     return depends;
 }
 
-/* Assigns the columns of the parameters. */
+/* Assigns the indices of the parameters. Returns FALSE with an error if nothing is seen, or a lamp
+ * too rarely. */
 static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
@@ -334,9 +337,9 @@ static double covariance_at(const struct problem *problem, const struct fit_resu
     return fit->covariance[i * problem->n_parameters + j];
 }
 
-/* Sets the zero of the arc's angle. Rotates all lamps on the arc so that they are closest to the
- * nominal ones: tan φ = Σ (n × p)_z / Σ n·p in the xy plane. The arc's zero compensates for the
- * rotation. */
+/* Sets the zero of the arc's angle. Rotates all lamps on the arc by −φ so that their positions p
+ * are closest to the nominal ones n: tan φ = Σ (n × p)_z / Σ n·p in the xy plane. The arc's zero
+ * compensates for the rotation. Each lamp's aim is rotated with its position. */
 static void set_zero(const struct problem *problem, const struct fit_result *fit,
                      struct lamps_result *ret) {
     double cross = 0, dot = 0, variance = 0;
@@ -499,8 +502,8 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Finds exchanged names. Each of the two lamps is then nearest to the nominal place of the
- * other. */
+/* Refuses a lamp that is found at the nominal place of another lamp, because their names are then
+ * exchanged. */
 static gboolean check_places(const struct rig *rig, const struct lamps_result *ret,
                              GError **error) {
     for (int i = 0; i < rig->n_lamps; i++) {

@@ -80,7 +80,7 @@ struct lamp_sight {
     double turntable_rad, arc_rad;
     /* posts: end of the shadow of the top on the plate, mm, sample frame; balls: px */
     double x, y;
-    double sigma; /* standard deviation of x and y */
+    double sigma; /* standard deviation of x and of y, in their unit */
 };
 
 struct lamps_result {
@@ -90,8 +90,10 @@ struct lamps_result {
     /* covariance of the lamp's position with the arc at 0 */
     double covariance_mm2[RIG_MAX_LAMPS][3][3];
     int sights[RIG_MAX_LAMPS]; /* number of sights that were used */
+    /* standard error of the zero of the arc's angle */
     double zero_error_rad;
     gboolean arc_known; /* whether the axis was determined; otherwise it is the nominal axis */
+    /* standard errors of the arc's axis; 0 if it was not determined */
     double tilt_error_rad[2], centre_error_mm[2];
     struct lamp_target target;      /* the target with the estimated positions of its marks */
     double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance */
@@ -115,16 +117,18 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
 
 /* If the sights disagree by more than noise, tests whether the marks have other sizes than the
  * target says. For this it repeats the estimate with weak priors of the sizes. as_said is what
- * lamps_fit() has written for the same sights, on success or with LAMPS_ERROR_DEGENERATE. Returns
- * FALSE with LAMPS_ERROR_MISTAKE if the sights fit at least three times better with other sizes.
- * The message names them. */
+ * lamps_fit() has written for the same sights, on success or with LAMPS_ERROR_DEGENERATE. Otherwise
+ * returns TRUE. Returns FALSE with LAMPS_ERROR_MISTAKE if the sights fit at least three times
+ * better with other sizes. The message names them. */
 gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
                            const struct lamp_sight *sights, int n,
                            const struct lamps_result *as_said, GError **error);
 void lamps_result_clear(struct lamps_result *result);
 
-/* Predict a shadow's end and a highlight. They return FALSE if it is not visible. lamp_mm, and
- * foot_mm or centre_mm, are in the same frame, z up from the turntable. */
+/* Predict the end of a post's shadow, and a ball's highlight. They return FALSE if the shadow or
+ * highlight does not exist or is not visible. lamp_mm, and foot_mm or centre_mm, are in the same
+ * frame, z up from the turntable. ret_radius_mm is the radius of the shadow's end, and may be
+ * NULL. */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm);
 gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,

@@ -75,7 +75,8 @@ void shadow_view_free(ShadowView *view) {
     g_free(view);
 }
 
-/* Returns the median of every seventh value. */
+/* Returns the median of every seventh value, without those that are not finite. Returns 0 if none
+ * is left. */
 static double median_of(const float *values, gsize n) {
     g_autofree float *some = g_new(float, n / 7 + 1);
     gsize count = 0;
@@ -88,7 +89,8 @@ static double median_of(const float *values, gsize n) {
     return (double)some[count / 2];
 }
 
-/* Divides the picture by the lamp's approximate irradiance on the plate, E cos θ. */
+/* Returns the picture divided by the lamp's approximate irradiance on the plate, E cos θ. Pixels
+ * that do not show the plate are NaN. */
 static float *shade(const ShadowView *view, const struct picture *picture, int lamp,
                     double arc_rad) {
     gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -134,8 +136,8 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     return TRUE;
 }
 
-/* Computes the plate's own pattern: for each pixel, the sum over the pictures in which it is lit.
- * Needs at least three pictures. */
+/* Computes the plate's own pattern: for each pixel, sum and number of the pictures in which it is
+ * lit. With fewer than three pictures, no pattern is computed. */
 void shadow_find_pattern(ShadowView *view) {
     gsize n = (gsize)view->map->width * (gsize)view->map->height;
     if (view->pattern || view->shots->len < 3)
@@ -173,7 +175,7 @@ double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel
 }
 
 /* Computes central differences of the plate position along column and row, and the size of a pixel
- * from them. */
+ * from them. Returns FALSE at the border of the picture or of the plate. */
 static gboolean set_slope(struct window *w, int column, int row) {
     const struct plate_map *map = w->view->map;
     if (column < 1 || row < 1 || column >= map->width - 1 || row >= map->height - 1)
@@ -191,7 +193,8 @@ static gboolean set_slope(struct window *w, int column, int row) {
     return isfinite(w->pixel_mm);
 }
 
-/* Takes a pixel unless it shows more than plate and shadow. */
+/* Takes a pixel if it is within reach_mm of the shadow's end, and if it shows only plate and
+ * shadow. */
 static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
     const float *xy = w->view->map->xy_mm + 2 * i;
     struct pixel p = {(double)xy[0], (double)xy[1],
@@ -298,7 +301,8 @@ static void measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm, s
 }
 
 /* The residuals of a few pixels estimate a sight's error poorly. The variance is therefore averaged
- * with the square of the median error of the view's sights. */
+ * with the square of the median error of the view's sights, which begin at `first`. Posts
+ * themselves (bodies) and shadows have separate medians. */
 static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = first; i < sights->len; i++) {

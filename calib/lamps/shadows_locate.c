@@ -28,7 +28,8 @@ struct score {
     int n;
 };
 
-/* Adds the darkness along the centre line of a shadow to the score. */
+/* Adds the darkness along the centre line of a shadow to the score, up to the border of the
+ * picture. */
 static void score_streak(const ShadowView *view, const struct shot *shot, const struct streak *s,
                          struct score *score) {
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
@@ -48,7 +49,8 @@ static void score_streak(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
-/* Scores a pose of the plate. Only every n-th picture is used, where n is every. */
+/* Returns the score of a pose of the plate, or 0 if no shadow is visible. Only one of `every`
+ * pictures is used. */
 static double score_pose(ShadowView *const *views, int n, const struct lamp_target *target,
                          const struct plate_pose *pose, int every) {
     struct lamp_target moved;
@@ -73,7 +75,9 @@ static double score_pose(ShadowView *const *views, int n, const struct lamp_targ
     return score.n ? score.sum / score.n : 0;
 }
 
-/* Searches a grid around the best pose so far, and halves the step in each round. */
+/* Searches a grid around the best pose so far, and halves the step in each round. reach has the
+ * range of x and y in mm, the range of the angle in rad, and the first step of x and y in mm.
+ * Returns the score of the best pose. */
 static double search(ShadowView *const *views, int n, const struct lamp_target *target,
                      const double reach[3], int n_shots, struct plate_pose *best) {
     double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
@@ -101,6 +105,8 @@ static double search(ShadowView *const *views, int n, const struct lamp_target *
     return most;
 }
 
+/* Finds the pose of the plate with the highest score, and returns this score. *ret_shots is the
+ * number of pictures. */
 static double find_pose(ShadowView *const *views, int n, const struct lamp_target *target,
                         double reach_mm, double reach_rad, struct plate_pose *ret, int *ret_shots) {
     *ret_shots = 0;

@@ -42,12 +42,13 @@ struct streak {
  * similar radii. */
 double shadow_outside_mm(const struct streak *streak, double x_mm, double y_mm);
 
-/* Computes the shadow of a post from a source, which is a lamp or the centre of a camera. */
+/* Computes the shadow of a post from a source, which is a lamp or the centre of a camera. Returns
+ * FALSE if the source is not above the post. */
 gboolean shadow_streak(const struct lamp_target *target, int mark, double turntable_rad,
                        struct vec3 source_mm, struct streak *ret);
 
 struct pixel {
-    double x, y, value; /* mm on the plate */
+    double x, y, value; /* x, y: mm on the plate; value: as from shadow_value() */
 };
 
 struct window { /* around the end of one shadow */
@@ -61,6 +62,7 @@ struct window { /* around the end of one shadow */
     double slope[4]; /* mm on the plate per pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
     double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, and along its longer side */
     GArray *pixels;           /* struct pixel */
+    /* number of pixels near the end that something else hides; number of all pixels near the end */
     int hidden, near_end;
     gboolean body; /* the post itself, not its shadow */
     gboolean near; /* the foot's position is accurate; if FALSE, the foot moves with the end */
@@ -69,7 +71,9 @@ struct window { /* around the end of one shadow */
 #define SHADOW_SHAPE 5
 struct shape_fit {
     double p[SHADOW_SHAPE]; /* end x, y; lit and dark level; variance of the lens's blur, px² */
+    /* RMS residual, in the unit of the levels */
     double rms;
+    /* variances of the end's x and y, mm² */
     double variance[2];
 };
 

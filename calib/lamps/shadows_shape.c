@@ -17,8 +17,8 @@ struct blur {
     double px2, mm;
 };
 
-/* The distance from the nearest point t (0 … 1) of the axis, minus the radius interpolated between
- * the discs. */
+/* Returns the distance from the nearest point t (0 … 1) of the axis, minus the radius there, which
+ * is interpolated between the discs. */
 double shadow_outside_mm(const struct streak *s, double x, double y) {
     double ax = s->to.x - s->from.x, ay = s->to.y - s->from.y;
     double px = x - s->from.x, py = y - s->from.y, length2 = ax * ax + ay * ay;
@@ -33,8 +33,8 @@ gboolean shadow_streak(const struct lamp_target *target, int mark, double turnta
     return lamp_shadow_mm(target, mark, ret->from, source_mm, &ret->to, &ret->to_mm);
 }
 
-/* Returns the coverage of a quarter of a pixel. Blur along a curved edge shifts the edge towards
- * its concave side by ½ κ σ_along². */
+/* Returns the coverage of a quarter of a pixel. Blur along an edge with the curvature κ shifts the
+ * edge towards its concave side by ½ κ σ_along². */
 static double cover_part(const struct window *w, const struct streak *streak, double x, double y,
                          const struct blur *blur) {
     const double h = 0.02, *s = w->slope;
@@ -67,8 +67,9 @@ static double cover(const struct window *w, const struct streak *streak, const s
     return sum / 4;
 }
 
-/* Computes the normal equations of Gauss-Newton at p: a = Σ j jᵀ, b = Σ j r. meat, which may be
- * NULL, gets Σ r² j jᵀ for the sandwich estimator. Returns Σ r². */
+/* Computes the normal equations of Gauss-Newton at p: a = Σ j jᵀ, b = Σ j r, with the residual r of
+ * a pixel and its derivatives j. meat, which may be NULL, gets Σ r² j jᵀ for the sandwich
+ * estimator. Returns Σ r². */
 static double normal_equations(const struct window *w, const double p[N], double blur_mm,
                                double a[N][N], double b[N], double (*meat)[N]) {
     const double h = 0.01;
@@ -140,8 +141,9 @@ static gboolean solve(double a[N][N], double x[N]) {
     return TRUE;
 }
 
-/* Returns the heteroscedasticity-consistent variance uᵀ meat u (White 1980). Residuals are larger
- * on edges, and only the edges determine the end. */
+/* Returns the heteroscedasticity-consistent variance uᵀ meat u of a parameter (White 1980), where u
+ * = unit is its column of a⁻¹. Residuals are larger on edges, and only the edges determine the
+ * end. */
 static double sandwich(double meat[N][N], const double unit[N]) {
     double sum = 0;
     for (int i = 0; i < N; i++)
