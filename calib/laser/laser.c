@@ -106,8 +106,8 @@ static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     return arc;
 }
 
-/* Index in the table of residuals(), for a laser at one angle of the arc. swing is −1 for a laser
- * that is not on the arc. */
+/* Returns the index in `stands` of residuals(), for a laser at one angle of the arc. swing is −1
+ * for a laser that is not on the arc. */
 static int stand_of(const struct problem *problem, int laser, int swing) {
     return laser * (problem->swing.n + 1) + 1 + swing;
 }
@@ -152,7 +152,7 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
 struct levels { /* range of the heights of a laser's points */
     double low_mm, high_mm;
     int n, n_low, n_high;
-    int sweep; /* number of one of its sweeps */
+    int sweep; /* number of one of the laser's sweeps */
 };
 
 /* Returns the range of heights of a laser's points, and the numbers of points below and above its
@@ -244,8 +244,8 @@ struct tally {
     int n[2];
 };
 
-/* Adds each step: with the mean residuals m₀, m₁ on the two heights, tilt = (m₁ − m₀) / distance of
- * the lines, offset = (m₀ + m₁) / 2. */
+/* Adds each step of a laser at one angle of the arc. With the mean residuals m₀ and m₁ on the two
+ * heights, tilt = (m₁ − m₀) / distance of the lines, and offset = (m₀ + m₁) / 2. */
 static void add_steps(const struct problem *problem, const struct fit_result *fit,
                       struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
     g_autoptr(GHashTable) steps =
@@ -299,7 +299,7 @@ static GArray *laser_arcs(const struct problem *problem, int laser) {
     return arcs;
 }
 
-/* Returns the median line_rad of a laser's points. */
+/* Returns the median line_rad of a laser's points, or 0 if none is known. */
 static double laser_line_rad(const struct problem *problem, int laser) {
     g_autofree double *line_rad = g_new(double, problem->n + 1);
     int n = 0;
@@ -309,15 +309,16 @@ static double laser_line_rad(const struct problem *problem, int laser) {
     return n > 0 ? robust_median(line_rad, n) : 0;
 }
 
-/* The displacement of the sheet across itself at a point p when its parameters change. Let s be the
- * sweep angle at which the sheet contains p, and n'·x = d' the changed sheet at s. The displacement
- * is d' − n'·p. */
+/* The state of a laser and its arc, before or after a parameter has changed. */
 struct change {
     struct rig_arc arc;
     struct rig_laser laser;
     double arc_rad;
 };
 
+/* Returns the displacement of the sheet along its normal at a point p when its parameters change.
+ * Let s be the sweep angle at which the sheet contains p, and n'·x = d' the changed sheet at s. The
+ * displacement is d' − n'·p. */
 static double displacement_mm(const struct change *is, const struct change *changed,
                               struct vec3 point_mm) {
     const double sweep_rad =
@@ -348,7 +349,7 @@ static void sheet_slopes(const struct change *is, const struct change *changed, 
 
 /* Adds the covariance D C Dᵀ of one laser's sheets with the arc at an angle. D has the derivatives
  * with respect to the parameters of arc and laser, and to the error of the arc's angle, whose
- * standard deviation is swing_rad. */
+ * standard deviation is swing_rad. The covariance is multiplied by share. */
 static void add_sheet_errors(const struct problem *problem, const struct fit_result *fitted,
                              const double *x, int laser, double arc_rad, double share,
                              struct rig_sheet_errors *ret) {
@@ -411,9 +412,9 @@ static void take_sheet(const struct problem *problem, const struct fit_result *f
     ret->sheet_error_mm[laser] = sqrt(sum / MAX(ret->points[laser], 1));
 }
 
-/* Determines which errors come from the priors. Such an error would be less than half as large if
- * the arc were known exactly, and the lines leave the arc's own error at more than half of its
- * prior. */
+/* Determines which errors come from the priors. More than the share PRIOR_SHARE of the variance of
+ * such an error comes from one parameter of the arc, whose own error the lines leave at more than
+ * half of its prior. */
 static void take_priors(const struct problem *problem, const struct fit_result *fitted,
                         const struct laser_arc *arc, int laser, struct laser_result *ret) {
     const int n = problem->n_parameters, at = problem->at[laser];
@@ -523,8 +524,8 @@ static gboolean check_determined(const struct problem *problem, const struct fit
 }
 
 /* Refuses a sweep whose direction is reversed, or whose range differs much from the commanded one.
- * It is an error in the rig file or the table, which calibration must not hide. Also, the resulting
- * file could not be read back. */
+ * The cause is an error in the rig file or the table, which calibration must not hide. Also, a file
+ * with such a stretch could not be read back. */
 static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
@@ -552,8 +553,8 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
     return TRUE;
 }
 
-/* Finds exchanged names. Each of the two lasers is then nearest to the nominal place of the
- * other. */
+/* Refuses a laser that is found at the nominal place of another laser, because their names are then
+ * exchanged. */
 static gboolean check_places(const struct problem *problem, const double *x, GError **error) {
     const struct rig *rig = problem->rig;
     for (int i = 0; i < rig->n_lasers; i++) {
@@ -579,7 +580,9 @@ static gboolean check_places(const struct problem *problem, const double *x, GEr
 }
 
 /* Adjusts all parameters. *ret_mm is the RMS distance of all points except the share WORST with the
- * largest distances. Each distance counts as at most MAX_OFF_MM. */
+ * largest distances. Each distance counts as at most MAX_OFF_MM. *ret_height_error_mm is the
+ * standard error of the plane's height, or 0 if no height is adjusted. Returns FALSE if the fit
+ * fails. */
 static gboolean solve(struct problem *problem, const struct laser_arc *arc, double *x,
                       struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
@@ -617,7 +620,8 @@ static gboolean solve(struct problem *problem, const struct laser_arc *arc, doub
 }
 
 /* Adjusts all parameters with solve(). Then adjusts once more without the bends that are not
- * significant or not determined. */
+ * significant or not determined. ret_bend_error_rad gets the standard error of each bend from the
+ * first adjustment. */
 static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
                             struct fit_result *ret, double *ret_mm, double *ret_bend_error_rad) {
     const struct fit fit = {.n_parameters = problem->n_parameters};
@@ -642,7 +646,8 @@ static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc
 }
 
 /* Adjusts with the height of the plane at plane_mm as a further parameter, and returns the RMS.
- * Returns INFINITY if the result proves nothing. */
+ * *ret_by_mm is how much higher the plane is found. Returns INFINITY if the fit fails, if the
+ * height does not change significantly, or if the plane would coincide with another one. */
 static double with_height(struct problem *problem, const struct laser_arc *arc,
                           const char *const *sweep_names, double plane_mm, double *ret_by_mm,
                           double *ret_error_mm) {
@@ -809,12 +814,12 @@ int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, G
         seen += sweep->peak[i] >= 0;
     if (seen == 0)
         return 0;
-    /* Takes an even fraction of the pixels with a peak, counted row by row. This order is oblique
-     * to the lines. */
     const double noise_frames = laser_noise_frames(sweep, camera->width, camera->height);
     const struct rig_laser *laser = &rig->lasers[sweep->laser];
     const struct vec3 source = rig_laser_position_mm(&rig->arc, laser, sweep->arc_rad);
     const struct vec3 axis = rig_laser_axis(&rig->arc, laser, sweep->arc_rad);
+    /* Takes an even fraction of the pixels with a peak, counted row by row. This order is oblique
+     * to the lines. */
     double every = MAX(1, (double)seen / (double)MAX(sweep->most, 1)), next = 0;
     gsize number = 0;
     for (gsize i = 0; i < n; i++) {

@@ -53,8 +53,8 @@ struct laser_result {
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
     double bend_error_rad[RIG_MAX_LASERS]; /* also for a bend that is not significant */
-    /* Errors that come mostly from the prior of the arc's axis and not from the measurement: of
-     * position, axis, zero, stretch. */
+    /* TRUE if more than a quarter of a variance comes from the prior of the arc's axis and not from
+     * the measurement: of position, axis, zero, stretch. */
     gboolean from_prior[RIG_MAX_LASERS][4];
     /* includes the part of the RMS that noise does not explain */
     struct rig_sheet_errors sheet[RIG_MAX_LASERS];
@@ -65,6 +65,8 @@ struct laser_result {
     double line_rad[RIG_MAX_LASERS];
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc */
+    /* RMS distance of all used points from their sheets; RMS residual over its expected standard
+     * deviation */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per point; owned */
@@ -83,7 +85,8 @@ struct laser_arc {
 
 /* Estimates lasers and arc. rig has calibrated cameras, and nominal lasers and arc. sweep_names has
  * the names of the points' sweeps, for messages. If another height of one plane explains the lines
- * three times better, the error is LASER_ERROR_MISTAKE and names the height. */
+ * three times better, the error is LASER_ERROR_MISTAKE and names the height. Call
+ * laser_result_clear() after success. */
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error);
@@ -96,16 +99,18 @@ gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *p
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);
 
-/* A sweep seen by one camera. peak has the peak times of sweep_finish(), and −1 where there is
- * none. Frame k was taken at the sweep angle from + k·step. */
+/* A sweep seen by one camera. peak has the peak times of sweep_finish(), and −1 where there is no
+ * peak. Frame k was taken at the sweep angle from + k·step. */
 struct laser_plate_sweep {
     int sweep, laser, camera;
     double arc_rad, from_rad, step_rad;
     double plane_mm;  /* height of the plane */
     double radius_mm; /* radius of the used part of the plane about the turntable's axis */
+    /* for each pixel, peak time and standard deviation of the profile, in frames; width may be
+     * NULL */
     const float *peak, *width;
     gsize most; /* maximum number of points to take; they are spread over the picture */
 };
 
-/* Appends a struct laser_point for each point. Returns the number of points. */
+/* Appends a struct laser_point for each point that is taken. Returns the number of these points. */
 int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, GArray *points);

@@ -13,7 +13,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_SIGMA_PX 0.02 /* smallest standard deviation of a corner */
+#define MIN_SIGMA_PX 0.02 /* added in quadrature to the standard deviation of a corner */
 #define REJECT       4.0  /* number of standard deviations from which a corner is rejected */
 #define MIN_CORNERS  6
 #define MAX_GRID     1200 /* largest number of samples in a row or column of the board */
@@ -46,7 +46,7 @@ static GArray *refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-/* Multiplies exp([ω]×) (Rodrigues' formula) by from. */
+/* Returns exp([ω]×) · from, by Rodrigues' formula. */
 static struct mat3 rotation_of(const double omega[3], const struct mat3 *from) {
     const struct vec3 w = vec3(omega[0], omega[1], omega[2]);
     const double angle = vec3_length(w);
@@ -111,7 +111,8 @@ static void pose_residuals(const double *p, double *ret, gconstpointer data) {
     }
 }
 
-/* Estimates a first pose from the viewing rays of the corners. */
+/* Sets problem->start to a first pose, from the viewing rays of the corners. Returns FALSE if there
+ * is none. */
 static gboolean first_pose(struct pose_problem *problem) {
     const guint n = problem->corners->len;
     g_autofree double *points = g_new(double, 4 * n);
@@ -173,8 +174,9 @@ gboolean laser_board_point(const struct rig_camera *camera, const struct laser_p
     return TRUE;
 }
 
-/* Returns how strongly the laser lights a pixel. A clipped colour is used with its clipped
- * value. */
+/* Returns how strongly a laser of this colour lights a pixel: the colour minus the mean of the
+ * other two. Returns the mean of all colours if colour is −1. A clipped colour is used with its
+ * clipped value. */
 static float strength_of(const float rgb[3], int colour) {
     return colour < 0 ? (rgb[0] + rgb[1] + rgb[2]) / 3
                       : rgb[colour] - (rgb[0] + rgb[1] + rgb[2] - rgb[colour]) / 2;
@@ -229,7 +231,8 @@ struct look {                                    /* the view of the board in the
     struct rig_camera camera;                    /* at the origin */
     const struct board *board;
     const struct laser_pose *pose;
-    double mm_a_px; /* millimetres per pixel in the middle of the board */
+    double mm_a_px; /* smaller of the millimetres per pixel along the board's x and y, in the middle
+                     * of the board */
     double noise;   /* noise of a pixel */
     /* Background of each part of the board, for black and for white print. It is relative to the
      * reflectance if that is known. */
@@ -254,7 +257,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return x->value < y->value ? 1 : x->value > y->value ? -1 : 0;
 }
 
-/* Returns 0 if there are no values. */
+/* Returns the median of doubles, or 0 if there are none. */
 static double median_of(GArray *values) {
     return values->len ? robust_median((double *)(gpointer)values->data, (int)values->len) : 0;
 }
@@ -268,7 +271,7 @@ static int cell_of(const struct board *board, const double mm[2], gboolean white
     return 2 * (CLAMP(y, 0, CELLS - 1) * CELLS + CLAMP(x, 0, CELLS - 1)) + (white ? 1 : 0);
 }
 
-/* Samples the whole print except the places next to its edges. */
+/* Returns samples (struct sample) of the whole print except the places next to its edges. */
 static GArray *gather(const struct look *look) {
     double size[2];
     board_size_mm(look->board, size);
@@ -380,7 +383,8 @@ static gboolean vote(const GArray *votes, double within_mm, struct straight *ret
     return best > 0;
 }
 
-/* Returns the share of the places on white print along the line that are bright. */
+/* Returns the share of the places on white print along the line that are bright. A place is
+ * within_mm long. */
 static double share_of(const GArray *samples, const struct straight *line, double within_mm,
                        double bright) {
     g_autoptr(GHashTable) all = g_hash_table_new(NULL, NULL), lit = g_hash_table_new(NULL, NULL);
@@ -397,7 +401,8 @@ static double share_of(const GArray *samples, const struct straight *line, doubl
     return g_hash_table_size(all) ? (double)g_hash_table_size(lit) / g_hash_table_size(all) : 0;
 }
 
-/* Returns whether the print along a profile is all white or all black. */
+/* Returns whether the print is all white or all black along a profile and up to CLEAR_PX beyond its
+ * ends. middle and across are in the picture. */
 static gboolean is_even(const struct look *look, const double middle[2], const double across[2],
                         double half_px, gboolean *ret_white) {
     double at[2 * (4 * HALF_PX + 9)];
@@ -415,6 +420,7 @@ static gboolean is_even(const struct look *look, const double middle[2], const d
     return TRUE;
 }
 
+/* Parameters A, c and w of a profile; see profile_sum(). */
 enum { HEIGHT, MIDDLE, WIDTH, N };
 
 struct profile {
@@ -422,6 +428,8 @@ struct profile {
     double u[4 * HALF_PX + 1], value[4 * HALF_PX + 1], reflectance[4 * HALF_PX + 1];
 };
 
+/* Reads a profile every half pixel, and subtracts the background. Returns FALSE if it leaves the
+ * picture. */
 static gboolean read_profile(const struct look *look, const double from[2], const double across[2],
                              double half, double background, struct profile *ret) {
     ret->n = 0;
@@ -462,7 +470,8 @@ static double profile_sum(const struct profile *profile, const double p[N], int 
 }
 
 /* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). If width is 0, the
- * width is fitted as well. Returns FALSE if the profile shows no line, or one that is too weak. */
+ * width is fitted as well. Returns FALSE if the profile shows no line, or one that is too weak. p
+ * gets the parameters, and *ret_sigma the standard error of the middle in px. */
 static gboolean fit_profile(const struct profile *profile, double half, double noise, double width,
                             double p[N], double *ret_sigma) {
     const int free = width > 0 ? 2 : 3;

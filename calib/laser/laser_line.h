@@ -21,21 +21,23 @@ struct laser_pose { /* pose of a board: camera = rotation · board + shift */
 };
 
 /* Fits the pose to the corners (struct corner). start is a pose near the result, or NULL. Corners
- * that the line has shifted are left out. Returns FALSE if the corners contradict each other. */
+ * that the line has shifted are left out. Returns FALSE if there are too few corners, or if they
+ * contradict each other. */
 gboolean laser_pose_fit(const struct rig_camera *camera, const struct board *board,
                         const GArray *corners, const struct laser_pose *start,
                         struct laser_pose *ret);
 
-/* Computes where a pixel's ray meets the board, in mm in the board's frame. Returns FALSE if it
- * does not. */
+/* Computes where a pixel's ray meets the board, in mm in the board's frame. Returns FALSE if the
+ * ray does not meet the board's plane. */
 gboolean laser_board_point(const struct rig_camera *camera, const struct laser_pose *pose,
                            double x_px, double y_px, double ret_mm[2]);
 
 /* Computes from linear R, G, B (n × 3) how strongly the laser may have lit each pixel, and the
  * print's reflectance there in an arbitrary unit. dark is a photograph of the same scene without
- * the laser, or NULL. If it is given, it is subtracted, and it is the reflectance. Otherwise colour
- * is the laser's colour, 0 … 2. The mean of the other two colours is subtracted, and it is the
- * reflectance. colour −1 stands for grey pictures, whose reflectance is NAN. */
+ * the laser, or NULL. If dark is given, the strength is the largest difference from dark of the
+ * three colours, and the reflectance is the mean colour of dark. Otherwise colour is the laser's
+ * colour, 0 … 2. The mean of the other two colours is then the reflectance, and is subtracted from
+ * the laser's colour. colour −1 stands for grey pictures, whose reflectance is NAN. */
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);
 /* Returns the colour in which the brightest pixels of a photograph differ most from grey. Returns

@@ -25,7 +25,7 @@ struct mistake {
 
 struct planes {
     double z_mm[MAX_PLANES];
-    int sweep[MAX_PLANES]; /* one of its sweeps */
+    int sweep[MAX_PLANES]; /* number of one sweep on each plane */
     int n;
 };
 
@@ -67,8 +67,9 @@ static struct laser_point undo(const struct rig *rig, const struct planes *plane
     return p;
 }
 
-/* Returns the spread of the sweep angles after a mistake was undone. The spread is infinite if a
- * laser turns in the wrong direction, or by an angle far from the commanded one. */
+/* Returns the spread of the sweep angles after a mistake was undone. Returns INFINITY if a laser
+ * would then turn in the wrong direction, or by an angle far from the commanded one. This limit
+ * does not apply to the kind NONE. */
 static double spread_rad(const struct rig *rig, const struct laser_point *points, int n,
                          const struct planes *planes, const struct mistake *mistake) {
     struct line {

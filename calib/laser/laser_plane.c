@@ -30,7 +30,7 @@ struct view { /* a photograph, with one set of camera parameters */
     struct laser_pose pose;
     double share[2][2]; /* the two points of the line on the board: middle ± h along the line, mm */
     double across[2];   /* unit vector on the board, perpendicular to the line */
-    /* errors of the line's middle, and of its ends at ± h */
+    /* standard errors across the line: of its middle, and of its slope, at the distance h */
     double offset_sigma_mm, slope_sigma_mm;
     struct vec3 ends[2]; /* rig frame */
 };
@@ -80,7 +80,8 @@ static double line_of(const struct moments *m, double ret_middle[2], double ret_
 }
 
 /* Fits a straight line to the dots on the board. Its errors are estimated from the scatter of the
- * means of pieces of it, because the errors of neighbouring dots are correlated. */
+ * means of pieces of it, because the errors of neighbouring dots are correlated. mm has the dots'
+ * places on the board. Returns FALSE if there are too few dots. */
 static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret) {
     const int n = (int)dots->len, most = MIN(BLOCKS, n / 2);
     g_autofree double *off = g_new(double, n + 1), *sorted = g_new(double, n + 1);
@@ -146,7 +147,7 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
 }
 
 /* Measures the line in a photograph. start is a view with nearly the same camera parameters, or
- * NULL. */
+ * NULL. Returns FALSE if corners or dots fit no pose or no line. */
 static gboolean view_of(const struct rig_camera *camera, const struct board *board,
                         const struct laser_photograph *photograph, const struct view *start,
                         struct view *ret) {
@@ -259,8 +260,9 @@ static void distances(const struct view *view, struct vec3 normal, double offset
         ret[k] = vec3_dot(normal, view->ends[k]) - offset;
 }
 
-/* Weighted least squares relative to a frame. ret gets normal and offset. ret_covariance is the
- * covariance of offset and tilts. */
+/* Fits the plane by weighted least squares. The parameters are the offset and two tilts relative to
+ * a frame, and ret_covariance is their covariance. ret gets normal and offset. Returns FALSE if the
+ * equations are singular. */
 static gboolean solve(const struct view *views, const struct weights *weights, int n,
                       const struct frame *frame, struct rig_plane *ret,
                       double ret_covariance[3][3]) {
@@ -300,6 +302,8 @@ static gboolean solve(const struct view *views, const struct weights *weights, i
     return TRUE;
 }
 
+/* Sets V⁻¹ of each view for a plane with this normal. *ret_expected_mm is the expected RMS distance
+ * of the views that are used. */
 static void weigh(const struct rig_camera *camera, const struct view *views, int n,
                   struct vec3 normal, struct weights *to, double *ret_expected_mm) {
     double sum = 0;
@@ -330,7 +334,7 @@ static double all_chi2(const struct view *views, const struct weights *weights, 
     return robust_median(sorted, n) / (2 * G_LN2);
 }
 
-/* Finds the plane of the pair of views that agrees best with all views, by the median of χ². */
+/* Finds the plane through a pair of views that agrees best with all views, by the median of χ². */
 static void first_plane(const struct rig_camera *camera, const struct view *views, int n,
                         struct weights *weights, struct rig_plane *ret) {
     g_autofree double *chi2 = g_new(double, n);
@@ -504,7 +508,7 @@ static void set_errors(struct laser_plane *to) {
     to->tilt_error_rad = sqrt(MAX(values[2], 0));
 }
 
-/* Says that the positions of the boards do not determine a plane. */
+/* Sets an error that the positions of the n boards do not determine a plane. Returns FALSE. */
 static gboolean refuse_degenerate(const struct laser_plane *plane, int n, GError **error) {
     return refuse(error, LASER_PLANE_ERROR_DEGENERATE,
                   "the laser's lines on %d boards lie within %.2f mm of one straight line, which "

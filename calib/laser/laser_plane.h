@@ -43,13 +43,15 @@ struct laser_plane {
     /* RMS distance of the lines from the plane, and its expected value */
     double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
+    /* number of photographs that were used, and of their dots */
     int used, dots;
-    double *off_mm;     /* RMS distance of each photograph's line; NAN if it was left out */
+    /* RMS distance of each photograph's line from the plane, also if it was left out */
+    double *off_mm;
     gboolean *left_out; /* one flag per photograph */
 };
 
-/* Fits the plane. errors are the errors of the camera. If they are NULL, or their known is FALSE,
- * the camera counts as exact. Returns NULL with an error if the plane is refused. */
+/* Fits the plane. errors are the errors of the camera. If errors is NULL, or errors->known is
+ * FALSE, the camera counts as exact. Returns NULL with an error if the plane is refused. */
 struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
                                     const struct calibration_camera *errors,
                                     const struct board *board,
