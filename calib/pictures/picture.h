@@ -35,7 +35,8 @@ void picture_srgb(float ret[256]);
 /* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"). Each colour is scaled
  * so that the picture is grey on average; the pixels are not interpolated. If the scene is grey
  * under one light, the result is exact and as sharp as the sensor. Otherwise the mosaic stays
- * visible. Sets cfa of the picture. Returns FALSE if cfa is unknown. */
+ * visible. "mono" changes nothing. Otherwise the picture's cfa is set. Returns FALSE if cfa is
+ * unknown. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
 
 G_END_DECLS

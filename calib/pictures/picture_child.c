@@ -26,7 +26,8 @@ struct told {
     int done, n;
 };
 
-/* A child that fails writes this into the file instead of a result. */
+/* A child that fails writes this, and then the text of the error, into the file in memory instead
+ * of a result. */
 struct child_error {
     gboolean is_input; /* INPUT_FILE_ERROR, otherwise PICTURE_FILE_ERROR */
     int code;
@@ -71,7 +72,8 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     picture_child_end(error);
 }
 
-/* Reads messages until the child closes the pipe. Returns FALSE if told has ended the reading. */
+/* Reads messages until the child closes the pipe. Returns FALSE with an error if told returns
+ * FALSE. */
 static gboolean picture_child_listen(int fd, PictureChildTold told, gpointer data, GError **error) {
     struct told message;
     for (;;) {
@@ -120,7 +122,7 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
     return NULL;
 }
 
-/* Starts the program with its three descriptors. Returns −1 on error. */
+/* Starts the program with its three descriptors. Returns its process id, or −1 on error. */
 static pid_t start(const struct picture_job *job, int result, int told, GError **error) {
     static const int targets[] = {CHILD_FILE, CHILD_RESULT, CHILD_TOLD};
     const int sources[] = {job->fd, result, told};
@@ -137,7 +139,8 @@ static pid_t start(const struct picture_job *job, int result, int told, GError *
     return pid > 0 ? pid : -1;
 }
 
-/* Waits until the program ends, or kills it if told returns FALSE. Returns its result. */
+/* Waits until the program ends, or kills it if told returns FALSE. Returns the program's result, or
+ * NULL with an error. */
 static GBytes *hear(const struct picture_job *job, const char *library, pid_t pid, int told_fd,
                     int result, PictureChildTold told, gpointer data, GError **error) {
     int status = 0;

@@ -16,26 +16,28 @@ struct picture_job {
     const char *reader; /* "raw" or "video" */
     int fd;             /* the file, open for reading */
     guint64 length;     /* bytes of the file */
-    int most;           /* number of frames of a video to keep; otherwise 0 */
+    int most;           /* largest number of frames of a video to keep; 0 for "raw" */
 };
 
-/* Called for each picture_child_tell(). If it returns FALSE with an error, the program is
- * killed. */
+/* Called when the program calls picture_child_tell(): done of n steps are finished. If this
+ * function returns FALSE with an error, the program is killed. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
 /* Runs the program and returns what it has written. Returns NULL with the error of the program or
- * of told, or with PICTURE_FILE_ERROR_IO if library, which reads the file, has crashed. told may be
- * NULL. */
+ * of told, or with PICTURE_FILE_ERROR_IO if the program has crashed. library is the name of the
+ * library that reads the file, for messages. told may be NULL. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 
-/* Takes the next n bytes of a result. Returns FALSE if fewer are left. */
+/* Copies the next n bytes of a result, from the offset *at, and increases *at. Returns FALSE if
+ * fewer bytes are left. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
 /* The following functions are for the program. */
 
-/* Reads a file, and writes the result with picture_child_write(), in any format. The program ends
- * afterwards, so nothing needs to be freed. */
+/* Reads a file, and writes the result with picture_child_write(). The reader of the result defines
+ * its format. Returns FALSE with an error if the file cannot be read. The program ends afterwards,
+ * so nothing needs to be freed. */
 typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **error);
 
 /* Returns FALSE if the bytes cannot be written; the program then ends with that error. */

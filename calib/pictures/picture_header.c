@@ -22,7 +22,7 @@ static gboolean png_size(const guint8 *bytes, gsize length, struct size *ret) {
     return TRUE;
 }
 
-/* Skips segments up to the first start of frame. */
+/* Reads the size from the first start of frame, after skipping the segments before it. */
 static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
         return FALSE;
@@ -45,7 +45,8 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     return FALSE;
 }
 
-/* A bitmap of Windows or OS/2. A negative height means that the top row comes first. */
+/* Reads the size of a bitmap of Windows or OS/2. A negative height means that the top row comes
+ * first. */
 static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 26 || memcmp(bytes, "BM", 2) != 0)
         return FALSE;
@@ -56,8 +57,9 @@ static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
     return TRUE;
 }
 
-/* A portable graymap or pixmap: "P2", "P3", "P5" or "P6", then width and height in decimal. They
- * are separated by white space and by comments, which end with the line. */
+/* Reads the size of a portable graymap or pixmap. It begins with "P2", "P3", "P5" or "P6", followed
+ * by width and height in decimal. These are separated by white space and by comments, which end
+ * with the line. */
 static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
     guint64 values[2] = {0, 0};
     gsize at = 2;
@@ -76,7 +78,8 @@ static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
 
 enum { TIFF_WIDTH = 256, TIFF_HEIGHT, TIFF_BITS, TIFF_TILE_WIDTH = 322, TIFF_TILE_HEIGHT };
 
-/* Returns the first value of a tag. It is in the entry itself, or at the offset in the entry. */
+/* Returns the first value of a tag, which is in the entry itself or at the offset in the entry.
+ * Returns 0 if the value is outside the file or of another type. */
 static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     static const int sizes[] = {[1] = 1, [3] = 2, [4] = 4, [16] = 8};
     const int room = tiff->big ? 8 : 4;

@@ -11,7 +11,7 @@
 
 #define HEADER  29         /* bytes up to the interlace method */
 #define SAID    (4 << 20)  /* number of bytes in which the tone curve is searched */
-#define MAX_ROW (64 << 20) /* bytes */
+#define MAX_ROW (64 << 20) /* largest number of bytes of a row */
 
 struct part_reading {
     FILE *file;
@@ -19,6 +19,7 @@ struct part_reading {
     guint8 *row, *rows; /* row: the whole width; rows: the part */
     gsize pixel;        /* bytes of a pixel */
     int channels, bits;
+    /* first error of libpng; NULL if there was none */
     char *why;
 };
 

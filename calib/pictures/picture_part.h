@@ -13,12 +13,12 @@ struct picture_part {
     int x, y, width, height; /* pixels from the top left corner */
 };
 
-/* Returns whether the file is a PNG whose rows follow each other, and its size. An interlaced PNG
- * has another order. Also returns FALSE if the file cannot be read. */
+/* Returns whether the file is a PNG whose rows follow each other, and gives its size. Returns FALSE
+ * for an interlaced PNG, which has another order, and if the file cannot be read. */
 gboolean picture_part_can(const char *path, int *ret_width, int *ret_height);
 
-/* The same as picture_read_codes(), for a part that lies within the picture. width and height of
- * ret are those of the part. */
+/* Reads a part that lies within the picture, like picture_read_codes(). width and height of ret are
+ * those of the part. */
 gboolean picture_part_read(const char *path, const struct picture_part *part,
                            struct picture_codes *ret, GError **error);
 

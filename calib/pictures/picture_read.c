@@ -9,7 +9,8 @@
 #include "picture_header.h"
 #include "raw.h"
 
-/* Loads the codecs once. They stay loaded. */
+/* Returns the function of the codecs' module. The first call loads the module, which stays loaded.
+ * Returns NULL with an error if it cannot be loaded. */
 static PictureCodecsDecode *load_codecs(GError **error) {
     static GMutex mutex;
     static PictureCodecsDecode *decode;

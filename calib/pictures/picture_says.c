@@ -93,7 +93,7 @@ static void read_profile(const guint8 *bytes, gsize length, struct picture_tone 
 }
 
 /* Parses a time such as "2026:11:27 18:57:13", and a fraction of a second such as "042", which may
- * be missing. */
+ * be NULL. Returns µs since 1970, or 0 if it is not a time. */
 static gint64 parse_time(const struct tiff_value *time, const struct tiff_value *fraction) {
     int d[6];
     g_autofree char *text = g_strndup((const char *)time->at, (gsize)MIN(time->n, 32));
@@ -111,7 +111,7 @@ static gint64 parse_time(const struct tiff_value *time, const struct tiff_value 
     return g_date_time_to_unix(date) * G_USEC_PER_SEC + (gint64)(seconds * G_USEC_PER_SEC);
 }
 
-/* Reads EXIF data, a TIFF file, or a camera raw file of the same form. */
+/* Reads EXIF data (file is FALSE), a TIFF file, or a camera raw file of the same form. */
 static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct picture_says *ret) {
     struct tiff tiff;
     struct tiff_value value, fraction;
@@ -173,7 +173,7 @@ static void read_jpeg(const guint8 *bytes, gsize length, struct picture_says *re
         read_profile(profile->data, profile->len, &ret->tone);
 }
 
-/* Inflates a profile. */
+/* Reads the profile of a PNG's iCCP chunk, which has a name and the compressed profile. */
 static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     const guint8 *end = memchr(data, 0, n);
     if (!end || (gsize)(data + n - end) < 3)
@@ -198,7 +198,8 @@ static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     }
 }
 
-/* transfer is a number of ITU-T H.273. */
+/* Sets the tone curve of a PNG's cICP chunk. transfer is its number of transfer characteristics in
+ * ITU-T H.273. */
 static void read_cicp(int transfer, struct picture_tone *ret) {
     char *said = g_strdup_printf("PNG cICP %d", transfer);
     if (transfer == 8)

@@ -22,6 +22,7 @@ enum picture_tones {
 
 struct picture_tone {
     enum picture_tones tones;
+    /* exponent; only for PICTURE_TONES_GAMMA */
     double gamma;
     /* Table of linear light: entry i is for the pixel value i / (PICTURE_CURVE - 1), where 1 is
      * white. NULL unless tones is PICTURE_TONES_CURVE. */
@@ -37,11 +38,13 @@ struct picture_says {
     gint64 taken_us; /* time when the shutter opened, by the camera's clock; 0 if not given */
 };
 
-/* Never fails. Statements that are damaged count as missing. */
+/* Reads what the bytes of a file say. Statements that are damaged count as missing. Call
+ * picture_says_clear() afterwards. */
 void picture_says_read(const guint8 *bytes, gsize length, struct picture_says *ret);
 void picture_says_clear(struct picture_says *says);
 
-/* The same for a file. If the file cannot be read, all statements count as missing. */
+/* Reads what the file at path says, in the same way. If the file cannot be read, all statements
+ * count as missing. */
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
 /* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted is used unless it
@@ -52,11 +55,12 @@ const struct picture_tone *picture_tone_choose(const struct picture_tone *said, 
                                                enum picture_tones wanted, const char *path,
                                                GError **error);
 
-/* Returns the same choice in words, such as "sRGB, as the file says (PNG gAMA 0.45455)". Free it
- * with g_free(). */
+/* Returns the choice of picture_tone_choose() in words, such as "sRGB, as the file says (PNG gAMA
+ * 0.45455)". Free it with g_free(). */
 char *picture_tone_describe(const struct picture_tone *said, int bits, enum picture_tones wanted);
 
-/* Makes n numbers of 8, 16 or 0 bits linear, with white at 1. */
+/* Makes n numbers of 8 or 16 bits (0: floating-point) linear, with white at 1. Numbers that are not
+ * finite are not changed. */
 void picture_tone_apply(const struct picture_tone *tone, int bits, float *numbers, gsize n);
 
 /* Returns the light of a number, with white at 1. PICTURE_TONES_UNSAID and _OTHER count as

@@ -25,7 +25,7 @@ gboolean raw_is(const char *path);
  * Pictures that are not a 2 × 2 mosaic (linear DNG, X-Trans, a diagonal sensor) are refused. */
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error);
 
-/* The same as raw_read(), but the result is a grey picture for calibration, balanced with
+/* Reads like raw_read(), but returns a grey picture for calibration, balanced with
  * picture_balance(). A pixel that is white in the file is at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
 

@@ -15,6 +15,7 @@ G_BEGIN_DECLS
 
 struct video_frame {
     int index; /* number of the frame in the video, from 0 */
+    /* mean squared gradient over variance */
     double sharpness;
     guint8 *grey; /* height × width, sRGB */
 };
@@ -31,9 +32,10 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG). Its first
  * bytes must show one of these formats, so that FFmpeg does not open other files. Keeps most / 2 +
- * 1 to most frames, or all frames of a shorter video. Returns NULL with PICTURE_FILE_ERROR,
- * INPUT_FILE_ERROR, or the error of progress; progress may be NULL. A rotation in the file is
- * ignored: pixels stay as on the sensor. */
+ * 1 to most frames, or all frames of a shorter video, but fewer if the frames are so large that
+ * they would need too much memory. Returns NULL with PICTURE_FILE_ERROR, INPUT_FILE_ERROR, or the
+ * error of progress; progress may be NULL. A rotation in the file is ignored: pixels stay as on the
+ * sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
 /* Used between video_read() and the program: the head of the program's output. Each frame that is

@@ -36,7 +36,8 @@ void merge_windows(GArray *frames) {
     }
 }
 
-/* Adds a frame. every is the length of a window in frames. */
+/* Keeps a frame if it opens a window, or is sharper than the frame that was kept of its window.
+ * every is the length of a window in frames. */
 void take(struct video *video, const cv::Mat &grey, int every) {
     const gsize n = grey.total();
     struct video_frame frame = {video->n_frames, sharpness_of(grey), nullptr};
@@ -80,8 +81,8 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
                         video->n_frames, grey.cols, grey.rows, video->width, video->height);
             return false;
         }
-        /* If a frame would open one window too many, windows are merged in pairs. Their number is
-         * even then, so that all windows have the same length. */
+        /* If a frame would open one window too many, windows are merged in pairs. The number of
+         * windows is even then, so that all windows have the same length. */
         if (video->n_frames % every == 0 && video->frames->len >= most - most % 2) {
             merge_windows(video->frames);
             every *= 2;

@@ -52,8 +52,9 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
     return {};
 }
 
-/* Converts the range between the first and the last per cent to 8 bits. A square root gives dark
- * values more levels, so that edges in shadow are also found. */
+/* Converts a picture to 8 bits. The darkest 1 % of the values become 0, and the brightest 0.5 %
+ * become 255. A square root gives dark values more levels, so that edges in shadow are also
+ * found. */
 cv::Mat to_bytes(const picture *from) {
     const cv::Mat linear(from->height, from->width, CV_32F, from->values);
     cv::Mat sorted = linear.clone().reshape(1, 1);
@@ -94,7 +95,7 @@ cv::Ptr<cv::aruco::DetectorParameters> detector(int border) {
     return p;
 }
 
-/* Adds markers that were not found before. */
+/* Finds markers in the picture enlarged by scale, and adds those whose ids are not in found yet. */
 void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, int border, int scale,
                  bool mirrored) {
     cv::Mat scaled = bytes;

@@ -12,10 +12,12 @@
 G_BEGIN_DECLS
 
 /* Looks up a dictionary of markers by its lower-case name without "DICT_": "4x4_50" … "7x7_1000",
- * "aruco_original", "apriltag_16h5" … "apriltag_36h11". Returns the number of cells across, without
- * the black border. Returns 0 if the name is unknown. */
+ * "aruco_original", "apriltag_16h5" … "apriltag_36h11". Returns the number of cells across a
+ * marker, without the black border, or 0 if the name is unknown. ret_markers gets the number of
+ * markers, and may be NULL. */
 int vision_dictionary(const char *name, int *ret_markers);
-/* Gives the cells × cells bits of a marker, row by row, where 1 is white. */
+/* Gives the cells × cells bits of a marker, row by row, where 1 is white. Returns FALSE if there is
+ * no such marker. */
 gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits);
 
 struct vision_marker {
@@ -27,8 +29,8 @@ struct vision_marker {
 GArray *vision_find_markers(const struct picture *picture, const char *dictionary, int border,
                             gboolean mirrored, GError **error);
 
-/* Finds the inner corners of a chessboard, row by row. They may begin at either end. Returns FALSE
- * without an error if there is no chessboard. */
+/* Finds the inner corners of a chessboard of columns × rows squares, row by row. Their order may
+ * begin at either end of the board. Returns FALSE without an error if there is no chessboard. */
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error);
 
@@ -53,8 +55,9 @@ gboolean vision_find_circles(const struct picture *picture, int columns, int row
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 
-/* The same with at most max_samples random samples of four pairs instead of 2000. A homography that
- * less than half of the pairs agree with may be missed. */
+/* Computes a homography like vision_homography(), but from at most max_samples random samples of
+ * four pairs instead of 2000. A homography that less than half of the pairs agree with may be
+ * missed. */
 gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, int n,
                                double tolerance_px, int max_samples, double ret_h[9],
                                guint8 *ret_good);
