@@ -39,7 +39,8 @@ static void colour_apply(const double matrix[9], const double rgb[3], double ret
         ret[i] = matrix[3 * i] * rgb[0] + matrix[3 * i + 1] * rgb[1] + matrix[3 * i + 2] * rgb[2];
 }
 
-/* The derivative of CIE L* by Y is proportional to Y^(−2/3). The weight is the square of that. */
+/* Returns the weight of a patch. The derivative of CIE L* with respect to Y is proportional to
+ * Y^(−2/3), and the weight is the square of this derivative. */
 static double colour_weight_of(const struct colour_patch *patch) {
     return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
 }

@@ -15,7 +15,7 @@ struct colour_patch {
  * a reflectance of 1. */
 struct colour_matrix {
     gboolean known;
-    double matrix[9], error[9]; /* rows X Y Z; standard errors */
+    double matrix[9], error[9]; /* rows X, Y, Z; standard errors of the elements */
     double residual;            /* RMS of the patches' ΔE*ab */
     int patches;
 };
@@ -24,16 +24,16 @@ struct colour_matrix {
 GQuark colour_error_quark(void);
 enum colour_error {
     COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
-    COLOUR_ERROR_MISFIT,  /* it is another chart, or it lies in another orientation */
+    COLOUR_ERROR_MISFIT,  /* the chart is another one, or lies in another orientation */
     COLOUR_ERROR_FILE,    /* the file of the chart's values has a mistake */
 };
 
 /* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝
- * Y^(−2/3) dY). Fails if the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more. The
- * white of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not
- * change ΔE. */
+ * Y^(−2/3) dY). Returns FALSE with an error if the RMS of the patches' differences is 10 ΔE*ab (CIE
+ * 1976) or more, or if the patches do not determine the matrix. The white of ΔE*ab has the
+ * chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 
-/* Returns ΔE*ab, CIE 1976. */
+/* Returns the difference ΔE*ab (CIE 1976) of two colours, relative to a white. */
 double colour_difference(const double xyz_a[3], const double xyz_b[3], const double white[3]);

@@ -47,7 +47,9 @@ struct measuring {
     int x0, x1, y0, y1;      /* range of pixels */
     struct node *nodes;
     int node_x0, node_y0, node_columns, node_rows, step;
+    /* factor of expected white for each colour */
     double colour[3];
+    /* values of white and of the surround, for each colour, relative to expected white */
     double level[3], ground[3];
     double moment[2]; /* first moment of the surround: mean of (share of white × direction) */
 };
@@ -220,8 +222,9 @@ static double pull_variance(const struct measuring *m) {
     return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
 }
 
-/* Measures the levels of white and of the surround in each colour, and the variances of their
- * pixels relative to the squared contrast. */
+/* Measures the levels of white and of the surround in each colour. whole gets the pixels that lie
+ * in the disc. noise gets the variances of the surround's pixels and of white pixels, relative to
+ * the squared contrast. Returns FALSE if there are too few pixels, or too little contrast. */
 static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
     struct mean white[3] = {{0}}, ground[3] = {{0}};
     struct pixel pixel;
@@ -275,7 +278,8 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     return area;
 }
 
-/* Returns the variance of each coordinate, Σ σ_s² |x − x̄|² / 2 / area². */
+/* Returns the variance of each coordinate of the centroid, Σ σ_s² |x − x̄|² / 2 / area², where σ_s²
+ * is the variance of a pixel's share of white. */
 static double centroid_variance(const struct measuring *m, const double noise[2], double area,
                                 double middle_x, double middle_y) {
     double variance = 0;
@@ -294,7 +298,8 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
     return variance / (area * area);
 }
 
-/* Moves the estimated centre by a displacement in pixels. */
+/* Moves the estimated centre by a displacement in pixels. Returns FALSE if the centre is not
+ * visible. */
 static gboolean shift(struct measuring *m, double off_x, double off_y) {
     double x, y, z = m->middle.z;
     if (!rig_project(m->camera, m->middle, &x, &y))
@@ -304,7 +309,8 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
     return TRUE;
 }
 
-/* Iterates from the expected to the measured position. */
+/* Iterates from the expected to the measured position, and measures the output of the lamp. Returns
+ * FALSE if the fiducial is not found. */
 static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];

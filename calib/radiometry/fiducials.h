@@ -24,8 +24,8 @@ struct fiducial_seen {
     double x_px, y_px; /* centroid of its area in the picture */
     double error_px;   /* standard error of x_px and of y_px: noise, pixels, uneven surround */
     double expected_x_px, expected_y_px;
-    /* Output of the lamp, relative to its calibration. The error is infinite if the fiducial has
-     * too few pixels. */
+    /* Output of the lamp, relative to its calibration, and its standard error. The error is
+     * infinite if the fiducial has too few pixels or is unevenly lit. */
     double output, output_error;
 };
 
@@ -37,7 +37,7 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
                       GArray *seen);
 
 /* Computes the mean output of n sightings (of one shot, by all cameras), weighted by their standard
- * errors. Returns FALSE if no sighting has an output. */
+ * errors. Returns FALSE, an output of 1 and an error of 0 if no sighting has an output. */
 gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
                           double *ret_error);
 
@@ -50,8 +50,8 @@ struct fiducial_fit {
 };
 
 /* Estimates a fiducial from those of the n sightings that show it. Cameras and turntable are taken
- * as correct. If they are not calibrated, set place to FALSE; the fiducial then keeps its position.
- * Returns FALSE if there are too few sightings. */
+ * as correct. If cameras and turntable are not calibrated, set place to FALSE; the fiducial then
+ * keeps its position. Returns FALSE if there are too few sightings. */
 gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
                        gboolean place, struct fiducial_fit *ret);
 
@@ -69,9 +69,9 @@ struct fiducials_check {
     } cameras[RIG_MAX_CAMERAS];
 };
 
-/* Compares n sightings with the calibration. systematic_px is the error of a good calibration,
- * which is added to the standard errors. Only angles that exceed both least_deg and four standard
- * errors are reported. */
+/* Compares n sightings with the calibration. systematic_px is the error of a good calibration; its
+ * square is added to those of the standard errors. Only angles that exceed both least_deg and four
+ * standard errors are reported. */
 void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
                      double systematic_px, double least_deg, struct fiducials_check *ret);
 

@@ -1,6 +1,7 @@
 /* A greedy search. Each hypothesis is fitted to the displacements d_i (with weights w_i) by least
- * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d. The hypothesis with the largest decrease of χ², which is
- * aᵀ Σ w Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is significant. */
+ * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d, where a are its angles, J the derivatives of d with
+ * respect to a, and σ is PRIOR_RAD. The hypothesis with the largest decrease of χ², which is aᵀ Σ w
+ * Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is significant. */
 #include "fiducials.h"
 
 #include <lapacke.h>
@@ -22,6 +23,7 @@ struct checking {
     const struct fiducial_seen *seen;
     int n;
     double *slope; /* n × 2 × 3: derivatives in pixels per radian */
+    /* n each: displacement in pixels that is not explained yet, and 1 / variance */
     double *off_x, *off_y, *weight;
 };
 
@@ -34,8 +36,9 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* Computes the derivatives of a fiducial's x and y in the picture by an unknown of a hypothesis,
- * with central differences. */
+/* Computes the derivatives of sighting i's x and y with respect to an unknown of a hypothesis, in
+ * pixels per radian, with central differences. They are 0 if the hypothesis does not concern its
+ * camera. */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
     const struct fiducial_seen *seen = &check->seen[i];
@@ -76,7 +79,7 @@ struct explained {
     double angle[3], variance[3], gain; /* radians; gain is the decrease of χ² */
 };
 
-/* Fits one hypothesis by weighted least squares. */
+/* Fits one hypothesis by weighted least squares. Returns FALSE if it cannot be solved. */
 static gboolean explain(struct checking *check, const struct cause *cause, struct explained *ret) {
     double matrix[9] = {0}, right[3] = {0};
     int n = cause->n;

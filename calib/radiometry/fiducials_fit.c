@@ -5,10 +5,11 @@
 
 #define STEP_MM       0.01
 #define STEPS         4
-#define PRIOR_MM      1.0   /* prior standard deviation of a position */
-#define SYSTEMATIC_PX 0.02  /* error of cameras and turntable */
-#define UNEVEN_WHITE  0.003 /* relative variation of white between sightings, without noise */
-#define FEW_SEEN      4
+#define PRIOR_MM      1.0  /* prior standard deviation of a position */
+#define SYSTEMATIC_PX 0.02 /* error of cameras and turntable */
+/* relative standard deviation of white between sightings, without noise */
+#define UNEVEN_WHITE 0.003
+#define FEW_SEEN     4
 
 /* The position of one fiducial is found by Gauss-Newton on its reprojection error, with the
  * position in the rig file as prior. */
@@ -91,7 +92,8 @@ struct white {
 };
 
 /* Computes white and its standard error √(noise + spread between the cameras). The cameras differ
- * because each camera's flat field has another error at the fiducial's position. */
+ * because each camera's flat field has another error at the fiducial's position. Returns FALSE if
+ * fewer than FEW_SEEN sightings have an output. */
 static gboolean fit_white(const struct position *position, struct fiducial_fit *ret) {
     struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
     double spread = 0, apart = 0;

@@ -27,16 +27,19 @@
 #define FEW_SHOTS 4    /* smallest number of shots of a group */
 #define OUTLIER   4.0  /* standard deviations */
 #define MAX_ERROR 0.002
-/* if the error of a glare is too large for a correction, the glare is reported as an error if it
- * exceeds this number of standard errors */
+/* A glare whose error is too large for a correction contributes to ret_error if it exceeds this
+ * number of standard errors. */
 #define PLAIN 3.0
 
+/* Sums over the pixels of one colour in a cell, as in radiometry.c. */
 struct glare_sums {
     double n, signal, white, squares, triples;
     float last[2];
     int last_x, last_y, run;
 };
 
+/* Returns the signal of a white surface at the point p, which the pixel x, y sees, in DN per
+ * second. */
 static double glare_white(const struct rig *rig, const struct radiometry_camera *radiometry,
                           const struct radiometry_lamp *lamp, const struct tile_shot *shot,
                           const struct rig_camera *camera, int x, int y, int colour,
@@ -144,9 +147,9 @@ struct glare_pass {
     double lamp_up[RIG_MAX_LAMPS], lamp_down[RIG_MAX_LAMPS];
 };
 
-/* Adds a group of n cells. In the first pass g is negative. In later passes, cells that deviate by
- * more than OUTLIER · scale standard deviations from the result g of the previous pass are left
- * out. */
+/* Adds a group of n cells. g is the result γ of the previous pass, or negative in the first pass.
+ * In later passes, cells that deviate by more than OUTLIER · scale standard deviations from the
+ * model with g are left out. */
 static void add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
                       struct glare_pass *to) {
     g_autofree double *share = g_new(double, n), *sorted = g_new(double, n);

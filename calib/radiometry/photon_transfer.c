@@ -39,7 +39,8 @@ static double full_scale(const struct fit *fit) {
     return (double)((1 << fit->sensor->bits) - 1);
 }
 
-/* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference about its mean. */
+/* Measures a tile of a pair. The temporal variance is half the variance of the difference of both
+ * pictures about its mean (EMVA 1288 release 4.0, eq. 17). n is 0 if a pixel is saturated. */
 static struct tile photon_transfer_measure_tile(const struct fit *fit,
                                                 const struct transfer_pair *pair, int index) {
     int columns = fit->sensor->width / fit->side;
@@ -158,7 +159,8 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     return FALSE;
 }
 
-/* Returns the dark level of a tile, as measured at this exposure, or else from the fitted line. */
+/* Returns the dark level of a tile: the mean of the dark pairs at this exposure, or the value of
+ * the fitted line if there are none. */
 static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     double sum = 0;
     int n = 0;
@@ -223,8 +225,8 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     }
     struct transfer *to = fit->to;
     double read = MAX(floor - ROUNDING, 0);
-    /* Compute χ² per degree of freedom of the transfer curve. The variance of a sample variance is
-     * 2σ⁴ / (n − 1). */
+    /* quality is χ² per degree of freedom of the transfer curve. The variance of a sample variance
+     * is 2σ⁴ / (n − 1). */
     double sum = 0;
     for (guint i = 0; i < points->len; i++) {
         const struct tile *p = &g_array_index(points, struct tile, i);
@@ -248,6 +250,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
 struct ramp {
     double *t, *y, *weight; /* one block, which t owns */
     int n;
+    /* signal per second at small signals */
     double a;
     /* sum_y / sum_t is the slope with weights 1/t. Such weights are right because the variance
      * grows with the signal. */

@@ -41,8 +41,9 @@ enum transfer_error {
 };
 
 /* Computes the result from dark pairs at two or more exposures and lit pairs at three or more
- * exposures. The brightest lit pair must be well above noise. Saturated tiles are left out. Fails
- * if the pictures of a pair differ in brightness, for example because a lamp was warming up. */
+ * exposures. The brightest tile that is not saturated must reach a certain part of full scale.
+ * Saturated tiles are left out. Returns FALSE with an error if the pictures do not suffice, or if
+ * those of a pair differ in brightness, for example because a lamp was warming up. */
 gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfer_pair *dark,
                       int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
                       GError **error);

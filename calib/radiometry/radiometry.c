@@ -56,7 +56,9 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
     return nominal_flat(camera, x_px, y_px) * exp(log);
 }
 
-/* Sums over the pixels of one colour in a cell. */
+/* Sums over the pixels of one colour in a cell. squares and triples are for the noise: the sum of
+ * its variance estimates, and their number. run is the number of such pixels that follow each other
+ * in the row. */
 struct sums {
     double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
     struct vec3 point;
@@ -136,8 +138,9 @@ static gboolean radiometry_is_good(const struct sums *s) {
            s->signal > 0 && s->expected > 0;
 }
 
-/* Returns the ratio of variance to mean. Shot noise is proportional to the signal, and all cells
- * together determine this factor better than a single cell. */
+/* Returns the ratio of variance to mean of a pixel, or 0 if there is no usable cell. Shot noise is
+ * proportional to the signal, and all cells together determine this ratio better than a single
+ * cell. */
 static double variance_by_mean(const struct measuring *m) {
     double variance = 0, mean = 0;
     for (int i = 0; i < CELLS * CELLS; i++)

@@ -34,6 +34,7 @@ struct radiometry_camera {
      * filter. glare_error is 0 if the glare is not known. */
     double glare, glare_error;
     double excess; /* relative RMS of the tile's residuals that noise does not explain */
+    /* number of cells of the tile that were used */
     int cells;
 };
 
@@ -46,11 +47,12 @@ struct radiometry_lamp {
     /* Relative standard deviations, without measurement errors: of the output from one shot to the
      * next, and of the output between the pictures of different cameras in a shot. */
     double flicker, frame_flicker;
+    /* number of shots of the tile under this lamp */
     int shots;
 };
 
 /* Returns the response at a pixel relative to the picture's centre, including
- * rig_camera.vignetting. If radiometry is NULL, only the vignetting counts. */
+ * rig_camera.vignetting. If radiometry is NULL or not known, only the vignetting counts. */
 double radiometry_flat(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                        double x_px, double y_px);
 
@@ -142,8 +144,9 @@ struct tile_fit {
 void tile_fit_clear(struct tile_fit *fit);
 
 /* Fits all parameters. Sets the response of the rig's cameras, and the intensity, exponent and aim
- * of its lamps. The geometry is taken as correct. Every lamp on the arc must be used at arc angles
- * that are at least 30° apart. If no lamp ever turns, there must instead be lamps in directions
- * that are at least 30° apart. */
+ * of its lamps. Returns FALSE with an error if the result is refused; rig is then not changed. Call
+ * tile_fit_clear() after success. The geometry is taken as correct. Every lamp on the arc must be
+ * used at arc angles that are at least 30° apart. If no lamp ever turns, there must instead be
+ * lamps in directions that are at least 30° apart. */
 gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
                   const struct tile_cell *cells, int n_cells, struct tile_fit *ret, GError **error);

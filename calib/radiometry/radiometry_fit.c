@@ -20,8 +20,8 @@
 #define MAX_FLAT_ERROR 0.05
 #define FEW_CELLS      30 /* smallest number of cells of a camera */
 
-/* Priors of the flat field's coefficients, in their order. In regions that the tile did not reach,
- * they keep the flat field smooth, like that of a lens. */
+/* Standard deviations of the priors of the flat field's coefficients, in their order. Where the
+ * tile did not reach, these priors keep the flat field smooth, like that of a lens. */
 static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1,  0.1, 0.1,
                                                 0.1, 0.1, 0.1, 0.05, 0.05};
 
@@ -239,19 +239,19 @@ static gboolean solve(struct problem *p, GError **error) {
     return TRUE;
 }
 
-/* Returns the azimuth from which the lamp lights the tile in a shot. */
+/* Returns the azimuth from which the lamp lights the tile in a shot, in radians. */
 static double lit_from_rad(const struct problem *p, int shot) {
     const struct vec3 at = rig_lamp_position_mm(&p->rig->arc, &p->rig->lamps[p->shots[shot].lamp],
                                                 p->shots[shot].arc_rad);
     return atan2(at.y, at.x);
 }
 
-/* Light from several sides separates a lamp's fall-off from the cameras' vignetting. It is the
- * light of the lamp at several angles of the arc or, in a rig where no lamp ever turns, the light
- * of all lamps together. For a lamp that stands by itself next to an arc, the lamps on the arc
- * determine the vignetting. The fall-off of such a lamp is less certain, as its error says. The
- * product of its fall-off and the vignetting is as certain as for other lamps, and the pictures of
- * the rig depend only on this product. */
+/* Refuses shots that do not light the tile from several sides. Such light separates a lamp's
+ * fall-off from the cameras' vignetting. It is the light of the lamp at several angles of the arc
+ * or, in a rig where no lamp ever turns, the light of all lamps together. For a lamp that stands by
+ * itself next to an arc, the lamps on the arc determine the vignetting. The fall-off of such a lamp
+ * is less certain, as its error says. The product of its fall-off and the vignetting is as certain
+ * as for other lamps, and the pictures of the rig depend only on this product. */
 static gboolean check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
@@ -446,7 +446,7 @@ static void find_flicker(const struct problem *p, struct tile_fit *ret) {
 }
 
 static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) {
-    tell_residuals(p, ret); /* call it first: the solution is relative to the unchanged rig */
+    tell_residuals(p, ret); /* must come first: the solution is relative to the unchanged rig */
     if (!factor(p, error))
         return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
