@@ -170,7 +170,7 @@ const char *calibration_part_name(enum calibration_kind kind);
  * tells the user how to give a calibration. Free the line with g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
-/* Replaces the description of a part, with the present date, and returns it. Takes ownership of
+/* Sets the description of a part, with the present date, and returns the part. Takes ownership of
  * rejected, an array of char *; NULL means that no picture was rejected. */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
