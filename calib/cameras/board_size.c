@@ -67,8 +67,8 @@ static void add_cells(const struct board *board, int side, GArray *to) {
     const int n = side % 2 ? board->rows : board->columns;
     const double s = board->square_mm, marker = board->marker_mm;
     const gboolean squares = board->print < BOARD_MARKERS;
-    /* Distance from the outer edge of the print's cells. For markers it leads to the middle of the
-     * next marker's border. */
+    /* beyond is the distance of the place from the outer edge of the print's cells. For markers,
+     * the place is in the middle of the next marker's border. */
     const double cell =
         marker / (vision_dictionary(board->dictionary, NULL) + 2 * board_border(board));
     const double beyond = squares ? OUTSIDE * s : (s - marker) / 2 + cell * board_border(board) / 2;
@@ -88,7 +88,8 @@ static void add_cells(const struct board *board, int side, GArray *to) {
     }
 }
 
-/* Adds the places in the circles that would be next to the outermost ones, on their near side. */
+/* Adds the places beyond a board of circles. They lie in the circles that a further row or column
+ * would have, on the side of these circles that is near the board. */
 static void add_circles(const struct board *board, GArray *to) {
     static const int steps[2][4][2] = {{{0, -1}, {1, 0}, {0, 1}, {-1, 0}},
                                        {{1, -1}, {1, 1}, {-1, 1}, {-1, -1}}};
@@ -231,8 +232,8 @@ static int margin_at(const struct picture *picture, const struct board *board,
 /* Whether the print ends at the size of a board, goes on beyond it, or neither is shown (OPEN). */
 enum end { OPEN, ENDS, GOES_ON };
 
-/* Returns whether it is light at OUTSIDE beyond the edge, for a place on the edge of a black
- * square. */
+/* Returns whether the picture is light OUTSIDE squares beyond a place that is on the edge of a
+ * black square. */
 static gboolean is_light_beyond(const struct picture *picture, const struct board *board,
                                 const struct print *print, const struct outside *place,
                                 Project project, gconstpointer data) {

@@ -29,7 +29,7 @@ void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
 struct trial {
     struct bundle bundle;
     gboolean ok;
-    /* Loss of each picture. Its corners are predicted from the pictures of the other folds. */
+    /* Loss of each picture, whose corners are predicted from the pictures of the other folds. */
     double *loss;
 };
 
@@ -120,10 +120,10 @@ static void try_bend(const struct cameras_work *work, struct trial *flat) {
     g_free(trials[1].loss);
 }
 
-/* The polynomial is the default. The others follow in the order of their number of parameters. If
- * the lens model is given, it is only fitted, as a start of the refinement. A refinement that
- * starts from a lens without distortion may end at a minimum where the parameters of a rational
- * lens are undetermined. */
+/* The polynomial is the default. Then the other models are compared with the best one so far, in
+ * the order of their number of parameters. If the lens model is given, only this model is fitted,
+ * as a start of the refinement. A refinement that starts from a lens without distortion may end at
+ * a minimum where the parameters of a rational lens are undetermined. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};
     const int n = work->task->n_pictures;

@@ -74,8 +74,8 @@ static GArray *all_mistakes(const struct cameras_work *work) {
     return all;
 }
 
-/* Sets the pictures' cameras and angles, and the start of the fit, as they would be if the mistake
- * had been made. */
+/* Sets the pictures' cameras and angles to what they are in truth if the mistake was made, and
+ * starts the fit anew. */
 static void set_mistake(struct cameras_work *work, const struct mistake *mistake) {
     const struct cameras_task *task = work->task;
     for (int i = 0; i < task->n_pictures; i++) {

@@ -74,20 +74,23 @@ gboolean cameras_start_lay(struct cameras_work *work, int lay);
 gboolean cameras_level(struct cameras_work *work, GError **error);
 void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
-double cameras_median(GArray *values); /* values are doubles; sorts them */
+double cameras_median(GArray *values); /* sorts the doubles; returns their median */
 
+/* A step of the calibration with picture i. Returns FALSE with an error to end the pass over all
+ * pictures. */
+typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 /* cameras.c: runs a pass over pictures in several threads, and returns the first error. reach_px
  * has the search radius of each picture; a negative value skips the picture. If reach_px is NULL,
  * all pictures run with 0. */
-typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 gboolean cameras_for_each(struct cameras_work *work, CamerasPass run, const double *reach_px,
                           GError **error);
-/* cameras.c: projects a point of the board into a camera at a stop. It is a BoardProject, and data
- * is a struct cameras_look. */
+/* The data of cameras_project(). */
 struct cameras_look {
     const struct bundle *bundle;
     int camera, stop;
 };
+/* cameras.c: projects a point of the board into a camera at a stop. This is a BoardProject, whose
+ * data is a struct cameras_look. */
 gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                          gconstpointer data);
 
