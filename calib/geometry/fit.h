@@ -12,10 +12,11 @@
 
 #include <glib.h>
 
+/* residual of an observation that cannot be predicted */
+#define FIT_LOST 1e3
 /* Computes the residuals of all observations, each divided by its standard deviation. If an
  * observation cannot be predicted, for example because it is behind a camera, all its residuals are
  * FIT_LOST. */
-#define FIT_LOST 1e3
 typedef void (*FitFunc)(const double *parameters, double *ret_residuals, gconstpointer data);
 
 struct fit {

@@ -44,9 +44,9 @@ struct rig_camera {
     int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2, k4, k5, k6;
-    /* By how much more the lens magnifies red, green and blue light about (cx, cy) than the
-     * parameters above say, which are those of the mean of a colour filter's pixels; within ±
-     * RIG_MAX_LATERAL. 0: it has no lateral colour, or none is known. */
+    /* Relative excess of the lens's magnification of red, green and blue light about (cx, cy),
+     * compared with the parameters above, which are those of the mean of a colour filter's pixels.
+     * Within ± RIG_MAX_LATERAL; 0: there is no lateral colour, or it is not known. */
     double lateral_colour[3];
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
@@ -68,9 +68,9 @@ struct rig_arc {
 };
 
 /* A lamp on the light arc, or a lamp that stands by itself (fixed). The position and aim of a lamp
- * on the arc are given in the arc's frame: with α + zero = 0 it stands over +x. Those of a fixed
- * lamp are given in the rig frame. The radiant intensity in the direction d is intensity · max(0,
- * cos(d, aim))^exponent. */
+ * on the arc are given in the arc's frame, in which the arc stands over +x. The position and aim of
+ * a fixed lamp are given in the rig frame. The radiant intensity in the direction d is intensity ·
+ * max(0, cos(d, aim))^exponent. */
 struct rig_lamp {
     char name[RIG_NAME];
     struct vec3 position_mm;
