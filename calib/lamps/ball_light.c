@@ -121,9 +121,10 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
     return TRUE;
 }
 
-/* The direction turns by twice the normal's angle, whose sine is the distance from the centre. The
- * error is therefore divided by the cosine in the radial direction, and multiplied by it in the
- * tangential direction. */
+/* The direction of the light turns by twice the angle of the normal. The sine of this angle is the
+ * distance of the highlight from the middle of the ball, in radii. An error of the highlight's
+ * position is therefore divided by the cosine in the radial direction, and multiplied by the cosine
+ * in the tangential direction. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px) {
     const double sine = hypot(x_px - ball->x_px, y_px - ball->y_px) / ball->radius_px;
@@ -255,8 +256,8 @@ static void ball_light_place(const struct ball_ray *rays, int n, guint32 set,
 }
 
 /* Computes the result and its errors from the set of rays that agree (bit i for ray i). If the rays
- * deviate by more than their standard deviations, the errors are scaled up by χ² per degree of
- * freedom. */
+ * deviate by more than their standard deviations, the errors are multiplied by √(χ² per degree of
+ * freedom). */
 static void estimate(const struct ball_ray *rays, int n, guint32 set, struct ball_light *ret) {
     double squares = 0, misfit = 0, count = 0;
     ret->direction = mean_direction(rays, n, set);

@@ -280,8 +280,9 @@ static gboolean any_stays(const GArray *spots) {
     return FALSE;
 }
 
-/* Returns whether a spot may be a lamp's mirror image. A speck may be dust or a hot pixel. It must
- * be far brighter than the rest, and other photographs must show that it does not stay. */
+/* Returns whether a spot may be a lamp's mirror image. A spot with fewer than SPECK pixels may be
+ * dust or a hot pixel. Such a spot must be far brighter than the rest, and other photographs must
+ * show that it does not stay. */
 static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
                             const struct highlight_mean *mean) {
     if (spot->streak || spot->stays || spot->large || spot->pixels < MIN_PIXELS)
@@ -328,8 +329,8 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
     return NULL;
 }
 
-/* Returns whether a spot is better than the best one so far. If only one of them reaches the border
- * of the circle, it must be clearly higher to win. Otherwise the energy decides. */
+/* Returns whether a spot is better than the best one so far. If only one of the two reaches the
+ * border of the circle, that one must be clearly higher to win. Otherwise the energy decides. */
 static gboolean is_better(const struct spot *spot, const struct spot *best) {
     if (best && spot->cut != best->cut)
         return spot->cut ? spot->height * (float)LOWER > best->height

@@ -115,11 +115,11 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error);
 
-/* If the sights disagree by more than noise, tests whether the marks have other sizes than the
- * target says. For this it repeats the estimate with weak priors of the sizes. as_said is what
- * lamps_fit() has written for the same sights, on success or with LAMPS_ERROR_DEGENERATE. Otherwise
- * returns TRUE. Returns FALSE with LAMPS_ERROR_MISTAKE if the sights fit at least three times
- * better with other sizes. The message names them. */
+/* Tests whether the marks have other sizes than the target says, if the sights disagree by more
+ * than noise. For this the estimate is repeated with weak priors of the sizes. as_said is what
+ * lamps_fit() has written for the same sights, on success or with LAMPS_ERROR_DEGENERATE. Returns
+ * FALSE with LAMPS_ERROR_MISTAKE, whose message names the sizes, if the sights fit at least three
+ * times better with other sizes. Otherwise returns TRUE. */
 gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
                            const struct lamp_sight *sights, int n,
                            const struct lamps_result *as_said, GError **error);
