@@ -155,8 +155,8 @@ struct levels { /* range of the heights of a laser's points */
     int sweep; /* number of one of the laser's sweeps */
 };
 
-/* Returns the range of heights of a laser's points, and the numbers of points below and above its
- * middle. */
+/* Returns the range of heights of a laser's points, and the numbers of points below and above the
+ * middle of this range. */
 static struct levels levels_of(const struct problem *problem, int laser) {
     struct levels l = {G_MAXDOUBLE, -G_MAXDOUBLE, 0, 0, 0, -1};
     for (int i = 0; i < problem->n; i++) {

@@ -1,8 +1,8 @@
 /* The board is sampled on a grid with a step of about a pixel. The background is subtracted from
  * each sample. The background is proportional to the reflectance, if that is known. Otherwise it is
- * that of the sample's print (white or black). A sheet of light meets a plane in a straight line,
- * so bright samples vote for a straight line (RANSAC). The line's middle is then measured in
- * profiles across it in the picture. */
+ * the median of the samples on the same print (white or black). A sheet of light meets a plane in a
+ * straight line, so bright samples vote for a straight line (RANSAC). The line's middle is then
+ * measured in profiles across it in the picture. */
 #include "laser_line.h"
 
 #include "base/robust.h"
@@ -31,7 +31,7 @@
 #define MIN_HALF_PX   2
 #define MIN_WIDTH_PX  0.3
 #define STEPS         20
-#define MIN_SIGNAL    5.0 /* least width of a line, in errors of its middle */
+#define MIN_SIGNAL    5.0 /* smallest width of a line, in standard errors of its middle */
 #define CLEAR_PX      1.2 /* smallest distance of a profile from an edge of the print */
 /* smallest number of samples that give the background of a part of the board */
 #define FEWEST 8
@@ -332,7 +332,8 @@ static void take_background(struct look *look, GArray *samples) {
         GArray *cell = cells->pdata[i];
         look->background[i] = cell->len < FEWEST ? of_all[i % 2] : median_of(cell);
     }
-    /* White print shows the ratio best. It is the same for black print. */
+    /* The ratio of background to reflectance is the same for white and black print, and white print
+     * shows it best. */
     for (int i = 0; i < whole && look->reflectance; i += 2)
         look->background[i] = look->background[i + 1];
     look->white = whites->len ? median_of(whites) : 1;
@@ -515,7 +516,8 @@ static gboolean fit_profile(const struct profile *profile, double half, double n
     inverse[MIDDLE] = 1;
     if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', free, 1, h, free, inverse, free) != 0)
         return FALSE;
-    /* The two samples of a pixel share its noise. Speckle adds to the noise. */
+    /* A profile has two samples per pixel, which share the noise of the pixel. Speckle adds to the
+     * noise. */
     const double variance = MAX(noise * noise, sum / MAX(profile->n - free, 1));
     *ret_sigma = sqrt(2 * variance * MAX(inverse[MIDDLE], 0));
     return p[HEIGHT] > 0 && *ret_sigma < p[WIDTH] / MIN_SIGNAL;
