@@ -29,8 +29,8 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
  * picture_balance(). A pixel that is white in the file is at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
 
-/* Used between raw_read() and the program: the head of the program's output. The values follow
- * it. */
+/* Used between raw_read() and the program: the head of the program's output. The values of the
+ * picture follow this head. */
 struct raw_head {
     int width, height;
     char cfa[RAW_CFA], sum[65];

@@ -38,8 +38,8 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
  * sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
-/* Used between video_read() and the program: the head of the program's output. Each frame that is
- * kept follows it, with its values. */
+/* Used between video_read() and the program: the head of the program's output. A struct video_frame
+ * and the values of its picture follow for each frame that is kept. */
 struct video_head {
     int width, height, n_frames;
     guint n_kept;
