@@ -31,7 +31,8 @@ struct radiometry_camera {
     double response_error;                               /* standard error of ln(response) */
     double colour_error[3], flat_error[RADIOMETRY_FLAT]; /* standard errors */
     /* Veiling glare: light that is added everywhere, as a share of the mean light behind the same
-     * filter. glare_error is 0 if the glare is not known. */
+     * filter. If the glare is not known, glare is 0, and glare_error is 0 or the ret_error of
+     * glare_fit(). */
     double glare, glare_error;
     double excess; /* relative RMS of the tile's residuals that noise does not explain */
     /* number of cells of the tile that were used */
