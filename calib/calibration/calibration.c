@@ -9,7 +9,7 @@
 #include <string.h>
 
 #define MAX_BYTES (16 << 20)
-#define STEP      0.1 /* step of the numerical derivatives, in standard errors */
+#define STEP      0.1 /* step of numerical derivatives, in standard errors of a parameter */
 
 const char *calibration_part_name(enum calibration_kind kind) {
     static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};

@@ -55,7 +55,7 @@ enum calibration_camera_parameter {
     CALIBRATION_TURN_X,
     CALIBRATION_TURN_Y,
     CALIBRATION_TURN_Z,
-    CALIBRATION_SHIFT_X, /* of translation_mm */
+    CALIBRATION_SHIFT_X, /* SHIFT_X, SHIFT_Y and SHIFT_Z: translation_mm */
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
@@ -106,9 +106,10 @@ enum calibration_laser_value {
     CALIBRATION_LASER_VALUES,
 };
 
-struct calibration_laser { /* for rig.lasers; standard errors */
+struct calibration_laser { /* for rig.lasers; the first members are standard errors */
     gboolean known;
-    double position_mm[3]; /* across the axis; the position along the axis is undetermined */
+    /* of the position across the axis; the position along it is undetermined */
+    double position_mm[3];
     double axis_rad, normal_rad, stretch;
     double bend_rad;
     /* 1 if the lines hardly determine a value, so that a large part of its error comes from the
