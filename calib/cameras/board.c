@@ -349,8 +349,8 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
     const int marker = marker_of(board, column, row);
     if (board->print != BOARD_MARKERS && marker < 0)
         return (column + row + board->white_first) % 2 == 1;
-    const double part = board->marker_mm / board->square_mm; /* side of a marker, in
-                                                              * board->square_mm */
+    /* side of a marker, in board->square_mm */
+    const double part = board->marker_mm / board->square_mm;
     const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
     const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;
     if (beside || above)

@@ -38,17 +38,18 @@ enum board_print {
 
 struct board {
     enum board_print print;
-    int columns, rows;    /* number of squares, markers or circles in a row; number of rows */
-    double square_mm;     /* side of a square; for markers, side of a marker plus the gap; for
-                           * circles, distance between rows (in a staggered grid half the distance
-                           * of neighbours in a row) */
-    double marker_mm;     /* side of a marker; 0 without markers */
-    double circle_mm;     /* diameter of a circle; 0 without circles */
-    char dictionary[24];  /* name of a dictionary in vision.h; only with markers */
-    gboolean kalibr;      /* the markers are printed as Kalibr prints them */
-    double thickness_mm;  /* height of the print above the surface that the board lies on */
-    gboolean white_first; /* The top left square is white. board_find() accepts either colour for a
-                           * chessboard that looks the same upside down. */
+    int columns, rows; /* number of squares, markers or circles in a row; number of rows */
+    /* side of a square; for markers, side of a marker plus the gap; for circles, distance between
+     * rows (in a staggered grid half the distance of neighbours in a row) */
+    double square_mm;
+    double marker_mm;    /* side of a marker; 0 without markers */
+    double circle_mm;    /* diameter of a circle; 0 without circles */
+    char dictionary[24]; /* name of a dictionary in vision.h; only with markers */
+    gboolean kalibr;     /* the markers are printed as Kalibr prints them */
+    double thickness_mm; /* height of the print above the surface that the board lies on */
+    /* The top left square is white. board_find() accepts either colour for a chessboard that looks
+     * the same upside down. */
+    gboolean white_first;
 };
 
 #define BOARD_ERROR board_error_quark()
@@ -68,7 +69,8 @@ enum board_error {
  * first black, thickness 0. Returns FALSE with BOARD_ERROR_SPEC if spec is not valid; board is then
  * not changed. */
 gboolean board_parse(struct board *board, const char *spec, GError **error);
-char *board_spec(const struct board *board); /* g_free() */
+/* returns a text for board_parse(); free it with g_free() */
+char *board_spec(const struct board *board);
 
 /* Returns FALSE with BOARD_ERROR_SPEC if the board looks the same upside down. This is so for a
  * chessboard whose numbers of columns and rows are both odd or both even, and for circles, except a

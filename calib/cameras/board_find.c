@@ -521,8 +521,8 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
         return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
                              "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
-    if (fine) { /* fits again from all fitted corners, which are more accurate than the detector's
-                 * points */
+    /* fits again from all fitted corners, which are more accurate than the detector's points */
+    if (fine) {
         g_array_set_size(from, 2 * corners->len);
         g_array_set_size(seen, 2 * corners->len);
         for (guint i = 0; i < corners->len; i++) {

@@ -45,12 +45,12 @@
  * one of six samples has four of them. */
 #define MAX_SAMPLES 200
 #define TOLERANCE   0.12 /* tolerance of the homography, in marker sides */
-#define ANY_PX      1e6  /* no bound */
+#define ANY_PX      1e6  /* tolerance of a homography that accepts all points */
 
 /* A place next to the board where the next column or row would be dark. */
 struct outside {
     double x, y; /* mm, board frame */
-    int side;    /* 0 … 3 */
+    int side;    /* side of the board: 0 top, 1 right, 2 bottom, 3 left */
     /* If TRUE, the place is instead on the board's edge next to a black square, where black must
      * end. */
     gboolean is_edge;
@@ -508,7 +508,7 @@ struct board_census {
     GMutex lock;
     gboolean settled; /* the given size is right, or MAX_EXAMINED pictures were examined */
     int examined;
-    GArray *sightings; /* struct sighting, of other sizes */
+    GArray *sightings; /* struct sighting, of pictures that show another size */
 };
 
 static void clear_sighting(gpointer data) {

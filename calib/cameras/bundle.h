@@ -36,10 +36,11 @@ struct bundle_camera {
     double prior[BUNDLE_INTRINSICS];       /* means of the priors */
     double prior_sigma[BUNDLE_INTRINSICS]; /* standard deviations of the priors; 0: no prior */
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
-    double nominal_centre[3];              /* for the gauge of the azimuth */
+    /* centre in the rig file, mm; for the gauge of the azimuth (fix_azimuth) */
+    double nominal_centre[3];
     gboolean fixed_pose, fixed_lens;
-    int stop;     /* index of this camera minus that of the camera whose lens it shares; 0: it has
-                   * its own */
+    /* index of this camera minus that of the camera whose lens it shares; 0: it has its own */
+    int stop;
     double noise; /* factor by which the sigmas of its observations are too small */
     /* Output: covariance in the order fx … p2, ω, shift, k4, k5, k6, as in enum
      * calibration_camera_parameter. Fixed parameters have 0. */
@@ -48,7 +49,7 @@ struct bundle_camera {
 
 /* A lay is one position of the board on the turntable. */
 struct bundle_lay {
-    double rotation[9], place[3]; /* t_x, t_y, h */
+    double rotation[9], place[3]; /* place: t_x, t_y and h above, mm */
     gboolean fixed_height;
     gboolean fixed; /* position and rotation are not adjusted */
 };
@@ -76,11 +77,15 @@ struct bundle {
     double bend[3]; /* b₀, b₁, b₂, in 1 / mm */
     double bend_sigma; /* prior standard deviation of b₀, b₁ and b₂; 0: the bend is not adjusted */
     double wobble[BUNDLE_WOBBLE];
-    int wobble_harmonics;    /* highest harmonic that is adjusted; 0: the wobble is not adjusted */
-    double wobble_error_rad; /* output: RMS error of the tilt over a turn; 0: fixed */
-    gboolean fix_azimuth;    /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
-    double robust;           /* Huber's threshold in standard deviations; 0: plain least squares */
-    gboolean coarse;         /* stops when a step lowers the cost by less than a share of 1e-5 */
+    int wobble_harmonics; /* highest harmonic that is adjusted; 0: the wobble is not adjusted */
+    /* output: standard error of the tilt, RMS over a turn; 0 if the wobble is not adjusted */
+    double wobble_error_rad;
+    /* keeps the cameras' mean azimuth at the nominal one, and each lay's mean angle at the
+     * commanded one */
+    gboolean fix_azimuth;
+    double robust; /* Huber's threshold in standard deviations; 0: plain least squares */
+    /* the solver stops when a step lowers the cost by less than 1e-5 of it */
+    gboolean coarse;
 };
 
 #define BUNDLE_ERROR bundle_error_quark()

@@ -14,7 +14,7 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* standard deviation of the turntable's angle from the commanded angle */
 #define ANGLE_SIGMA_DEG 0.1
-#define NEAR_PX         3 /* search radius once the geometry is known */
+#define NEAR_PX         3 /* search radius in px once the geometry is known */
 /* search radius before the geometry is known, as a share of the picture's width */
 #define FAR           0.2
 #define MIN_CORNERS   6  /* smallest number of corners in a usable picture */

@@ -121,7 +121,7 @@ struct cameras_result {
     double held_out_px[RIG_LENSES];
     double bend_mm[2];        /* lowest and highest corner of the bent board; 0, 0: flat */
     gboolean arm_known;       /* the axis of the arm was fitted */
-    struct rig_swing_fit arm; /* its fit; valid if arm_known */
+    struct rig_swing_fit arm; /* the fitted axis of the arm; valid if arm_known */
     /* Bit c is set if the pose of camera c was predicted from the axis of the arm. */
     guint32 predicted;
     /* Factor of each camera's variances that accounts for the scatter between pictures; at least

@@ -6,8 +6,8 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_CORNERS  6 /* smallest number of corners in a picture */
-#define MIN_PICTURES 3 /* smallest number of pictures of a lens */
+#define MIN_CORNERS  6 /* smallest number of corners with which a picture counts */
+#define MIN_PICTURES 3 /* smallest number of pictures that give the lateral colour of a lens */
 #define ROUNDS       4 /* largest number of Gauss-Newton steps for a picture */
 #define SETTLED      1e-7
 /* smallest deviation of both colours together that is corrected, in standard errors */

@@ -6,8 +6,8 @@
 
 #define FOLDS      5
 #define WIDE_SIGMA 1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
-#define ROBUST     3   /* times the noise: threshold of Huber's loss */
-#define MAX_LOSS   4.5 /* times the noise: larger residuals count as this value */
+#define ROBUST     3   /* threshold of Huber's loss, in units of the noise */
+#define MAX_LOSS   4.5 /* larger residuals count as this value, in units of the noise */
 /* A model is better if it lowers the sum of losses by more than this many standard errors of the
  * differences. For a bend, one standard error is sufficient. */
 #define SIGNIFICANT 2

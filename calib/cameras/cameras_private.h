@@ -52,8 +52,8 @@ void cameras_set_why(struct seen *seen, const char *why);
 /* Reports one more step of progress. Returns FALSE with an error if the user cancels. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
 /* cameras_arm.c: fits the camera arm's axis to the stops with pictures. *ret_known says whether
- * enough stops have pictures. Returns FALSE if they do not turn about one axis, or if it is not
- * near the axis of the rig file. */
+ * enough stops have pictures. Returns FALSE if the stops do not turn about one axis, or if this
+ * axis is not near the axis of the rig file. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
 /* Copies the axis result->arm to the calibration, and places the stops without pictures by it. Sets
@@ -62,8 +62,8 @@ void cameras_place_stops(const struct cameras_work *work, struct calibration *ca
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
-/* cameras_start.c: sets initial values. Those of cameras come from the rig file, those of lays from
- * the pictures. */
+/* cameras_start.c: sets initial values. The values of cameras come from the rig file, and those of
+ * lays from the pictures. */
 void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
@@ -101,7 +101,8 @@ gboolean cameras_find_lateral(struct cameras_work *work, GError **error);
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error);
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens);
 
-/* cameras_refine.c: bundle adjustment in rounds with outlier rejection. */
+/* cameras_refine.c: makes the bundle adjustment in rounds with outlier rejection, and computes the
+ * covariances. */
 gboolean cameras_refine(struct cameras_work *work, GError **error);
 /* Sets each camera's noise robustly, from all observations. */
 void cameras_estimate_noise(struct bundle *bundle);
@@ -115,7 +116,7 @@ int cameras_n_parameters(const struct cameras_work *work);
  * sharpening have changed their noise. */
 double cameras_expected_px(const struct cameras_work *work, int camera);
 
-/* cameras.c: one bundle adjustment with the corners found so far. */
+/* cameras.c: makes one bundle adjustment with the corners found so far. */
 gboolean cameras_solve(struct cameras_work *work, GError **error);
 
 /* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
@@ -126,7 +127,8 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
 /* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
-/* cameras_check.c: refuses results that cannot be right. */
+/* cameras_check.c: returns FALSE with an error if a camera has too few pictures, or if the boards
+ * are all parallel, or none of them lies flat. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
 /* Returns whether a stop of the camera arm has no pictures and gets its pose from the arm's axis,
  * which two other stops of the camera determine. */

@@ -6,15 +6,17 @@
 #include <math.h>
 #include <string.h>
 
-#define RAD(deg)        ((deg) * (G_PI / 180))
-#define OUTLIER         4.5    /* times the noise; of corners with only noise it rejects 4e-5 */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* in units of the noise; a corner whose error is only noise is rejected with probability 4e-5 */
+#define OUTLIER         4.5
 #define OUTLIER_PX      0.1    /* smaller residuals are never outliers */
-#define ROBUST          3      /* times the noise: threshold of Huber's loss */
+#define ROBUST          3      /* threshold of Huber's loss, in units of the noise */
 #define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
 /* The noise of a picture is estimated from its residuals and from the noise of its camera. The
  * noise of the camera counts as much as this number of residuals. */
-#define TYPICAL      20
-#define SIGNIFICANT  4   /* standard deviations of the decrease of χ² by chance */
+#define TYPICAL 20
+/* smallest significant decrease of χ², in standard deviations of its decrease by chance */
+#define SIGNIFICANT  4
 #define MAX_REJECTED 0.4 /* share of rejected corners above which the picture is rejected */
 
 /* Returns |W (projected − seen)|, where W is the inverse square root of the corner's covariance. */

@@ -108,8 +108,8 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
     const double moved = hypot(p[AT_X], p[AT_Y]) * sqrt(fabs(p[L_XX] * p[L_YY]));
     if (info < 1 || info > 4 || !isfinite(moved))
         return FALSE;
-    covar(N, jacobian, n, pivot, 1e-14, wa[0]); /* jacobian gets (JᵀJ)⁻¹, column by column with a
-                                                 * stride of n */
+    /* jacobian gets (JᵀJ)⁻¹, column by column with a stride of n */
+    covar(N, jacobian, n, pivot, 1e-14, wa[0]);
     *ret = (struct corner){.id = id,
                            .x_px = guess->x_px + p[AT_X],
                            .y_px = guess->y_px + p[AT_Y],

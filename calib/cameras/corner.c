@@ -17,7 +17,7 @@ enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR
 #define MAX_PIXELS  1600
 #define MIN_PIXELS  30
 #define REACH_PX    11   /* half the side of the largest window around the corner */
-#define REACH       0.44 /* window, relative to a square */
+#define REACH       0.44 /* half the side of the window, relative to a square */
 #define GUARD_PX    0.9  /* smallest distance from edges that do not belong to the corner */
 #define NEAR_PX     0.25
 #define STEPS       30

@@ -31,15 +31,16 @@ struct corner_guess {
 struct corner {
     int id; /* as in board.h */
     double x_px, y_px;
-    double covariance_px2[2][2]; /* from the noise of the residuals */
-    double blur_px;              /* standard deviation, including the pixel's own width */
+    double covariance_px2[2][2]; /* covariance of x_px and y_px, from the noise of the residuals */
+    /* standard deviation of the blur, including the pixel's own width */
+    double blur_px;
     /* half the difference between white and black, in units of the picture */
     double contrast;
 };
 
 #define CORNER_MAX_BLUR_PX  4
 #define CORNER_MAX_ERROR_PX 0.35
-#define CORNER_MIN_CONTRAST 3    /* in standard deviations of the residuals */
+#define CORNER_MIN_CONTRAST 3    /* smallest contrast, in standard deviations of the residuals */
 #define CORNER_MAX_MOVED    0.35 /* largest distance from the guess, in squares */
 
 /* Fits one corner. Returns FALSE if there is no such corner near the guess, or if too little of it
@@ -56,7 +57,7 @@ GArray *corner_fit_all(const struct picture *picture, const struct board *board,
  * the picture. */
 struct corner_lateral {
     double centre_px[2];
-    double larger[2]; /* the present estimate */
+    double larger[2]; /* the present estimate: relative excess of the magnification */
     /* sums of the normal equations: normal · (change of the estimate) = right */
     double normal[2][2], right[2];
 };
