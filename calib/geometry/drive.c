@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation of an angle error */
-#define ROUNDS    4                   /* rounds of fit and estimate */
+#define ROUNDS    4                   /* number of rounds of fit and estimate */
 #define WORTH     4                   /* number of angles that the prior counts as */
 
 void drive_init(struct drive *drive, int most) {

@@ -42,9 +42,9 @@ struct fit {
 };
 
 struct fit_result {
-    double *covariance; /* n_parameters²; the row of an undetermined parameter is 0 */
+    double *covariance; /* n_parameters²; row and column of an undetermined parameter are 0 */
     double *residuals;  /* n_observations × dimension, at the solution */
-    guint8 *rejected;   /* n_observations */
+    guint8 *rejected;   /* one flag per observation */
     int n_used;         /* number of observations that were not rejected */
     int degrees_of_freedom;
     /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */

@@ -14,7 +14,7 @@ G_BEGIN_DECLS
  *   fisheye     x'' = x'/r θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)  (Kannala & Brandt 2006)
  * y'' is computed in the same way. Parameters that a model does not have are 0. */
 enum rig_lens {
-    RIG_LENS_POLYNOMIAL, /* the numbers are the file format */
+    RIG_LENS_POLYNOMIAL, /* the numbers are part of the file format */
     RIG_LENS_RATIONAL,
     RIG_LENS_FISHEYE,
     RIG_LENSES,

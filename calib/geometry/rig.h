@@ -28,9 +28,9 @@
 
 #define RIG_MAX_CAMERAS   31 /* each stop counts; bit 31 of a set of cameras has other uses */
 #define RIG_MAX_LAMPS     128
-#define RIG_MIN_RESPONSE  1e-6 /* DN/s per W/(sr m²), as in a rig file */
+#define RIG_MIN_RESPONSE  1e-6 /* smallest response that a rig file may give, DN/s per W/(sr m²) */
 #define RIG_MAX_RESPONSE  1e12
-#define RIG_MAX_INTENSITY 1e6  /* W/sr */
+#define RIG_MAX_INTENSITY 1e6  /* largest radiant intensity of a lamp, W/sr */
 #define RIG_MAX_STRETCH   0.5  /* largest relative stretch of a sweep, in both directions */
 #define RIG_MAX_BEND      1.0  /* rad: largest bend of a laser's sheet, in both directions */
 #define RIG_MAX_LATERAL   0.05 /* largest lateral colour, in both directions */
@@ -77,7 +77,7 @@ struct rig_lamp {
     struct vec3 aim; /* unit */
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
-    int fixed;        /* 1 if it stands by itself, so that the arc does not move it */
+    int fixed;        /* 1 if the lamp stands by itself, so that the arc does not move it */
     int on_probe;     /* 1 if the probe carries it; the position above is then for probe_deg */
     double probe_deg;
     int stop; /* number of the stop, as for a camera */
@@ -126,7 +126,7 @@ struct rig_swing {
 };
 
 #define RIG_WOBBLE_HARMONICS 4
-#define RIG_MAX_WOBBLE_RAD   0.02 /* bound of each coefficient */
+#define RIG_MAX_WOBBLE_RAD   0.02 /* largest absolute value of a coefficient */
 
 /* The wobble of the turntable's bearing. The axis is tilted by a rotation W(τ) with the rotation
  * vector (x, y, 0), which is a function of the turntable's angle τ. A point p of the sample is at
