@@ -7,8 +7,9 @@
 #include <math.h>
 #include <string.h>
 
-#define PARALLEL  1e-9 /* relative determinant below which the rays are parallel */
-#define AGREE     3.0  /* standard deviations up to which a ray agrees; at least AGREE_RAD */
+#define PARALLEL 1e-9 /* relative determinant below which the rays are parallel */
+/* a ray agrees within this number of standard deviations, or within AGREE_RAD */
+#define AGREE     3.0
 #define AGREE_RAD (0.5 * G_PI / 180)
 #define NEAREST   3.0 /* smallest distance of a light from the balls, in radii */
 #define KNOWN     0.5 /* largest relative error at which a position counts as known */

@@ -12,9 +12,10 @@ struct ball_outline { /* in the picture, y down */
 };
 
 struct ball_camera {
-    double focal_px;   /* Focal length in px. 0: not known; the camera is taken as far away.
-                        * Directions then have errors of up to a ball's radius over its distance,
-                        * plus the angle between the ball and the middle of the picture. */
+    /* Focal length in px. 0: not known; the camera is taken as far away. Directions then have
+     * errors of up to a ball's radius over its distance, plus the angle between the ball and the
+     * middle of the picture. */
+    double focal_px;
     double x_px, y_px; /* principal point: the picture's middle; used only with a focal length */
 };
 
@@ -40,18 +41,18 @@ double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, d
 
 struct ball_ray {     /* the direction of the light at one ball; lengths are in radii of the balls,
                          which are equal */
-    struct vec3 from; /* centre of the ball, relative to any origin */
+    struct vec3 from; /* place of the highlight on its ball, relative to any origin */
     struct vec3 direction; /* unit */
     double sigma_rad;      /* root mean square */
 };
 
 struct ball_light {
-    struct vec3 direction; /* mean of the rays that agree */
+    struct vec3 direction; /* unit vector: mean direction of the rays that agree */
     double sigma_rad;      /* root mean square */
     gboolean placed; /* the rays determine the position of the light, not only its direction */
-    struct vec3 place, place_error; /* position of the light in radii, if placed; its standard
-                                     * deviations */
-    double miss;                    /* RMS distance of the rays from the position, in radii */
+    /* position of the light in radii, if placed; its standard deviations */
+    struct vec3 place, place_error;
+    double miss; /* RMS distance of the rays from the position, in radii */
     gboolean left_out[BALL_LIGHT_MAX];
     double off_rad[BALL_LIGHT_MAX]; /* angle of each ray from the result */
 };

@@ -11,7 +11,7 @@
 #define NEAREST  0.75 /* range of the search, in radii of the given circle */
 #define FARTHEST 1.3
 #define STEP_PX  0.5
-#define REACH    4 /* number of steps on each side that an edge compares */
+#define REACH    4 /* number of steps on each side of an edge whose light is compared */
 /* number of steps on each side that give the exact place of an edge; a wider range would include
  * what the ball mirrors */
 #define CLOSE  2
@@ -27,7 +27,7 @@
 #define AGREE       0.01 /* share of the radius within which an edge agrees */
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
 #define ROUNDS      5    /* rounds of fitting with outlier rejection */
-#define FLOOR_PX    0.1  /* lower bound of the standard deviation */
+#define FLOOR_PX    0.1  /* added in quadrature to the standard error */
 #define MAX_STEPS   4096
 
 struct edges {
@@ -38,10 +38,10 @@ struct edges {
 
 struct BallEdges {
     struct ball_outline given;
-    int n;                     /* number of places on a ray */
-    int pictures;              /* number of pictures that were added */
-    double *changes, *squared; /* RAYS × n: change of the square root of light, and of light, summed
-                                * over the pictures */
+    int n;        /* number of places on a ray */
+    int pictures; /* number of pictures that were added */
+    /* RAYS × n: change of the square root of light, and of light, summed over the pictures */
+    double *changes, *squared;
 };
 
 BallEdges *ball_edges_new(const struct ball_outline *given) {

@@ -10,8 +10,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define EDGE        0.2  /* share of the peak that bounds a spot, the first of shares[] */
-#define ABOVE_NOISE 12.0 /* smallest peak, in robust standard deviations of the darker half */
+#define EDGE 0.2 /* share of the peak that bounds a spot, the first of shares[] */
+/* smallest height of a peak, in robust standard deviations of the darker half */
+#define ABOVE_NOISE 12.0
 /* smallest peak, in heights of the brightest tenth of the other pixels */
 #define ABOVE_REST 4.0
 /* smallest peak of a spot as small as a speck, in heights of the brightest tenth */

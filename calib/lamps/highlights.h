@@ -8,8 +8,8 @@
 
 struct highlight_picture {
     const struct picture *picture; /* linear grey */
-    int index, lamp, camera;       /* numbers of the picture, lamp and camera, copied to the
-                                    * sights */
+    /* numbers of the picture, lamp and camera, copied to the sights */
+    int index, lamp, camera;
     double turntable_rad, arc_rad;
 };
 
@@ -25,8 +25,8 @@ struct highlight {
     double x_px, y_px;
     double sigma_px;               /* standard deviation of x and of y */
     double xx_px2, xy_px2, yy_px2; /* second moments of the spot's light */
-    double energy;                 /* sum of the squares of the spot's values above the
-                                    * background */
+    /* sum of the squares of the spot's values above the background */
+    double energy;
     gboolean saturated;
 };
 

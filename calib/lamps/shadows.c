@@ -9,7 +9,7 @@
 
 #define LIT          0.8 /* share of the maximum from which a pixel counts as lit */
 #define PATTERN      0.5 /* smallest share of the plate's level in the printed pattern of a plate */
-#define MIN_CONTRAST 0.35 /* smallest contrast of a shadow */
+#define MIN_CONTRAST 0.35 /* smallest contrast of a shadow, relative to the lit level */
 #define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, relative to the lit level */
 #define MIN_PIXELS   30
 #define MAX_HIDDEN   0.35 /* largest share of hidden pixels around the shadow's end */

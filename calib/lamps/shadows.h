@@ -14,7 +14,7 @@
 /* The point of the plate's plane that each pixel sees, in the rig frame; NaN far from the plate. */
 struct plate_map {
     int width, height;
-    float *xy_mm; /* height × width × 2 */
+    float *xy_mm; /* x, y of each pixel: height × width × 2 */
 };
 /* Makes the map of a camera. Free it with plate_map_free(). */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target);

@@ -35,7 +35,7 @@ double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel
 /* The convex hull of two discs in the plane of the plate, in the rig frame. */
 struct streak {
     struct vec3 from, to;
-    double from_mm, to_mm; /* radii */
+    double from_mm, to_mm; /* radii of the discs */
 };
 
 /* Returns the signed distance from the edge of the hull, negative inside. The discs must have
@@ -64,7 +64,8 @@ struct window { /* around the end of one shadow */
     GArray *pixels;           /* struct pixel */
     /* number of pixels near the end that something else hides; number of all pixels near the end */
     int hidden, near_end;
-    gboolean body; /* the post itself, not its shadow */
+    /* the window is around the top of the post itself, not around its shadow's end */
+    gboolean body;
     gboolean near; /* the foot's position is accurate; if FALSE, the foot moves with the end */
 };
 
