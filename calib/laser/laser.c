@@ -43,10 +43,11 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define SLOPE_MM 30.0
 /* share of a variance; an error comes from the prior if the prior causes more than this share */
 #define PRIOR_SHARE 0.25
-#define APART       2 /* px between pixels whose noise is compared: one period of a colour filter */
-#define PIXELS      200000 /* largest number of pixels of a picture that are compared */
-#define BENT        5.0    /* number of standard errors from which a sheet's bend is significant */
-#define FLAT_RAD    1e-9   /* prior of the bend of a flat sheet, which keeps it at 0 */
+/* distance in px of pixels whose peaks are compared: one period of a colour filter */
+#define APART    2
+#define PIXELS   200000 /* largest number of pixels of a picture that are compared */
+#define BENT     5.0    /* number of standard errors from which a sheet's bend is significant */
+#define FLAT_RAD 1e-9   /* prior of the bend of a flat sheet, which keeps it at 0 */
 
 #define ARC 4 /* number of parameters of the arc; they come first */
 
@@ -69,7 +70,8 @@ struct problem {
     struct drive swing;
     int *swing_of; /* n: index of the arc's angle; −1 for a laser that is not on the arc */
     gboolean flat[RIG_MAX_LASERS]; /* TRUE: the bend is not adjusted */
-    double plane_mm;               /* the height of this plane is also adjusted; NAN: none */
+    /* height as given of the plane whose height is also adjusted; NAN: none */
+    double plane_mm;
     /* index of the parameter that says how much higher that plane is */
     int height_at;
     int n_parameters;
@@ -256,7 +258,7 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
         if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
             continue;
         gint64 key = llround(p->sweep_rad * 180 / G_PI *
-                             10); /* steps are distinguished by tenths of a degree */
+                             10); /* tenths of a degree, which distinguish the steps */
         struct tally *tally = g_hash_table_lookup(steps, &key);
         if (!tally) {
             tally = g_new0(struct tally, 1);

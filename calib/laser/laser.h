@@ -27,7 +27,7 @@ enum laser_error {
 struct laser_point {
     int sweep; /* number of the sweep's file, for messages */
     int laser, camera;
-    double arc_rad, sweep_rad; /* commanded */
+    double arc_rad, sweep_rad; /* commanded angles of arc and sweep */
     struct vec3 point_mm;      /* rig frame */
     double sigma_mm;           /* standard deviation across the sheet */
     float shift[4]; /* derivative of the point's x and y (mm) with respect to the camera's offset
@@ -52,19 +52,21 @@ struct laser_result {
     double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
-    double bend_error_rad[RIG_MAX_LASERS]; /* also for a bend that is not significant */
+    /* standard error of the bend, also if the bend is not significant */
+    double bend_error_rad[RIG_MAX_LASERS];
     /* TRUE if more than a quarter of a variance comes from the prior of the arc's axis and not from
      * the measurement: of position, axis, zero, stretch. */
     gboolean from_prior[RIG_MAX_LASERS][4];
     /* includes the part of the RMS that noise does not explain */
     struct rig_sheet_errors sheet[RIG_MAX_LASERS];
-    double sheet_error_mm[RIG_MAX_LASERS]; /* RMS over the points, computed from sheet */
-    double rms_mm[RIG_MAX_LASERS];         /* RMS distance of the points from their sheets */
-    double expected_mm[RIG_MAX_LASERS];    /* RMS caused by noise only; 0 if not known */
+    /* error of the sheets, RMS over the points, computed from sheet */
+    double sheet_error_mm[RIG_MAX_LASERS];
+    double rms_mm[RIG_MAX_LASERS];      /* RMS distance of the points from their sheets */
+    double expected_mm[RIG_MAX_LASERS]; /* RMS caused by noise only; 0 if not known */
     /* median of line_rad of the points; 0 if not known */
     double line_rad[RIG_MAX_LASERS];
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
-    double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc */
+    double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc's axis */
     /* RMS distance of all used points from their sheets; RMS residual over its expected standard
      * deviation */
     double rms_all_mm, sigma;

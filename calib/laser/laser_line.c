@@ -18,16 +18,17 @@
 #define MIN_CORNERS  6
 #define MAX_GRID     1200 /* largest number of samples in a row or column of the board */
 /* number of parts in a row and column of the board, for the background */
-#define CELLS         12
-#define BRIGHT        6.0  /* smallest value of a sample that votes, in units of the noise */
+#define CELLS 12
+/* smallest brightness above the background of a sample that votes, in units of the noise */
+#define BRIGHT        6.0
 #define MAX_VOTES     4000 /* largest number of votes: the brightest samples */
 #define TRIES         2000 /* number of lines that are tried */
 #define WITHIN_PX     2.0  /* largest distance of samples that vote for a line */
 #define MIN_SHARE     0.35 /* smallest share of bright places of a line on white print */
 #define MIN_DOTS      20
-#define HALF_PX       12  /* longest half of a profile */
-#define WIDE          3.0 /* half of a profile, in standard deviations of the line */
-#define FIRST_HALF_PX 5   /* half of the first profiles, which show the line's width */
+#define HALF_PX       12  /* largest half length of a profile */
+#define WIDE          3.0 /* half the length of a profile, in standard deviations of the line */
+#define FIRST_HALF_PX 5   /* half length of the first profiles, which show the line's width */
 #define MIN_HALF_PX   2
 #define MIN_WIDTH_PX  0.3
 #define STEPS         20
@@ -231,9 +232,9 @@ struct look {                                    /* the view of the board in the
     struct rig_camera camera;                    /* at the origin */
     const struct board *board;
     const struct laser_pose *pose;
-    double mm_a_px; /* smaller of the millimetres per pixel along the board's x and y, in the middle
-                     * of the board */
-    double noise;   /* noise of a pixel */
+    /* smaller of the millimetres per pixel along the board's x and y, in the middle of the board */
+    double mm_a_px;
+    double noise; /* standard deviation of a sample's brightness */
     /* Background of each part of the board, for black and for white print. It is relative to the
      * reflectance if that is known. */
     double background[2 * CELLS * CELLS];
@@ -246,7 +247,7 @@ static gboolean pixel_of(const struct look *look, const double mm[2], double ret
 
 struct sample {
     double mm[2];
-    double value;       /* above the background */
+    double value;       /* brightness above the background */
     double reflectance; /* 1 if it is not known */
     int cell;
     guint8 white;

@@ -14,7 +14,7 @@ G_DEFINE_QUARK(laser_plane_error, laser_plane_error)
 
 #define BLOCKS   16 /* number of pieces of a line whose scatter is measured */
 #define MIN_DOTS 12
-#define DOT_PX   0.03 /* error of a dot that is not caused by noise */
+#define DOT_PX   0.03 /* part of a dot's error that noise does not cause */
 #define SCATTER  4.0  /* number of robust standard deviations above which dots are left out */
 #define ROUNDS   5
 /* χ² (2 degrees of freedom) from which a photograph is rejected, relative to the median */
