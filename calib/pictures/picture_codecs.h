@@ -21,7 +21,7 @@ struct picture_pixels {
 };
 
 enum picture_channels {
-    PICTURE_GREY,   /* as one channel */
+    PICTURE_GREY,   /* as one channel, also if the file has colours */
     PICTURE_COLOUR, /* one or three channels, as in the file */
     PICTURE_ALPHA,  /* also four channels, if the file has transparent pixels */
 };

@@ -11,8 +11,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MAX_PROFILE (16 << 20)    /* bytes of an ICC profile */
-#define ADOBE_GAMMA (563 / 256.0) /* Adobe RGB (1998) */
+#define MAX_PROFILE (16 << 20)    /* largest number of bytes of an ICC profile */
+#define ADOBE_GAMMA (563 / 256.0) /* gamma of Adobe RGB (1998) */
 
 enum {
     TAG_DATE = 306,
@@ -67,7 +67,8 @@ double picture_tone_light(const struct picture_tone *tone, double number) {
 /* Reads the curve of an ICC profile: that of green, or of grey. */
 static void read_profile(const guint8 *bytes, gsize length, struct picture_tone *ret) {
     char name[80] = "";
-    cmsContext context = cmsCreateContext(NULL, NULL); /* prints nothing */
+    /* without a logger, so that it prints nothing */
+    cmsContext context = cmsCreateContext(NULL, NULL);
     cmsHPROFILE profile = length <= MAX_PROFILE
                               ? cmsOpenProfileFromMemTHR(context, bytes, (cmsUInt32Number)length)
                               : NULL;
@@ -163,7 +164,7 @@ static void read_jpeg(const guint8 *bytes, gsize length, struct picture_says *re
         const guint8 *data = bytes + at + 4;
         const gsize n = size - 2;
         if (marker == 0xe2 && n > sizeof icc + 2 && memcmp(data, icc, sizeof icc) == 0 &&
-            profile->len < MAX_PROFILE) /* pieces, in order */
+            profile->len < MAX_PROFILE) /* pieces of a profile, in order */
             g_byte_array_append(profile, data + sizeof icc + 2, (guint)(n - sizeof icc - 2));
         if (marker == 0xe1 && n > sizeof exif && memcmp(data, exif, sizeof exif) == 0)
             read_tiff(data + sizeof exif, n - sizeof exif, FALSE, ret);

@@ -10,7 +10,8 @@
 
 namespace {
 
-constexpr int MAX_SAMPLES = 2000; /* of a robust homography; OpenCV's default */
+/* number of random samples of a robust homography; OpenCV's default */
+constexpr int MAX_SAMPLES = 2000;
 constexpr int FEWEST_CIRCLES = 9; /* smallest number of circles of a grid that is searched */
 
 /* OpenCV also prints the errors that it throws. One message is enough. OpenCV must not start
