@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define FEW_PATCHES 6
-#define MAX_OFF     10.0 /* ΔE*ab, RMS */
+#define MAX_OFF     10.0 /* smallest RMS difference ΔE*ab at which a fit is refused */
 #define DARK        0.01 /* Y below which all patches have the same weight */
 /* Smallest pivot relative to the trace. With a smaller one the patches do not span all colours. */
 #define MIN_PIVOT 1e-6

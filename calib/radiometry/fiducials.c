@@ -9,13 +9,14 @@
 /* Radii, in radii of the fiducial. */
 #define WINDOW     1.4  /* the window of the centroid */
 #define INNER      0.75 /* the white interior, which gives the level of white */
-#define WHOLE      0.95 /* contains the pixels that are used for the lamp's output */
+#define WHOLE      0.95 /* pixels wholly within this radius are used for the lamp's output */
 #define RING       1.9  /* the surround lies between WINDOW and RING */
 #define PASSES     12
 #define FEW_PIXELS 6
 #define FEW_WHOLE  12
 #define CONTRAST   1.5 /* smallest ratio of white to surround */
-#define UNEVEN     0.1 /* relative standard deviation of a fiducial that is half in shadow */
+/* relative standard deviation from which a fiducial counts as partly in shadow */
+#define UNEVEN 0.1
 /* Standard deviation of the share of white of a pixel at the edge. Its value is not proportional to
  * the covered area, because real pixels do not integrate evenly over their area. */
 #define EDGE_SHARE 0.12

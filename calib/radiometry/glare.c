@@ -25,7 +25,7 @@
 #define DARK      0.25 /* a surface is dark if it is darker than this part of the picture's mean */
 #define ALIKE     2.0  /* largest factor between a shot and the median of its group */
 #define FEW_SHOTS 4    /* smallest number of shots of a group */
-#define OUTLIER   4.0  /* standard deviations */
+#define OUTLIER   4.0  /* number of standard deviations from which a cell is an outlier */
 #define MAX_ERROR 0.002
 /* A glare whose error is too large for a correction contributes to ret_error if it exceeds this
  * number of standard errors. */

@@ -7,16 +7,16 @@
 #include <math.h>
 
 #define TILE         16         /* pixels along a side; smaller pictures have smaller tiles */
-#define SATURATED    0.98       /* of full scale */
-#define TRANSFER_TOP 0.7        /* EMVA 1288 §6.6: the slope is fitted up to 70 % of saturation */
+#define SATURATED    0.98       /* share of full scale from which a tile counts as saturated */
+#define TRANSFER_TOP 0.7        /* the slope is fitted up to 70 % of saturation (EMVA 1288 §6.6) */
 #define MIN_RANGE    0.15       /* part of full scale that the brightest tile must reach */
 #define ALIKE        0.05       /* largest relative difference of the means of a pair */
-#define ROUNDING     (1.0 / 12) /* DN²: variance of quantisation */
+#define ROUNDING     (1.0 / 12) /* variance of quantisation, DN² */
 
 G_DEFINE_QUARK(transfer_error, transfer_error)
 
 struct tile {
-    double mean, variance; /* mean of both pictures; temporal variance of one pixel */
+    double mean, variance; /* mean of both pictures in DN; temporal variance of one pixel in DN² */
     double n;              /* number of pixels; 0 if any pixel is saturated */
 };
 

@@ -21,10 +21,10 @@ struct transfer_sensor {
 
 /* Results with their standard errors. */
 struct transfer {
-    double black_dn, black_error_dn; /* at exposure 0 */
+    double black_dn, black_error_dn; /* dark level at exposure 0 */
     double dark_dn_s, dark_error_dn_s;
     double gain_dn_e, gain_error_dn_e;       /* EMVA 1288's K: DN per electron */
-    double read_noise_e, read_noise_error_e; /* of a pixel, without quantisation */
+    double read_noise_e, read_noise_error_e; /* read noise of a pixel, without quantisation */
     /* signal = linear·(1 − curvature·linear/(full scale − black)), both in DN above dark */
     double curvature, curvature_error;
     double linearity; /* largest relative deviation of an exposure's signal from a line */

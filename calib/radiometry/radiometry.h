@@ -70,8 +70,8 @@ int radiometry_colour_at(const char *cfa, int x, int y);
 
 /* A matt white tile that lies in the middle of the turntable. */
 struct tile {
-    double width_mm, height_mm; /* along x and y of the sample frame */
-    double top_mm;              /* above the turntable */
+    double width_mm, height_mm; /* size along x and y of the sample frame */
+    double top_mm;              /* height of the top above the turntable */
     double reflectance[3];      /* for the cameras' red, green and blue */
 };
 
@@ -132,7 +132,7 @@ struct tile_fit {
     struct radiometry_camera cameras[RIG_MAX_CAMERAS];
     struct radiometry_lamp lamps[RIG_MAX_LAMPS];
     double residual; /* relative RMS of the residuals */
-    double expected; /* the part of residual that the noise of the cells explains */
+    double expected; /* relative RMS of the residuals that the noise of the cells explains */
     /* RMS over the lamps of the differences between found and nominal values. */
     double exponent_off, aim_off_rad;
     double quality; /* χ² per degree of freedom; 1 if model and noise are right */

@@ -12,7 +12,7 @@
 #define AIM_SD_RAD     0.035 /* standard deviation of the prior of a lamp's aim */
 #define DRIFT_SD       0.05  /* standard deviation of the prior of the drift between shots */
 #define MAX_GAIN_ERROR 0.01
-#define OUTLIER        5.0 /* standard deviations */
+#define OUTLIER        5.0 /* number of standard deviations from which a cell is an outlier */
 #define MAX_OUTLIERS   0.05
 #define MAX_RESIDUAL   0.03
 #define APART_RAD      (30 * G_PI / 180)
