@@ -23,10 +23,8 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
 
 /* Returns the number of white squares above a row, which is also the number of markers there. */
 static int whites_before(const struct board *board, int row) {
-    const int more = board->white_first
-                         ? (row + 1) / 2
-                         : row / 2; /* if the number of columns is odd: rows above that have one
-                                     * white square more than the others */
+    /* If the number of columns is odd: rows above that have one white square more than others. */
+    const int more = board->white_first ? (row + 1) / 2 : row / 2;
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 
