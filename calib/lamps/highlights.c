@@ -72,8 +72,8 @@ struct spot {
     double energy;
     struct highlight light; /* x_px, y_px are relative to the window */
     double share;           /* share of the peak above which pixels belong to the light */
-    /* aspect ratio is at least STREAK; touches a brighter spot; reaches the border of the circle;
-     * other photographs also show it */
+    /* streak: the aspect ratio is at least STREAK. halo: the spot touches a brighter one. cut: the
+     * spot reaches the border of the circle. stays: other photographs also show the spot. */
     gboolean streak, halo, cut, stays;
     gboolean large; /* too large to be a lamp's mirror image */
 };
