@@ -65,8 +65,9 @@ static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     return TRUE;
 }
 
-/* Splits the directions, sorted by theta, at the gaps. The unevenness within a ring must be less
- * than its distance from other rings, so that rings cannot cross. */
+/* Splits the directions, sorted by theta, into rings at gaps of at least RING_GAP_DEG. Returns
+ * FALSE if they do not form rings. The range of theta within a ring must be less than the ring's
+ * distance from other rings, so that rings cannot cross. */
 static gboolean find_rings(Directions *d) {
     g_autoptr(GArray) rings = g_array_new(FALSE, FALSE, sizeof(struct ring));
     double gap_before = G_MAXDOUBLE;
@@ -173,8 +174,8 @@ const int *directions_pole(const Directions *d, int *ret_n) {
     return d->pole;
 }
 
-/* Gives the two neighbours in azimuth, the share of the second, and the ring's polar angle between
- * them. */
+/* Gives the two neighbours of phi in a ring, and the share of the second one. Returns the ring's
+ * polar angle at phi in degrees. */
 static double ring_at(const struct ring *ring, double phi, int ret_index[2], double *ret_share) {
     int k = ring->n - 1;
     if (phi >= ring->entries[0].phi)

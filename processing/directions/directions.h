@@ -25,7 +25,8 @@ enum directions_error {
 #define DIRECTIONS_MAX 65000
 
 struct direction_weights {
-    int index[4]; /* indices of measured directions; n stands for the pole, see directions_pole() */
+    /* indices of measured directions; their number n stands for the pole (directions_pole()) */
+    int index[4];
     float weight[4];
 };
 
@@ -40,8 +41,8 @@ Directions *directions_new_triangulated(const float *theta_deg, const float *phi
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 
-/* Returns the directions whose mean is the value at the pole (index n). *ret_n is 0 if no weights
- * refer to the pole. The array is owned by the object. */
+/* Returns the directions whose mean is the value at the pole (index n). If no weights refer to the
+ * pole, returns NULL and sets *ret_n to 0. The array is owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
 /* direction is a unit vector. A direction below the horizon is clamped to the horizon. */
@@ -53,7 +54,7 @@ void directions_weights(const Directions *directions, struct vec3 direction,
  * outside of them, and 0 below the horizon. */
 double directions_fade(const Directions *directions, struct vec3 direction);
 
-/* Computes directions_fade() and directions_weights() together. */
+/* Returns directions_fade() and computes directions_weights(). */
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 

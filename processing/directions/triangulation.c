@@ -8,8 +8,8 @@
 
 /* Random displacement that brings the points into general position. */
 #define JITTER 1e-7
-/* Points are on a line if none is farther from it. Triangles so thin would be those of the
- * displacements. */
+/* Maximum distance of points that count as on a line. The shape of such thin triangles would depend
+ * on the displacements. */
 #define LINE (10 * JITTER)
 
 struct triangle {
@@ -20,12 +20,13 @@ struct Triangulation {
     int n;
     double *points; /* n × 2, displaced */
     GArray *triangles;
-    /* of int, counter-clockwise; points on a line have no triangles, and are here in their order */
+    /* indices (int) of the points of the hull, counter-clockwise; of points on a line, all indices
+     * in their order along the line */
     GArray *hull;
     /* A grid over the points: cell k has triangles covering[first[k] … first[k + 1] − 1], in
      * ascending order. */
     int n_cells;            /* each way */
-    double low[2], cell[2]; /* its corner, and the size of a cell */
+    double low[2], cell[2]; /* lower corner of the grid, and size of a cell */
     int *first, *covering;
 };
 
@@ -33,7 +34,7 @@ static const double *point(const Triangulation *t, int index) {
     return t->points + 2 * index;
 }
 
-/* Twice the area of a, b, c; positive if counter-clockwise. */
+/* Returns twice the area of the triangle a, b, c; positive if counter-clockwise. */
 static double area(const double *a, const double *b, const double *c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
@@ -88,13 +89,13 @@ static void add_point(Triangulation *t, int p) {
         }
     }
     if (!added)
-        return; /* within rounding errors of the border: its neighbours represent it */
+        return; /* on the border within rounding errors: left out, its neighbours suffice */
     g_array_unref(t->hull);
     t->hull = g_steal_pointer(&next);
 }
 
-/* Flips the edge that two triangles share if it is not locally Delaunay and their union is
- * convex. */
+/* Flips the edge that two triangles share if it is not locally Delaunay and their union is convex.
+ * Returns whether the edge was flipped. */
 static gboolean flip(Triangulation *t, guint k, int edge) {
     struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
     int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
@@ -264,7 +265,8 @@ void triangulation_free(Triangulation *t) {
     g_free(t);
 }
 
-/* Barycentric weights b_k = area(opposite edge, point) / area(triangle); inside if all are ≥ 0. */
+/* Returns whether triangle k contains a point: all barycentric weights b_k = area(opposite edge,
+ * point) / area(triangle) are ≥ 0. Gives the weights unless the triangle is degenerate. */
 static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
     const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);
@@ -290,7 +292,7 @@ void triangulation_weights(const Triangulation *t, const double at[2], int ret_i
         ret_nearest[1] = at[1];
         return;
     }
-    /* The nearest point a + s (b − a) of the border's edges a … b, 0 ≤ s ≤ 1. */
+    /* Finds the nearest point a + s (b − a), 0 ≤ s ≤ 1, over the border's edges a … b. */
     const int *hull = (const int *)t->hull->data;
     const gboolean open = t->triangles->len == 0 && t->hull->len > 1;
     double best = G_MAXDOUBLE;

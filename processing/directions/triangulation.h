@@ -1,7 +1,7 @@
 /* Delaunay triangulation of points in the plane, and barycentric weights at any point. Each point
- * is displaced by about 10⁻⁷, so that cocircular points need no special case. Points on a line have
- * no triangles, but weights between neighbours. Any set of one or more points can be triangulated.
- * Equal points share one position. */
+ * is displaced by at most 10⁻⁷ in x and y, so that cocircular points need no special case. Points
+ * on a line have no triangles, but weights between neighbours. Any set of one or more points can be
+ * triangulated. Equal points share one position. */
 #pragma once
 
 #include <glib.h>
