@@ -4,18 +4,19 @@
 #include <stdlib.h>
 
 /* Weights of the colour-ratio filter, see find_colours(). */
-#define RADIUS      3      /* pixels: half the width of the window */
-#define SIGMA_PX    1.2f   /* standard deviation of the spatial weight */
-#define LEVEL_SCALE 0.12f  /* width of the range weight, in ln(green) */
-#define MIN_WEIGHT  1e-3f  /* floor of the range weight */
-#define DARK        0.002f /* share of the mean signal that is added to both sides of a ratio */
-#define MAX_RATIO   50.0f  /* maximum colour ratio */
+#define RADIUS      3     /* pixels: half the width of the window */
+#define SIGMA_PX    1.2f  /* standard deviation of the spatial weight */
+#define LEVEL_SCALE 0.12f /* width of the range weight, in ln(green) */
+#define MIN_WEIGHT  1e-3f /* floor of the range weight */
+/* lower bound of green and offset of both terms of a ratio, relative to the mean */
+#define DARK      0.002f
+#define MAX_RATIO 50.0f /* maximum colour ratio */
 
 struct picture {
     const guint8 *colour;
     int width, height;
     float *own;   /* the mosaic, each colour divided by its mean */
-    float *green; /* interpolated at every pixel */
+    float *green; /* green at every pixel, divided by its mean; at least DARK */
     float *level; /* ln(green) */
 };
 
@@ -29,9 +30,9 @@ static float own_at(const struct picture *picture, int x, int y) {
     return picture->own[pixel_at(picture, x, y)];
 }
 
-/* Green at a red or blue pixel, interpolated in one direction with a Laplacian correction from
- * the pixel's own colour c (Hamilton and Adams 1997):
- *   G = ½ (g₋₁ + g₊₁) + ¼ (2 c₀ − c₋₂ − c₊₂),   change = |g₋₁ − g₊₁| + |2 c₀ − c₋₂ − c₊₂|. */
+/* Returns green at the red or blue pixel (x, y), interpolated in the direction (dx, dy) with a
+ * Laplacian correction from the pixel's own colour c (Hamilton and Adams 1997): G = ½ (g₋₁ + g₊₁) +
+ * ¼ (2 c₀ − c₋₂ − c₊₂),   change = |g₋₁ − g₊₁| + |2 c₀ − c₋₂ − c₊₂|. */
 static float green_along(const struct picture *picture, int x, int y, int dx, int dy,
                          float *ret_change) {
     float a = own_at(picture, x - dx, y - dy), b = own_at(picture, x + dx, y + dy);
@@ -41,7 +42,8 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
-/* Green at a red or blue pixel: the mean of both directions, weighted by 1 / (change² + DARK²). */
+/* Returns green at a red or blue pixel: the mean of both directions, weighted by 1 / (change² +
+ * DARK²). */
 static float green_at(const struct picture *picture, int x, int y) {
     float across, down;
     float h = green_along(picture, x, y, 1, 0, &across);
@@ -50,10 +52,10 @@ static float green_at(const struct picture *picture, int x, int y) {
     return (wh * h + wv * v) / (wh + wv);
 }
 
-/* The same at the point where the green light of the pixel's point arrives. With lateral colour,
- * that is X (1 + c_green) / (1 + c_own) from the centre for a pixel at X. Parabolas in both
- * directions pass through green at the nearest pixel of that colour and at the green pixels next
- * to it. */
+/* Returns green for a red or blue pixel at X from the centre, with lateral colour. The green light
+ * of the object point that this pixel sees arrives at X (1 + c_green) / (1 + c_own). Green is
+ * interpolated there by parabolas in both directions, through green at the nearest pixel of the
+ * pixel's own colour and at the green pixels next to that one. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];
@@ -80,9 +82,9 @@ static void fill_green(struct picture *picture, const struct demosaic_lateral *l
         }
 }
 
-/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the pixels of colour c in
- * the window, with a bilateral weight
- *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
+/* Computes the colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the pixels of
+ * colour c in the window, 1 for green, with a bilateral weight w = exp(−(u² + v²) / 2σ²) · (1 / (1
+ * + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
     float level = picture->level[pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};
@@ -99,8 +101,9 @@ static void find_colours(const struct picture *picture, const float *weights, in
         ret[c] = c == DEMOSAIC_GREEN || !(green[c] > 0) ? 1 : sum[c] / green[c];
 }
 
-/* ret[3 i + c] = (green·ratio_c + DARK) / (own + DARK) · scale_c / scale_own. This is the factor
- * from a pixel's own value to colour c, in the units of the mosaic. ret: height × width × 3. */
+/* Sets ret[3 i + c] to (green·ratio_c + DARK) / (own + DARK) · scale_c / scale_own, the factor from
+ * the value of pixel i to colour c in the units of the mosaic. The first quotient is limited to 1 /
+ * MAX_RATIO … MAX_RATIO. The factor is 1 for the pixel's own colour. */
 static void fill_ratios(const struct picture *picture, const float *scale, float *ret) {
     float weights[RADIUS + 1];
     for (int i = 0; i <= RADIUS; i++)

@@ -16,7 +16,7 @@ static inline int demosaic_mirror(int i, int n) {
     return i < n ? i : MAX(2 * (n - 1) - i, 0);
 }
 
-/* Lateral colour (rig.h): the relative magnification of red, green and blue about a point. */
+/* Lateral colour (rig.h): a picture in colour c is magnified by 1 + larger[c] about centre_px. */
 struct demosaic_lateral {
     double centre_px[2], larger[DEMOSAIC_COLOURS];
 };

@@ -5,7 +5,7 @@
 
 #include "base/robust.h"
 
-#define AROUND 21  /* frames of the running median; it follows slips longer than half of them */
+#define AROUND 21  /* frames of the running median, which follows slips longer than half of them */
 #define MANY   4.0 /* in standard errors: larger differences are significant */
 #define ROUNDS 6
 /* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */
@@ -76,8 +76,8 @@ static void find_offset(struct laser_frames *frames, const int *lines, double un
     frames->offset_error = weights > 0 ? 1 / sqrt(weights) : INFINITY;
 }
 
-/* Sets own to the deviation of a frame from its level, shrunk by u² / (u² + error²). It is 0 for
- * outliers. */
+/* Sets own to the deviation of a frame from its level times u² / (u² + error²), with u from
+ * find_uneven(). own is 0 for outliers and for frames without a line. */
 void laser_frames_settle(struct laser_frames *frames) {
     g_autofree int *lines = g_new0(int, frames->n);
     frames->lines = 0;

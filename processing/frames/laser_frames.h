@@ -1,9 +1,9 @@
 /*
  * Computes the angle error of the sheet of light in each frame from the lines that were seen in a
  * sweep's frames: private to laser_lines.h. A few consecutive frames may show light that the sample
- * reflects onto its surround. Therefore the deviation of a single frame counts only as far as
- * neighbouring frames confirm it, or as single frames are known to deviate. All spreads are medians
- * of absolute deviations. Any thread.
+ * reflects onto its surround. Therefore a deviation counts in full only if neighbouring frames
+ * share it. The deviation of a single frame counts only as far as the spread of all frames makes it
+ * credible. All spreads are medians of absolute deviations. Any thread.
  */
 #pragma once
 
@@ -11,12 +11,14 @@ struct laser_frames {
     int n;
     /* of each frame, rad: measured minus commanded sheet angle; NAN if there is no line */
     double *middle;
-    double *error; /* its standard error */
+    double *error; /* standard error of middle, rad */
     /* Results, n values each: */
-    double *level; /* median of all frames, or of near frames if that differs */
-    /* the frame's own deviation from its level, as far as it exceeds its error */
+    /* rad: robust mean of middle over all frames, or over near frames if those differ */
+    double *level;
+    /* rad: deviation of middle from level, shrunk according to its error; 0 for outliers and for
+     * frames without a line */
     double *own;
-    double offset, offset_error; /* mean over the sweep, and its standard error */
+    double offset, offset_error; /* mean level of frames with a line, and its standard error, rad */
     int lines;                   /* number of frames with a line */
 };
 

@@ -7,13 +7,13 @@
 #include "base/robust.h"
 #include "laser_frames.h"
 
-#define MARK_SHARE  0.25 /* of a fiducial's radius: margin around the fiducial */
+#define MARK_SHARE  0.25 /* margin around a fiducial, as a share of its radius */
 #define MIN_PIXELS  64   /* minimum number of pixels with a peak in a sweep */
 #define MIN_FRAME   6    /* minimum number of pixels with a peak in a frame */
 #define ROUNDS      6
 #define BEND_ROUNDS 4    /* rounds in the intersection of a ray with a bent sheet */
 #define MANY        4.0  /* in standard errors: larger differences are significant */
-#define OFF_SHARE   0.25 /* share of the frames; if more disagree, the whole sweep disagrees */
+#define OFF_SHARE   0.25 /* if a larger share of the frames disagrees, the sweep disagrees */
 /* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre)
  * and for single frames. They are needed because a sheet is not exactly a plane, and because
  * axes step unevenly. */
@@ -144,7 +144,7 @@ guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at
 /* A pixel of the region that saw the line. */
 struct candidate {
     int frame;
-    /* rad: sweep angle computed from its position, minus commanded sweep angle at its peak */
+    /* rad: sweep angle computed from the pixel's position, minus the commanded one at its peak */
     double off;
     double along;  /* position along the line: tangent of the angle from the beam */
     double weight; /* biweight in the last fit */
@@ -157,7 +157,7 @@ struct search {
     int n, n_frames, *first;
     double *middle; /* of each frame: robust mean of off; NAN if there are too few candidates */
     double *error;  /* its standard error */
-    double scale;   /* robust standard deviation of a pixel's residual */
+    double scale;   /* robust standard deviation of a pixel's residual, rad */
     double per_mm;  /* rad per mm: mean derivative of off with respect to the plane's height */
     double range_mm;
 };
@@ -205,8 +205,9 @@ static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
     }
 }
 
-/* Computes the robust mean of off − roll·along over the candidates of each frame. It starts at
- * the median and iterates Tukey's biweight mean. The standard error is scale / √Σw. */
+/* Computes the robust mean of off − roll·along over the candidates of each frame. Starts at the
+ * median. If scale is known, ROUNDS rounds of Tukey's biweight mean follow. The standard error is
+ * scale / √Σw. The mean is NAN if a frame has too few candidates. */
 static void fit_frames(struct search *search, double roll) {
     g_autofree double *off = g_new(double, search->n + 1);
     for (int frame = 0; frame < search->n_frames; frame++) {
@@ -395,9 +396,8 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
 }
 
 /* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, each round
- * turns the plane to where the sheet passes the point that the previous round found. The rounds
- * converge fast, because along a ray the bend changes by only some hundredths of a radian per
- * radian. */
+ * turns the plane by the bend at the point that the previous round found. The rounds converge fast,
+ * because along a ray the bend changes by only some hundredths of a radian per radian. */
 double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine) {
     const int rounds = sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;

@@ -17,12 +17,13 @@
 struct laser_reference {
     double plane_mm, plane_error_mm; /* height above the turntable, and its standard error */
     double hole_mm[2]; /* size in x and y of the box about the origin that holds the sample */
-    double top_mm;     /* height of that box; points that the box hides are not used */
-    double radius_mm;  /* radius at which the face ends; 0 if there is no face */
+    /* height of the top of that box above the turntable; points that the box hides are not used */
+    double top_mm;
+    double radius_mm; /* radius at which the face ends; 0 if there is no face */
 };
 
-/* Converts to and from one line of text for session_set_value(), without top_mm. Free the text
- * with g_free(). Parsing returns FALSE if the line cannot be parsed. */
+/* Converts to and from one line of text for session_set_value(), without top_mm. Free the text with
+ * g_free(). Parsing sets top_mm to 0, and returns FALSE if the text is NULL or cannot be parsed. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);
@@ -54,7 +55,7 @@ struct laser_sweep {
     const struct rig_arc *arc;                   /* NULL for an ideal arc */
     const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
-    /* of the calibration; NULL if it is known exactly */
+    /* standard errors of the sheet's calibration; NULL if it is known exactly */
     const struct rig_sheet_errors *errors;
     double line_rad; /* standard deviation of the line on plates, as a sweep angle; 0 if unknown */
 };
@@ -67,7 +68,7 @@ struct laser_lines {
     struct vec3 source_mm;
     /* Measured from the lines only, without the calibration: */
     int pixels, frames;                  /* pixels on lines, frames with a line */
-    double offset_rad, offset_error_rad; /* mean over the sweep, minus the calibration's value */
+    double offset_rad, offset_error_rad; /* mean of turn over the sweep, and its standard error */
     double roll_seen_rad, roll_error_rad;
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
     int frames_off;    /* frames whose level contradicts the calibration */
@@ -75,8 +76,8 @@ struct laser_lines {
     gboolean disagrees;
 };
 
-/* Finds the lines of a sweep with n_frames frames. If too few pixels saw the line, turn_rad is
- * NULL. */
+/* Finds the lines of a sweep with n_frames frames. turn_rad is NULL if too few pixels saw the line
+ * or if no roll can be fitted. Free the result with laser_lines_clear(). */
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);

@@ -9,7 +9,8 @@
 #define SIGMA_PX 1.5
 #define REACH    4 /* pixels: half width of the filter */
 #define FEWEST   6 /* minimum number of candidates of a line */
-/* rounds of fitting; each leaves out candidates farther than OUTLIER standard deviations */
+/* rounds of fitting; after each, candidates farther from the line than OUTLIER standard deviations
+ * are left out */
 #define ROUNDS  3
 #define OUTLIER 2.5
 
@@ -19,14 +20,14 @@ struct LaserPictures {
     int width, height, n_frames, frame;
     double threshold_dn;
     gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
-    /* of each pixel: the sweep angle at which the calibrated sheet passes it */
+    /* of each pixel; angle: sweep angle at which the calibrated sheet passes its point of the
+     * plane, NAN outside of the region; along: tangent of the point's angle from the beam */
     double *angle, *along;
     float weights[REACH + 1];
     float *turn, *roll, *candidates; /* of each frame; candidates is 0 if there is no line */
 };
 
-/* Sets angle to the sweep angle at which the calibrated sheet passes a pixel's point of the
- * plane, or to NAN. */
+/* Sets angle and along of each pixel, and along_rows. */
 static void place(LaserPictures *p) {
     const struct laser_sweep *s = p->sweep;
     const struct vec3 source = rig_laser_position_mm(s->arc, s->laser, s->arc_rad);
@@ -88,8 +89,8 @@ void laser_pictures_free(LaserPictures *p) {
     g_free(p);
 }
 
-/* Filters n_lines lines of n values in one pass. Values are step apart; at the borders the last
- * value is repeated. */
+/* Filters n_lines rows or columns of n values with the Gaussian. The values are step apart, the
+ * rows or columns line_step. At the borders the last value is repeated. */
 static void filter_lines(const LaserPictures *p, const float *from, int n_lines, int line_step,
                          int n, int step, float *to) {
     for (int line = 0; line < n_lines; line++)
@@ -136,8 +137,8 @@ static int laser_pictures_candidates(const LaserPictures *p, const float *pictur
     return n;
 }
 
-/* Fits angle = turn + roll · along by least squares without outliers. Returns the number of
- * candidates used, or 0 if there are too few. */
+/* Fits angle = turn + roll · along by least squares, and removes outliers from f. Returns the
+ * number of candidates used, or 0 if there are too few or if they do not determine the roll. */
 static int fit_line(struct found *f, int n, double *ret_turn, double *ret_roll) {
     for (int round = 0; round <= ROUNDS && n >= FEWEST; round++) {
         double a = 0, o = 0, aa = 0, ao = 0, squares = 0;

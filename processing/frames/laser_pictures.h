@@ -14,8 +14,8 @@
 
 typedef struct LaserPictures LaserPictures;
 
-/* Borrows region and sweep. Of the sweep, only arc, laser, arc_rad, from_rad and step_rad are
- * read. A pixel can show the line if it is at least threshold_dn brighter than the median of the
+/* Borrows region and sweep. Of the sweep, only arc, laser, arc_rad, from_rad and step_rad are read.
+ * A pixel can show the line if it is more than threshold_dn brighter than the median of the
  * region's pixels. */
 LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_sweep *sweep,
                                   int width, int height, int n_frames, double threshold_dn);

@@ -7,7 +7,7 @@
 #include "demosaic.h"
 
 #define SPACING_PX  0.25  /* distance between the points that sample a texel */
-#define MIN_WEIGHT  0.3f  /* minimum sum of a texel's weights with lateral colour */
+#define MIN_WEIGHT  0.3f  /* minimum sum of a texel's weights, see weigh_texel() */
 #define FLAG_WEIGHT 0.02f /* minimum share of a texel for a pixel to pass on its flags */
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -74,8 +74,8 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
     return TRUE;
 }
 
-/* Accumulates weights of pixels: a dense array, and the list of the pixels whose weight is not
- * 0. */
+/* Accumulates weights of pixels: an array over all pixels, and the list of the pixels to which
+ * add_weight() has added. touched says whether a pixel is in the list. */
 struct weights {
     float *sum;
     gboolean *touched;
@@ -105,13 +105,14 @@ static void area_weights(double t, float *ret) {
     ret[2] = (float)((1.5 * t - 1) * t);
 }
 
-/* Returns whether pixels of this colour are used. ANY stands for all colours. */
+/* Returns whether a pixel has the given colour. ANY stands for all colours. */
 #define ANY (-1)
 static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
     return colour == ANY || rectify->colour[pixel] == colour;
 }
 
-/* Adds the weight of each pixel: the mean over the sample points of w(column) · w(row). */
+/* Adds the weight of each pixel of a colour: the mean over the sample points of w(column) · w(row).
+ */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
@@ -128,8 +129,8 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
     }
 }
 
-/* Quadratic B-spline B₂(t/2). Its sum over the pixels of one colour, which are two pixels apart,
- * does not depend on the position (partition of unity). */
+/* Returns the quadratic B-spline B₂(t/2) at a distance of t pixels. Its sum over the pixels of one
+ * colour, which are two pixels apart, does not depend on the position (partition of unity). */
 static float spline(double t) {
     t = fabs(t) / 2;
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
@@ -163,8 +164,9 @@ static void clear_rows(struct rows *rows) {
 }
 
 /* Moves the weights from the accumulator to the row of a texel; the accumulator is 0 again
- * afterwards. The window of the row is the smallest one that contains all non-zero weights.
- * n_rows is 0 if there are none. */
+ * afterwards. The window of the row is the smallest one that contains all non-zero weights, begins
+ * at an even column and consists of whole vectors. n_rows is 0 if there are no weights. gain is a
+ * factor for each pixel; NULL stands for 1. */
 static void append_row(const Rectify *rectify, struct rows *rows, int texel,
                        struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
@@ -196,7 +198,8 @@ static void append_row(const Rectify *rectify, struct rows *rows, int texel,
     g_array_set_size(weights->pixels, 0);
 }
 
-/* balance_c = Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights. */
+/* Sets balance_c to Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights, or to 0 if either sum is
+ * not positive. */
 static void balance(Rectify *rectify, int texel) {
     const struct window *window = &rectify->around.window[texel];
     const float *weight = rectify_weights_of(&rectify->around, texel);
@@ -235,8 +238,8 @@ static gboolean sides_px(const struct rig_camera *camera, double turntable_rad,
     return TRUE;
 }
 
-/* Returns the number of sample points of a texel in each direction, so that they are at most
- * spacing_px apart. */
+/* Returns the number of sample points of a texel in each direction, 2 … 64, so that they are at
+ * most spacing_px apart if 64 suffice. */
 static int points_aside(double longest_px, double spacing_px) {
     return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
@@ -253,8 +256,8 @@ static float sum_weights(const struct weights *weights) {
     return sum;
 }
 
-/* The camera that applies to each colour of pixels, and that colour. Without lateral colour, one
- * camera applies to all pixels. */
+/* camera[k] is the camera that applies to the pixels of colour[k], k < n. Without lateral colour, n
+ * is 1 and one camera applies to all pixels. */
 struct sights {
     struct rig_camera camera[3];
     int colour[3], n;
@@ -276,9 +279,9 @@ static struct sights sights_of(const Rectify *rectify, const struct rig_camera *
 
 /* Computes the weights of the pixels in a texel's area. With lateral colour, the pixels of each
  * colour are weighted according to where they see the texel, and the weights are scaled to the
- * sum 1. If a texel is smaller than a pixel, there may be almost no pixel at the place of its
- * own colour; all pixels are then weighted as if they were green. Returns FALSE if the texel
- * lies outside of the picture. */
+ * sum 1. If a texel is smaller than a pixel, the pixels at these places may nearly all have another
+ * colour. If the sum of the weights is therefore below MIN_WEIGHT, all pixels are weighted as if
+ * they were green. Returns FALSE if the texel lies outside of the picture. */
 static gboolean weigh_texel(const Rectify *rectify, const struct sights *sights,
                             double turntable_rad, const struct session_grid *grid, int column,
                             int row, int side, struct footprint *footprint,
@@ -480,7 +483,7 @@ static void apply_plane(const Rectify *rectify, const float *padded, gsize c, fl
     }
 }
 
-/* The function is dispatched by hand, see sweep.c. */
+/* The version for AVX2 is chosen by hand, for the reason given in sweep.c. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
                                                        const float *ratio, float *ret_rgb) {

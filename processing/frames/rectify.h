@@ -22,7 +22,8 @@ typedef struct Rectify Rectify;
  *                planes with the same weights
  *   radiometry   of the camera; if it is NULL or unknown, vignetting is nominal and colour gains
  *                are equal
- * Texels outside of the picture are holes. The error is DATA_ERROR_INVALID if more than 1 % are. */
+ * Texels outside of the picture are holes. Returns NULL with DATA_ERROR_INVALID if cfa is unknown,
+ * or if more than 1 % of the texels lie outside of the picture. */
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
@@ -45,7 +46,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic);
  *   ret_rgb     n_texels × 3, R, G, B in W·sr⁻¹·m⁻², corrected for flat field and colour gains;
  *               0 for holes
  *   ret_holes   n_texels, whether each texel is a hole; may be NULL
- * A texel is a hole if it lies outside of the picture or if any of its pixels is not finite. */
+ * A texel is a hole if it lies outside of the picture or if any pixel that contributes to it is not
+ * finite. */
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes);
 
 /* A texel gets the flags (combined with OR) of all pixels that have a share of at least 2 % in

@@ -56,8 +56,8 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
     return ret;
 }
 
-/* Adds the squared differences of ln excess between a texel and texel + step. Returns FALSE if
- * either texel is outside. */
+/* Sets ret to the squared differences of ln excess between a texel and texel + step. Returns FALSE
+ * without setting it if either texel lies outside of the picture. */
 static gboolean chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes, int texel,
                             int step, float ret[3]) {
     if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
@@ -109,9 +109,10 @@ static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     return off * off / 1.25f;
 }
 
-/* Red or blue is measured by one pixel in four. If its ratio to green changes from one such
- * pixel to the next, the ratios of the pixels between them have errors of about that size. The
- * result is the mean over the pixels of a texel that see red or blue, and 0 for green. */
+/* Red or blue is measured by one pixel in four. If its ratio to green changes from one such pixel
+ * to the next, the ratios of the pixels between them have errors of about that size. The result is
+ * the weighted mean of vary_of() over the pixels of a texel that see red or blue, and 0 for green.
+ */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -134,9 +135,9 @@ float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     return ret;
 }
 
-/* A frame in the form that the errors need: padded planes of its values, of their variances, and
- * of the picture in red, green and blue that the guide predicts from the pixels of other
- * colours. */
+/* A frame in the form that the errors need. values and variances are padded planes. colours are
+ * three padded planes: the value of a pixel in its own colour, and value times ratio in other
+ * colours. vary is from rectify_find_vary(). */
 struct rectify_frame {
     const float *values, *variances, *colours, *ratio, *vary;
     const struct rectify_slopes *slopes;
@@ -177,8 +178,8 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
         ret[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * rectify_sum_of(&sum[c]);
 }
 
-/* Copies a texel's area weights with 0 in the picture's first and last column. copy has room for
- * them. */
+/* Returns a texel's area weights with 0 in the picture's first and last column. copy has room for
+ * them, and is used only if the window may touch these columns. */
 static const float *inner_weights(const Rectify *rectify, int texel, float *copy) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);

@@ -13,22 +13,24 @@
 #define LANES 8
 typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
-/* The pixels for which a texel has weights. x is even, so that a lane has the same colour filter
- * in every window. */
+/* The rectangle of pixels for which a texel has weights: n_rows rows of n_wide vectors of LANES
+ * pixels, from column x and row y. x is even, so that a lane has the same colour filter in every
+ * window. */
 struct window {
     guint32 start; /* index of the first weight; there are n_rows × n_wide × LANES weights */
     guint16 x, y, n_rows, n_wide;
 };
 
 struct rows {
-    struct window *window; /* n_texels */
+    struct window *window; /* one for each texel */
     GArray *weight;        /* float; 0 outside of the footprint */
 };
 
 struct Rectify {
-    int n_texels, columns, n_outside; /* columns: of texels */
-    int width, height;                /* of the mosaic */
-    gsize stride;                     /* of padded rows; windows may reach beyond the border */
+    /* columns: texels per row; n_outside: texels outside of the picture */
+    int n_texels, columns, n_outside;
+    int width, height; /* of the mosaic */
+    gsize stride;      /* of padded rows; windows may reach beyond the border */
     gsize n_pixels;
     guint8 *colour;     /* of each pixel, as in demosaic.h */
     int phase[4];       /* colours of the 2 × 2 filter cell, row by row */
@@ -41,7 +43,7 @@ struct Rectify {
     float (*balance)[3];
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
-    /* of the camera; for "rgb" it is applied in red and blue below */
+    /* lateral colour of the camera; for "rgb" the rectifications red and blue below apply it */
     struct demosaic_lateral lateral;
     gboolean is_lateral; /* whether lateral is not 0 */
     /* rectifications of the red and blue planes of "rgb" with lateral colour; NULL if all planes
@@ -89,8 +91,8 @@ static inline float rectify_sum_of(const wide *value) {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
-/* own_c = Σ w·m over the pixels of colour c, others_c = Σ w·m·ratio_c over the other pixels.
- * mosaic is padded: its rows have the stride of the ratios. */
+/* Computes own_c = Σ w·m over the pixels of colour c, others_c = Σ w·m·ratio_c over the other
+ * pixels. mosaic is padded: its rows have the stride of the ratios. */
 static inline __attribute__((always_inline)) void
 rectify_add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
                const float *ratio, struct tally *ret) {

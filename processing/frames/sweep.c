@@ -5,9 +5,10 @@
 
 #include "sweep_pulse.h"
 
-#define MIN_MARGIN   4    /* DN: minimum margin */
-#define MAX_MARGIN   64   /* the margin grows to at most saturation / this */
-#define FEW_PIXELS   256  /* fewer pixels do not measure noise, because a line may light them all */
+#define MIN_MARGIN 4  /* DN: lower bound of the margin above the background */
+#define MAX_MARGIN 64 /* the margin stops growing at saturation / this */
+/* minimum number of pixels to measure noise; a line may light all of fewer */
+#define FEW_PIXELS   256
 #define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
 #define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
@@ -18,7 +19,7 @@
  * ODD_DN */
 #define ODD_RATIO 2
 #define ODD_DN    2 /* see ODD_RATIO */
-#define CROWDED   8 /* number of records per vector that is expected without noise */
+#define CROWDED   8 /* maximum number of records per vector is this plus ¾ of the frames */
 
 /* Pixels per SIMD vector. If one of them is lit, all are recorded. Comparisons of GCC vectors
  * give −1 or 0. */
@@ -47,7 +48,7 @@ struct Sweep {
     /* expected difference between the mean and the minimum of a pixel's samples without a line */
     float pedestal;
     guint16 *darkest; /* minimum of each pixel; n_vectors × LANES */
-    /* the frame `first`, same size; it is tested only when the pulses are found */
+    /* pixels of the frame `first`, n_vectors × LANES; tested only when the pulses are found */
     guint16 *opening;
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
@@ -163,7 +164,8 @@ static inline void reserve(Sweep *sweep, gsize n_records) {
     sweep->records = g_renew(struct record, sweep->records, sweep->room);
 }
 
-/* n is the number of frames, TOGETHER or 1. It is a compile-time constant. */
+/* Updates backgrounds and records of all whole vectors from n frames. n is TOGETHER or 1, a
+ * compile-time constant. */
 static inline __attribute__((always_inline)) void
 sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize n_vectors = sweep->n_pixels / LANES;
@@ -181,7 +183,7 @@ sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
             absorb_some(sweep, frames[k] + v * LANES, v, 1, sweep->count + k);
 }
 
-/* The function is dispatched by hand, because the resolvers of target_clones run before the
+/* The version for AVX2 is chosen by hand, because the resolvers of target_clones run before the
  * sanitizers have started. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *const *frames,
@@ -235,9 +237,9 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     }
 }
 
-/* There are more records than lines can explain, because of noise or flickering light. The
- * margin grows by half until the records take half of the limit, but not so far that lines are
- * lost. */
+/* Reduces the records if there are more than lines can explain, because of noise or flickering
+ * light. Raises the margin by half, and drops the records below it, until at most half of `crowded`
+ * are left or the margin has reached saturation / MAX_MARGIN. */
 static void make_room(Sweep *sweep) {
     int most = MAX(MIN_MARGIN, sweep->saturation / MAX_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {

@@ -4,11 +4,12 @@
  * frame.
  *
  * A line lights each pixel in a few frames only. Those samples are kept, together with the samples
- * just before and after them. Of all other samples only the minimum of each pixel is kept, as its
+ * just before and after them. Otherwise only the minimum of each pixel's samples is kept, as its
  * background. A sample belongs to a line if it exceeds the background by the noise margin. The
- * noise is measured in the first two frames; the margin is at least 4 DN. If the next pairs show
- * that the whole picture of an early frame was lit differently, the frames up to that one are left
- * out. Feed the frames in order, each once. One thread at a time.
+ * noise is measured in the first two frames; the margin is at least 4 DN, and grows if too many
+ * samples exceed it. If one of the next frames shows that the whole picture of an earlier frame was
+ * lit differently, all frames before that next frame are left out. Feed the frames in order, each
+ * once. One thread at a time.
  */
 #pragma once
 
@@ -16,7 +17,7 @@
 
 typedef struct Sweep Sweep;
 
-/* Creates a sweep of at most 32767 frames. saturation is in DN. */
+/* Creates a sweep of at most 32767 frames. Values from saturation (in DN) on are saturated. */
 Sweep *sweep_new(int width, int height, int n_frames, int saturation);
 void sweep_free(Sweep *sweep); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)

@@ -10,7 +10,7 @@
 #define MAX_LOG 20   /* upper bound of ln(height in DN) */
 /* share of the margin: the fit leaves out samples whose fitted value is smaller than this */
 #define DOUBT 1.3
-#define KNOWN 0.4 /* that share if the adjacent samples are known as well */
+#define KNOWN 0.4 /* used instead of DOUBT if the samples at both ends are below the margin */
 
 /* The samples of one pulse, first … last. top is the first one of the brightest samples. */
 struct span {
@@ -80,11 +80,11 @@ static double weight_of(const struct sweep_samples *s, int k, double value) {
     return value * value / (gain * (value + gain * READ_DN));
 }
 
-/* Fits the unsaturated samples of a pulse. If old is NULL, fits the parabola through the
- * logarithms of the samples above the margin. Otherwise makes one Gauss-Newton step from the
- * first fit f, with y' = ln f + (y − f) / f. Noise biases ln y but not y', so that dark samples
- * can be used as well, except samples so dark that noise decides whether they are recorded.
- * Returns FALSE if there is no fit, or if its time is outside of part. */
+/* Fits the unsaturated samples of a pulse. If old is NULL, fits the parabola through the logarithms
+ * of the samples above the margin. Otherwise makes one Gauss-Newton step from the first fit f, with
+ * y' = ln f + (y − f) / f. Noise biases ln y but not y', so that dark samples can be used as well,
+ * except samples so dark that noise decides whether they are recorded. Times are relative to
+ * middle. Returns FALSE if there is no fit, or if its time is more than a frame outside of part. */
 static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
                     const struct gaussian *old, struct gaussian *ret) {
     const double height =
@@ -120,8 +120,8 @@ static gboolean fit(const struct sweep_samples *s, const struct span *part, doub
            middle + ret->time <= s->frame[part->last] + 1;
 }
 
-/* Returns the value of sample k. Outside of the pulse, this is the expected value below the
- * margin, which is not 0. */
+/* Returns the value of sample k if it is above the margin and in the pulse. Otherwise returns the
+ * expected value of a sample below the margin, which is not 0. */
 static double value_at(const struct sweep_samples *s, const struct span *span, int k) {
     return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
                                                                           : FAINT * s->margin;
@@ -191,8 +191,8 @@ static void measure(const struct sweep_samples *s, const struct span *span,
         ret->width = better.width;
         return;
     }
-    /* Values below that of the first frame were counted as background, so that a flank is
-     * missing. */
+    /* The pulse begins in the first frame. Fainter samples after it were taken as background, so
+     * that a flank is missing. */
     if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)

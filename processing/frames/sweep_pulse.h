@@ -11,14 +11,14 @@ struct sweep_samples {
     const int *frame;
     const float *value;  /* DN above background */
     const float *gain;   /* factor that was applied to each value; NULL if none was */
-    int n, first, count; /* first frame of the backgrounds; number of frames */
+    int n, first, count; /* number of samples; first frame of the backgrounds; number of frames */
     float full;          /* values from here on are saturated */
     float margin;        /* values up to here do not belong to a line */
     float pedestal;      /* mean background, in units of value */
 };
 
 struct sweep_pulse {
-    double time, width; /* frames; time < 0 if the maximum is in the first or last frame */
+    double time, width; /* frames; time < 0 if the maximum or a flank lies outside of the frames */
     double height;      /* DN: value of the brightest sample */
 };
 
