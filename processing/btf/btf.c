@@ -116,8 +116,9 @@ struct mosaic {
     guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
     /* values from here on come from shorter exposures; 0 if no shorter exposures were used */
     float shorter;
-    int saturated;  /* number of saturated pixels; −1 if unknown */
-    double mean[3]; /* of red, green and blue pixels, before the glare was subtracted */
+    int saturated; /* number of saturated pixels; −1 if unknown */
+    /* of red, green and blue pixels before the glare was subtracted; 0 if unknown */
+    double mean[3];
     struct btf_exposures exposures;
 };
 
@@ -142,7 +143,8 @@ static void clear_mosaic(struct mosaic *mosaic) {
     g_clear_pointer(&mosaic->bound, g_free);
 }
 
-/* Checks that a frame belongs to its shot and has the same colour filter as the other frames. */
+/* Checks that a frame belongs to its shot and has the colour filter *cfa. The first frame sets
+ * *cfa. */
 static gboolean check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
                             GError **error) {
     const char *found = "mono";
@@ -189,8 +191,8 @@ static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
-/* Subtracts the camera's glare from a plane of a frame, and stores the mean light of each
- * colour. */
+/* Subtracts the camera's glare from a plane of a frame, and stores the mean light of each colour.
+ * Does nothing if the error of the glare is unknown. */
 static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
                            struct mosaic *to) {
     double mean[3];

@@ -79,7 +79,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
 struct btf_flag_counts {
     gint64 texels, holes, bounds, shorter, predicted;
 };
-/* Adds a part. Only its headers are needed. */
+/* Adds the numbers of a part to sums. Only the headers of the part are needed. */
 void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 
 /* Returns whether the file exists and was made from these inputs. */

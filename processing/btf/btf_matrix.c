@@ -105,7 +105,8 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Allocates memory or a scratch file for all views. The first view gives the number of lights. */
+/* Allocates memory for all views, or a scratch file if they need more than the limit memory. The
+ * first view gives the number of lights. */
 static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
                       const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -143,9 +144,9 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
 }
 
 /* Fills a picture's holes and adds their number. The channel "mark" says which texels are holes.
- * Imported pictures have no such channel; if they have a number of holes, every black texel is a
- * hole. Other values that are not finite are an error. A picture that consists of holes only
- * becomes black. */
+ * Imported pictures have no such channel; if their attribute mesorig.holes is above 0, every black
+ * texel is a hole. Other values that are not finite are an error. A picture that consists of holes
+ * only becomes black. */
 static gboolean fill_holes(const struct exr_part *part, gsize light, float *const planes[COLOURS],
                            const char *path, gint64 *holes, GError **error) {
     const int pixels = part->width * part->height;
@@ -206,7 +207,7 @@ static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArra
                            const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     const gsize n_views = btf->layout.views.n, texels = btf_layout_texels(&btf->layout);
-    g_autofree float *buffer = NULL; /* of the scratch file */
+    g_autofree float *buffer = NULL; /* values of one view, for the scratch file */
     gboolean ok = TRUE;
     for (gsize view = 0; ok && view < n_views; view++) {
         const char *path = g_ptr_array_index(paths, view);

@@ -37,16 +37,16 @@ char *btf_matrix_session(const char *path);
  * The progress stage is "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
-/* The same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values
- * would exceed the limit, they are kept in an unnamed file in products/ of the session, or in
- * the directory of temporary files if products/ is not writable. The file takes 2 bytes per
- * value and disappears with the matrix. */
+/* Does the same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values
+ * would exceed the limit, they are kept in an unnamed file in products/ of the session, or in the
+ * directory of temporary files if products/ is not writable. The file takes 2 bytes per value and
+ * disappears with the matrix. */
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
-/* The same for a team (base/team.h). All ranks call this function. The values of a rank are only
- * the rows of its own texels. Each view is read by one rank, which distributes its texels. If
- * one rank fails, all ranks return an error. */
+/* Does the same as btf_matrix_read() for a team (base/team.h). All ranks call this function. The
+ * values of a rank are only the rows of its own texels. Each view is read by one rank, which
+ * distributes its texels. If one rank fails, all ranks return an error. */
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error);
 
@@ -56,8 +56,8 @@ struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *p
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
-/* Copies the same rows to ret (n × n_lights × 3). The row of texel first + i becomes row
- * indices[i]. */
+/* Copies the rows of texels first … first + n − 1 in a view to ret. The row of texel first + i
+ * becomes row indices[i] (n_lights × 3) of ret. Returns FALSE if the file cannot be read. */
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
                                const int *indices, float *ret, GError **error);
 
@@ -69,7 +69,8 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout);
  * hole. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
-/* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × n_lights × 3. */
+/* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × row, with row =
+ * n_lights × 3. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */

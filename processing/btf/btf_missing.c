@@ -9,7 +9,7 @@
 #define MIN_COS  0.02
 
 /* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, minus the position of the
- * missing light. */
+ * missing light. d is the distance between the two positions. */
 struct disc_point {
     guint light;
     double x, y, d;
@@ -19,7 +19,7 @@ static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* Returns cos θ_l, which is a factor of the light's values. */
+/* Returns cos θ_l, which is a factor of the light's values, but at least MIN_COS. */
 static double cosine(const struct btf_light *light) {
     return fmax(cos(radians(light->theta_deg)), MIN_COS);
 }
@@ -50,7 +50,7 @@ static GArray *around(const struct btf_view *view, struct exr_part *const *taken
     return points;
 }
 
-/* Weighted least squares of the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
+/* Fits by weighted least squares the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
  * y_k), with weights w_k = (1 − d_k / reach)², d_k the distance of light k. The missing light is
  * the origin. The value of the plane there is
  *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,

@@ -16,6 +16,6 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
 void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
                        gsize n, guint8 *ret_flags);
 
-/* Sets the channels B, G and R of a part to the weighted sum. Holes become 0. */
+/* Sets the channels B, G and R of a part to the weighted sum. Holes and negative sums become 0. */
 void btf_missing_fill(const double *weights, struct exr_part *const *taken, guint n_lights,
                       const guint8 *flags, struct exr_part *part);

@@ -13,7 +13,7 @@
 
 struct btf_scratch {
     int fd;
-    gsize row; /* values */
+    gsize row; /* number of values of a texel in a view */
     gsize n_texels;
     guint64 *hashes; /* n_views: hash of the values written */
 };

@@ -26,7 +26,8 @@
 #define LEAST     0.05
 #define MOST_GAIN 2.6
 
-/* Ω: (s, t) → direction, Shirley and Chiu (1997) with ρ → ρ √(2 − ρ²) for equal solid angles. */
+/* Computes Ω, the concentric map of Shirley and Chiu (1997) with ρ replaced by ρ √(2 − ρ²) for
+ * equal solid angles. */
 void direction_grid_direction(double s, double t, float ret[3]) {
     const double a = 2 * CLAMP(s, 0, 1) - 1, b = 2 * CLAMP(t, 0, 1) - 1;
     const gboolean across = fabs(a) > fabs(b);
@@ -51,7 +52,8 @@ void direction_grid_square(const float direction[3], double *ret_s, double *ret_
     *ret_t = CLAMP((b + 1) / 2, 0, 1);
 }
 
-/* Bilinear, with the fractions u, v in a cell: (1 − u)(1 − v), u (1 − v), (1 − u) v, u v. */
+/* With the fractions u, v in a cell, the bilinear weights are (1 − u)(1 − v), u (1 − v), (1 − u) v
+ * and u v. */
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]) {
     double s, t;
@@ -75,7 +77,7 @@ struct smooth {
     gboolean lights;
 };
 
-/* ret (n + LINEAR): |ω − ω_i| for all i, then 1, x, y, z. */
+/* Sets ret (n + LINEAR) to |ω − ω_i| for all i, then 1, x, y, z of the direction ω. */
 static void smooth_row(const struct smooth *smooth, const float *direction, double *ret) {
     for (int i = 0; i < smooth->n; i++) {
         const float *to = smooth->directions + (gsize)(3 * i);
@@ -89,7 +91,8 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
 }
 
 /* Solves [K P; Pᵀ 0] · inverse = [I; 0], K_ij = |ω_i − ω_j|, P_i = (1, ω_i), for the solution of
- * least norm, so that repeated, coplanar or single directions cause no problem. */
+ * least norm, so that repeated, coplanar or single directions cause no problem. Returns FALSE if
+ * LAPACK fails. */
 static gboolean smooth_init(struct smooth *smooth, const struct direction_list *list,
                             gboolean lights) {
     const int n = (int)list->n, m = n + LINEAR;
@@ -114,9 +117,9 @@ static void smooth_clear(struct smooth *smooth) {
     g_free(smooth->inverse);
 }
 
-/* ret (count × n): the weight of each measured value in the interpolant at the given directions.
- * A direction below the lowest measured one is raised to the elevation of the lowest one.
- * Weights of lights are then multiplied by z / lowest. */
+/* Returns (count × n) the weight of each measured value in the interpolant at each of the
+ * directions. A direction below the lowest measured one is raised to the elevation of the lowest
+ * one. Weights of lights are then multiplied by z / lowest. */
 static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
     const int m = smooth->n + LINEAR;
     g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
@@ -220,7 +223,8 @@ static struct equations follow_measured(const struct smooth *smooth, int n_grid)
     return ret;
 }
 
-/* Solves (A + w B) X = R_A + w R_B for X (samples × n) by Cholesky decomposition. */
+/* Solves (A + w B) X = R_A + w R_B for X (samples × n) by Cholesky decomposition, A and R_A being
+ * the equations of smooth, B and R_B those of measured. */
 static double *solve(const struct equations *smooth, const struct equations *measured,
                      double weight) {
     const gsize samples = smooth->samples, n = smooth->n;
@@ -240,7 +244,8 @@ static double gain_of(const double *rows, gsize samples, gsize n) {
     return most;
 }
 
-/* Solves with w = MEASURED first, then halves w until the samples no longer oscillate. */
+/* Solves with w = MEASURED first, then halves w while the samples oscillate and w is above
+ * LEAST. */
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
                                GError **error) {
     gboolean ok = list->n >= 1 && list->n <= 4096 && n_grid >= DIRECTION_GRID_MIN &&

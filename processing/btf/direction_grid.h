@@ -26,8 +26,8 @@
 #define DIRECTION_GRID_MIN 4
 #define DIRECTION_GRID_MAX 24
 
-/* Ω and its inverse. Directions are unit vectors. A direction below the horizon is treated as if
- * it were on the horizon. */
+/* Compute Ω and its inverse. Directions are unit vectors. A direction below the horizon is treated
+ * as if it were on the horizon. */
 void direction_grid_direction(double s, double t, float ret[3]);
 void direction_grid_square(const float direction[3], double *ret_s, double *ret_t);
 

@@ -28,7 +28,8 @@ struct triangle {
 
 struct slope { /* gradient at one direction */
     int n, index[AROUND];
-    float x[AROUND], y[AROUND]; /* weights of (neighbour − own value) */
+    /* weights s of (neighbour − own value); n is 0 if there is no fit */
+    float x[AROUND], y[AROUND];
 };
 
 struct DirectionMesh {
@@ -47,7 +48,7 @@ void direction_mesh_point(struct vec3 direction, double ret[2]) {
     ret[1] = direction.y * scale;
 }
 
-/* z of a projected direction: (1 − r²) / (1 + r²). */
+/* Returns z = cos θ of a projected direction, (1 − r²) / (1 + r²). */
 static double cosine(const double point[2]) {
     const double r2 = point[0] * point[0] + point[1] * point[1];
     return (1 - r2) / (1 + r2);
@@ -57,7 +58,7 @@ static double apart(const double *a, const double *b) {
     return hypot(a[0] - b[0], a[1] - b[1]);
 }
 
-/* Twice the signed area of a triangle, positive if counter-clockwise. */
+/* Returns twice the signed area of a triangle, positive if counter-clockwise. */
 static double area(const double *a, const double *b, const double *c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
@@ -215,8 +216,9 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
         ret->triangle[k] = list[k].index;
 }
 
-/* Returns the triangle that contains a point. If there is none, returns the triangle whose
- * smallest weight is largest, or −1 if there are no triangles. */
+/* Returns the triangle that contains a point, and its weights as ret. If no triangle contains the
+ * point, returns the triangle whose smallest weight is largest. Returns −1 if there are no
+ * triangles. */
 static int find(const DirectionMesh *mesh, const double *points, const double at[2],
                 const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;

@@ -32,7 +32,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
 /* Gives the direction's point in the stereographic plane. */
 void direction_mesh_point(struct vec3 direction, double ret[2]);
 
-/* Number of triangles that most likely contain a direction; they are searched first. */
+/* Maximum number of triangles in a guess: those that most likely contain a direction, which are
+ * searched first. */
 #define DIRECTION_MESH_GUESSES 24
 struct direction_guess {
     int n, triangle[DIRECTION_MESH_GUESSES];

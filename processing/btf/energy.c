@@ -10,7 +10,7 @@
 
 #define SAME_DEG      1.0
 #define SAMPLES_ASIDE 200  /* grid over the unit disc for the cosine-weighted integral */
-#define MIN_COSINE    0.05 /* lights at a smaller cos θ are not divided by it */
+#define MIN_COSINE    0.05 /* lights and views with cos θ up to this are left out */
 #define ROWS          256  /* texels read at a time */
 
 static struct vec3 *directions(const struct direction_list *list) {
@@ -35,9 +35,9 @@ static int same(const struct vec3 *all, int n, struct vec3 to) {
     return best;
 }
 
-/* w_v: the cosine-weighted share of the hemisphere that is nearest to view v. The hemisphere
- * weighted by cos θ projects to a disc of uniform density. Each point of the disc counts for the
- * nearest view. */
+/* Returns w_v, the cosine-weighted share of the hemisphere that is nearest to view v. The
+ * hemisphere weighted by cos θ projects to a disc of uniform density. Each point of the disc counts
+ * for the nearest view. */
 static double *weigh_views(const struct vec3 *views, int n) {
     double *weight = g_new0(double, n), total = 0;
     for (int j = 0; j < SAMPLES_ASIDE; j++)
@@ -83,8 +83,8 @@ struct symmetry {
     int pairs;
 };
 
-/* values: B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l; b is the same for the exchanged
- * pair. */
+/* Adds the pairs of values B(v, l) (n_views × n_lights) to the sums: a = B(v, l) / cos θ_l, and b
+ * is the value of the exchanged pair, other[], over its cosine. */
 static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
                          const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
@@ -99,12 +99,13 @@ static void add_symmetry(const struct btf_matrix *btf, const int *other, const s
     }
 }
 
-/* √(Σ (a − b)² / Σ ((a + b)/2)²). */
+/* Returns √(Σ (a − b)² / Σ ((a + b)/2)²), or 0 if there are no pairs. */
 static double asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
-/* E_r(v) = mean_l f, E_i(l) = mean_v f, f(v, l) = B(v, l) / cos θ_l (Meseth et al. 2003 §4.1). */
+/* Adds E_r(v) = mean_l f to ret_r and E_i(l) = mean_v f to ret_i, f(v, l) = B(v, l) / cos θ_l
+ * (Meseth et al. 2003 §4.1). Lights with cos θ_l ≤ MIN_COSINE are left out. */
 static void sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
                        const double *values, double *ret_r, double *ret_i) {
     const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;

@@ -12,9 +12,10 @@ struct energy {
      * 0.2126 R + 0.7152 G + 0.0722 B. E_r(v) is the mean of f over lights, E_i(l) its mean over
      * views. If f is reciprocal and views and lights have the same directions, E_r and E_i are
      * equal. For a diffuser E_r and E_i are constant. Lights with cos θ_l ≤ 0.05 are left out of
-     * E_r, and their E_i is 0. The first two arrays are of the mean over all texels. */
+     * E_r, and their E_i is 0. e_r and e_i belong to the mean over all texels, texel_e_r and
+     * texel_e_i to one texel. */
     double *e_r, *e_i;             /* n_views, n_lights */
-    double *texel_e_r, *texel_e_i; /* of one texel */
+    double *texel_e_r, *texel_e_i; /* of the texel with the index `texel` */
     int texel;
 
     /* Albedo of each light for the mean over all texels: the share of its light that all views

@@ -115,7 +115,7 @@ struct near_field *near_field_read(const char *path, GError **error) {
     return ret;
 }
 
-/* Centre of a texel on the reference plane, sample frame. */
+/* Returns the centre of a texel on the reference plane, sample frame. */
 static struct vec3 centre_of(const struct near_field *near_field, int texel) {
     const struct session_grid *grid = &near_field->grid;
     return rectify_point_mm(grid, texel % grid->width + 0.5, (int)(texel / grid->width) + 0.5);

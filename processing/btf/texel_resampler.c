@@ -30,7 +30,8 @@ static struct resampler_target *targets(const DirectionMesh *mesh,
     return ret;
 }
 
-/* A mesh over the target directions with guesses for the measured ones, for the round trip. */
+/* Makes for the round trip a mesh over the target directions, and guesses for the measured
+ * directions in this mesh. */
 static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
                                 const struct vec3 *from, int n_from, gboolean lights,
                                 double **ret_points, struct direction_guess **ret_guesses) {
@@ -207,7 +208,8 @@ static void take_lights(struct texel_work *w, int view) {
                              &r->back_lights[i], &w->back_light_shares[i]);
 }
 
-/* Separates flags from values; the last lane, 1 for a hole, is interpolated like a value. */
+/* Copies values and separates the flags from them. The last lane becomes 1 for a hole, otherwise 0,
+ * and is interpolated like a value. */
 static void take_values(struct texel_work *w, const float *values) {
     const gsize n = w->r->near->views.n * w->r->near->lights.n;
     memcpy(w->values, values, sizeof(float) * n * LANES);
@@ -221,7 +223,7 @@ static void take_values(struct texel_work *w, const float *values) {
     }
 }
 
-/* Returns the flags of all corners with a noticeable weight. */
+/* Returns the flags, except for holes, of all corners whose weight is at least COUNTS. */
 static guint8 flags_of(const struct direction_share *share, const guint8 *flags, gsize step) {
     guint8 flag = 0;
     for (int k = 0; k < 3; k++)
@@ -230,7 +232,7 @@ static guint8 flags_of(const struct direction_share *share, const guint8 *flags,
     return flag & (BTF_FLAG_BOUND | BTF_FLAG_SHORTER | BTF_FLAG_PREDICTED);
 }
 
-/* Separable interpolation: first over the lights of each measured view, then over the views. */
+/* Interpolates first over the lights of each measured view, then over the views. */
 static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
     const gsize n_lights = (gsize)r->n_lights, n_from = r->near->lights.n;
@@ -270,8 +272,8 @@ static void forward(struct texel_work *w, float *ret) {
     }
 }
 
-/* Returns whether a value was measured. Holes were not. Predicted values were not either, and
- * would hide errors. */
+/* Returns whether a value was measured: it is neither a hole nor predicted. Predicted values would
+ * hide errors. */
 static gboolean was_measured(const struct texel_work *w, gsize i) {
     return w->values[i * LANES + COLOURS] == 0 && !(w->flags && w->flags[i] & BTF_FLAG_PREDICTED);
 }
@@ -284,8 +286,8 @@ static void add_difference(const float *a, const float *b, double *error, double
     }
 }
 
-/* Round trip: interpolates the result back at the measured directions, and sums the squared
- * differences. */
+/* Interpolates the result back at the measured directions (round trip), and sums the squared
+ * differences from the measured values. */
 static void round_trip(struct texel_work *w, const float *made, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     const int row = r->n_lights * LANES;
@@ -328,7 +330,7 @@ static float *weights_without(const struct resampler_left_out *left, int n, cons
     return weights;
 }
 
-/* Leave-one-out: predicts each view from the others. */
+/* Predicts each view from the others (leave-one-out), and sums the squared differences. */
 static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const int row = near->lights.n * LANES;
@@ -347,7 +349,7 @@ static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* Leave-one-out: predicts each light from the others. */
+/* Predicts each light from the others (leave-one-out), and sums the squared differences. */
 static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const gsize n = near->lights.n;
@@ -377,7 +379,8 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
 }
 
-/* Adds the angles between target and measured directions, and the share beyond extrapolation. */
+/* Adds the angle between each target and the nearest measured direction, and the share of targets
+ * beyond extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);
@@ -400,7 +403,7 @@ static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
 }
 
 /* Adds the error of using the nominal directions without correction: measured minus corrected
- * values. */
+ * values. This is possible only if the targets are the nominal directions (own). */
 static void add_nominal(const struct texel_work *w, const float *made,
                         struct resampler_sums *sums) {
     const struct resampler *r = w->r;

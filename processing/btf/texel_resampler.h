@@ -8,7 +8,8 @@
 
 #define RESAMPLER_LANES 4 /* R, G, B, and the flags (enum btf_flag) */
 
-/* A target direction. */
+/* A target direction, its stereographic point, and the triangles that may contain it in the mesh of
+ * measured directions. */
 struct resampler_target {
     struct vec3 direction;
     double point[2];
@@ -27,11 +28,12 @@ struct resampler {
     int n_views, n_lights;         /* number of targets */
     gboolean own;                  /* the targets are the nominal directions, in the same order */
     DirectionMesh *from_views, *from_lights;
-    struct resampler_target *views, *lights; /* in from_views and from_lights */
+    /* targets, with guesses in from_views and from_lights */
+    struct resampler_target *views, *lights;
     DirectionMesh *to_views, *to_lights;
     double *to_view_points, *to_light_points;
-    struct direction_guess *back_views,
-        *back_lights; /* of the measured directions, in the target meshes */
+    /* guesses for the measured directions in to_views and to_lights, the meshes of the targets */
+    struct direction_guess *back_views, *back_lights;
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* the leave-one-out test takes every left_step-th texel */
 };
@@ -40,11 +42,14 @@ void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Sums over texels of squared differences and of squared values (norm), over R, G, B together. */
-struct resampler_from { /* for a measured view: round trip, and leave-one-out of views and lights */
+/* Sums over texels of squared differences and of squared values (…_norm), over R, G, B together. */
+/* for a measured view: round trip (back), and leave-one-out of views and lights (left) */
+struct resampler_from {
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
-struct resampler_to { /* for a target view */
+/* for a target view: sum and maximum over texels of the angle to the nearest measured view, squared
+ * error of uncorrected values and its norm, and sum of the shares of values beyond extrapolation */
+struct resampler_to {
     double moved_deg, max_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
