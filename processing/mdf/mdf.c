@@ -28,16 +28,17 @@
 /* relative to the brightest line at a texel; a line of this height has half weight */
 #define FAINT        0.5
 #define CONFIRM      2    /* number of neighbouring texels that must have the same distance */
-#define CLOSE        0.2f /* factor of the agreement tolerance for smooth continuation */
+#define CLOSE        0.2f /* share of agreement_mm; closer distances are on one surface */
 #define MIN_TEXEL_PX 0.1  /* px; lower bound of the size of a texel, for the errors */
 #define HIDDEN_REACH 2    /* of mdf_shown(); chosen: docs/lab/accuracy.md */
-/* minimum for add_hidden_errors(); of fewer sweeps, shadows say too little */
+/* minimum number of sweeps for add_hidden_errors(); shadows of fewer sweeps say too little */
 #define HIDDEN_SWEEPS 8
 /* from this number of sweeps on, a single sweep is not believed against others */
 #define MANY_SWEEPS 4
 #define OVER        (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
 #define LIGHT_DN    100.0   /* minimum height of a pulse whose time is not dominated by noise */
-/* minimum line width that the frames sample well; both for mdf_view_light() */
+/* minimum line width in frames that the frames sample well; LIGHT_DN and this limit are for
+ * mdf_view_light() */
 #define LIGHT_FRAMES 0.7
 #define WIDTHS       50000 /* number of pixels for the median of a line's width */
 #define EVERY        3     /* mdf_view_light() examines the scatter of every third texel */
@@ -137,8 +138,9 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     return view;
 }
 
-/* K V Kᵀ, where K is the inverse of the derivative of a texel's position in the picture with
- * respect to its column and row, in the middle of the grid. */
+/* Sets sight to K V Kᵀ, where V is px2 and K is the inverse of the derivative of a texel's position
+ * in the picture with respect to its column and row, in the middle of the grid. Changes nothing if
+ * K does not exist. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]) {
     const double middle[2] = {0.5 * view->grid.width, 0.5 * view->grid.height};
     double at[3][2], k[2][2];
@@ -177,7 +179,8 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-/* |s · (c × e)| / 6, with s, c, e: source, camera, far end of the line relative to its near end. */
+/* Returns |s · (c × e)| / 6, with s, c, e: source, camera, far end of the line relative to its near
+ * end. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
@@ -211,7 +214,8 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
 
 /* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time.
  * Returns −1 if there is no line, if the intersection is grazing, or if the point is below the
- * volume. Returns OVER if the point is above the volume. */
+ * volume. Returns OVER if the point is above the volume by less than the size of the sample; −1 if
+ * it is higher. */
 static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -229,7 +233,8 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* The phases of the 2 × 2 colour filter that see the laser: all phases, or those of its colour. */
+/* The (live) phases of the 2 × 2 colour filter that see the laser: all phases, or those of the
+ * laser's colour. */
 struct phases {
     gboolean live[4];
     int radius; /* maximum distance in pixels from a pixel to the next live one */
@@ -305,8 +310,8 @@ static void find_near(const MdfView *view, const struct phases *phases,
         }
 }
 
-/* Returns the index of the pixel's pulse whose distance is closest to mm within the tolerance.
- * Returns −1 if there is none, or if it is already taken. */
+/* Returns the index of the pixel's pulse, not taken yet, whose distance is closest to mm within
+ * agreement_mm. Returns −1 if there is none. */
 static int next_to(const MdfView *view, const struct near *near, float mm) {
     int next = -1;
     float least = view->agreement_mm;
@@ -325,9 +330,9 @@ struct side {
     float mm, dn, share;
 };
 
-/* Takes the surface with the largest weight of near pixels out of the set; on a tie, the one
- * with the brightest pulses. Its distance is the weighted mean of the near pixels that agree
- * with one of them. */
+/* Takes the surface with the largest weight of near pixels out of the set. On a tie, surfaces of
+ * brightest pulses go before those of second pulses. The distance of the surface is the weighted
+ * mean of the near pixels that agree with one of them; −1 if there is no surface. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -555,8 +560,8 @@ static double bends_mm2(const MdfView *view, const float *distance, int texel, i
     return squares;
 }
 
-/* Returns the mean of these squares. It is 1.5 σ² on a plane, σ being the noise of a texel, and
- * about (step / 2)² at a step. Returns −1 if there is no pair. */
+/* Returns the mean of the squares of bends_mm2(). It is 1.5 σ² on a plane, σ being the noise of a
+ * texel, and about (step / 2)² at a step. Returns −1 if there is no pair. */
 static double roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
     const double squares = bends_mm2(view, distance, texel, pairs);
@@ -719,8 +724,8 @@ static void add_known_errors(const MdfView *view, const float *distance,
     }
 }
 
-/* Keeps the candidates that continue the surface of at least CONFIRM neighbours. Returns their
- * number. */
+/* Moves the candidates that continue the surface of at least CONFIRM neighbours to the front, and
+ * returns their number. */
 static int keep_continuing(const MdfView *view, const float *sure, int texel,
                            struct mdf_candidate *candidates, int n) {
     const int width = view->grid.width, height = view->grid.height;

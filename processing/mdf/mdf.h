@@ -38,7 +38,7 @@ void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
  *                  surface around
  *   ret_n          number of laser positions whose distances were averaged
  *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If only one
- *                  position saw the texel, it follows from the roughness of the surface around */
+ * position saw the texel, the error follows from the roughness of the surface around */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* How the laser's light behaves on the sample. Speckle makes the times of the sweeps scatter.
@@ -52,9 +52,9 @@ struct mdf_light {
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* Gives the second most likely distance of each texel: a distance that only one position saw and
- * that was not accepted, otherwise the distance on which most of the remaining candidates agree.
- * −1 if there is none. */
+/* Gives the second most likely distance of each texel: of the candidates that do not agree with
+ * distance, the one on which most laser positions agree (one position is enough). It is −1 if there
+ * is none. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* Returns the number of texels that have no distance and whose surface lies above the reference

@@ -7,17 +7,17 @@
 
 #define DEG          (G_PI / 180.0)
 #define N_PHI        36   /* views in an added ring */
-#define GAP_DEG      2.5  /* between rings */
+#define GAP_DEG      2.5  /* degrees of θ between rings */
 #define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
-#define MAX_RAISED   2.0  /* maximum, in standard deviations */
+#define MAX_RAISED   2.0  /* maximum of raised, in standard deviations */
 #define MIN_NEXT_DEG 20.0 /* degrees; views with a smaller θ tell nothing about flat rays */
 #define HALVINGS     8    /* number of bisections in the search for raised */
-#define STEP         0.5  /* of a texel */
+#define STEP         0.5  /* step along a ray, in texels */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
-/* Depth below the reference plane, periodic in both dimensions, h × w values each. square and
- * weight are for spreads. */
+/* Depth below the reference plane, periodic in both dimensions. The arrays are h × w. weight and
+ * square are the sums of the weights and of the weighted squared depths of a texel's points. */
 struct relief {
     int w, h;
     float *depth_mm, *square, *weight;
@@ -78,8 +78,9 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
 
-/* Finds the depths at which the rays from the texels of the reference plane first meet the
- * relief: in steps of STEP texels, then by linear interpolation between the last two points. */
+/* Finds the depths at which the rays from the texels of the reference plane first meet the relief:
+ * in steps of STEP texels, then by linear interpolation between the last two points. Rays that do
+ * not meet the relief get the depth deepest_mm. */
 static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double step[2], weight[4];
@@ -138,8 +139,8 @@ static double ring_error_mm(const struct mdf_table *t, double theta_deg, double 
     return count > 0 ? sum / (double)count : 0.0;
 }
 
-/* Returns the value of raised at which that mean is 0, by bisection. Traced depths decrease when
- * the relief rises. */
+/* Returns the value of raised, 0 … MAX_RAISED, at which ring_error_mm() is 0, by bisection. Traced
+ * depths decrease when the relief rises. */
 static double ring_raised(const struct mdf_table *t, double theta_deg) {
     double low = 0.0, high = MAX_RAISED;
     if (ring_error_mm(t, theta_deg, low) <= 0.0)
@@ -195,9 +196,9 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     }
 }
 
-/* The path of a ray through the structure is proportional to tan θ. So is the number of points
- * of which the ray meets the highest one. Therefore raised is extrapolated over tan θ through
- * the two flattest rings. */
+/* The path of a ray through the structure is proportional to tan θ. The number of points of which
+ * the ray meets the highest one is also proportional to tan θ. Therefore raised is extrapolated
+ * over tan θ through the two flattest rings. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

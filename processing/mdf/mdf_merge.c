@@ -8,8 +8,8 @@
 
 #define MOST 256 /* maximum number of candidates */
 
-/* Σ over sweeps of the maximum over the sweep's candidates i of weight_i · exp(−½ ((mm_i − mm) /
- * tolerance_i)²). */
+/* Returns Σ over sweeps of the maximum over the sweep's candidates i of weight_i · exp(−½ ((mm_i −
+ * mm) / tolerance_i)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {
@@ -28,7 +28,8 @@ static int by_mm(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts the samples. If the middle falls between two of them, returns their mean. */
+/* Sorts the samples by distance and returns the weighted median: the mean of two samples if the
+ * middle falls between them. */
 static double weighted_median(struct mdf_candidate *samples, int n) {
     qsort(samples, (gsize)n, sizeof *samples, by_mm);
     double total = 0, sum = 0;

@@ -7,9 +7,10 @@
 struct mdf_candidate {
     float mm, dn; /* distance; height of the pulse in DN */
     float shown;  /* share of the pixels around the texel that saw a line */
-    /* bends over one pixel along x and y, then over two pixels, see mdf_errors.h; NAN if unknown */
+    /* bends over one spacing of the pixels that see the laser, along x and y, then over two
+     * spacings, see mdf_errors.h; NAN if unknown */
     float bend_mm[MDF_BENDS];
-    float tolerance_mm; /* > 0: candidates within this distance always agree with it */
+    float tolerance_mm; /* > 0; a candidate that is this close to the mode agrees with it */
     float frame_mm;     /* > 0: depth of a frame of the sweep, along the ray */
     int sweep;          /* number of the sweep; at most one candidate of a sweep is right */
     double weight;

@@ -141,7 +141,8 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
-/* Prefers the view's second distance to the prediction, see mdf_views_settle(). */
+/* Gives the distance of an open texel, or −1, and returns its source. Prefers the view's second
+ * distance to the prediction, see mdf_views_settle(). */
 static enum mdf_distance_source settle_texel(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;

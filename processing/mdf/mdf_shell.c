@@ -26,7 +26,7 @@
 #define LINEAR_ROUNDS 10
 #define POWER_ROUNDS  4
 #define STEP          0.5  /* in voxels */
-#define MIN_LENGTH    1e-3 /* voxels through which less of all rays goes are opaque */
+#define MIN_LENGTH    1e-3 /* in texels; voxels with a smaller length of rays in them are opaque */
 #define MIN_VALUE     1e-3 /* smallest g, so that it can grow again */
 
 struct grid {
@@ -35,13 +35,14 @@ struct grid {
     gsize n;
 };
 
-/* The centres of the eight voxels around a point, and the value of φ of each there. */
+/* The indices of the eight voxels around a point, and the value of each one's φ at the point. */
 struct corners {
     gsize at[8];
     float share[8];
 };
 
-/* x and y are in texels from the left and upper edge, z from the reference plane. */
+/* Returns the voxels around a point. x and y are in texels from the left and upper edge, z in
+ * texels below the reference plane. */
 static struct corners corners_at(const struct grid *grid, double x, double y, double z) {
     const double u = x * grid->per_texel[0] - 0.5, v = y * grid->per_texel[1] - 0.5;
     const double w = CLAMP(z * grid->per_texel[2] - 0.5, 0.0, grid->depth - 1.0);
@@ -84,8 +85,8 @@ struct ray {
     double x, y, dx, dy, depth;
 };
 
-/* Calls a function for each ray of a texel that a laser saw. Of more than MAX_RAYS, some texels are
- * left out, other ones in each view. */
+/* Calls a function for each ray of a texel that a laser saw. If there are more than MAX_RAYS
+ * texels, only a regular selection is used, with a different offset in each view. */
 static void for_each_ray(const struct mdf_table *t, int n_views,
                          void (*use)(const struct ray *, gpointer), gpointer data) {
     const gsize n = (gsize)t->width * t->height;
@@ -137,7 +138,8 @@ static void clear(float *values, gsize n) {
         values[k] = 0.0F;
 }
 
-/* h of the likelihood's maximum for σ = h. ret_reached says which voxels rays have reached. */
+/* Returns h at the likelihood's maximum for σ = h. ret_reached says which voxels rays have reached;
+ * h of the others is MOST. */
 static float *fit_linear(const struct mdf_table *t, int n_views, const struct grid *grid,
                          guint8 *ret_reached) {
     float *h = g_new(float, grid->n);

@@ -154,7 +154,7 @@ void mdf_table_free(struct mdf_table *t) {
     g_free(t);
 }
 
-/* RMS √(Σ (d − d')² / n), and the 99th percentile of |d − d'| from a histogram. */
+/* Returns √(Σ (d − d')² / n), and gives the 99th percentile of |d − d'| from a histogram. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm) {
     const gsize n = (gsize)table->width * (gsize)table->height;

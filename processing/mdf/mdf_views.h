@@ -28,10 +28,10 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm);
 
-/* Counts for each texel of a view how many other views confirm its point and how many deny it. A
- * view confirms a point if it sees it within a third of a texel plus the slope of the surface
- * between texels. A view denies a point if it sees through it. Views in which the point is
- * hidden or outside of the texels do neither. */
+/* Counts for each texel of a view how many other views (of at most 24, evenly spread) confirm its
+ * point and how many deny it. A view confirms a point if it sees it within a third of a texel plus
+ * the slope of the surface between texels. A view denies a point if it sees through it. Views in
+ * which the point is hidden, unknown or outside of the texels do neither. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
@@ -65,6 +65,7 @@ struct mdf_views_sums {
     int n_views;
     gint64 texels, seen; /* of all views */
     gint64 confirmed;    /* confirmed by at least one other view, and not refuted */
+    /* unknown: seen, but no other view confirms or denies them */
     gint64 refuted, unknown;
     gint64 above;        /* unknown in their view; the laser shows them above the reference plane */
     double denied_share; /* share of denials among all answers of other views */

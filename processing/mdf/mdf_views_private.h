@@ -17,6 +17,7 @@ enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plan
 int mdf_views_asked(int n);
 int mdf_views_other(int n, int view, int k);
 
-/* Counts the answers of these views about a point. */
+/* Counts the views, among those with which a view is compared, that confirm and that deny a
+ * point. */
 void mdf_views_poll(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                     struct vec3 p, guint16 *ret_confirmed, guint16 *ret_denied);

@@ -141,7 +141,7 @@ static int weight_of(struct reprojection_weights *weights, int view) {
 }
 
 /* Computes h: Franke and Little's weights of the NEAREST views. ret_view is sorted by distance.
- * Returns their number. */
+ * Returns the number of these views. */
 static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_view[NEAREST],
                                 double ret_weight[NEAREST]) {
     double r[NEAREST + 1] = {0}, sum = 0;
@@ -332,12 +332,12 @@ static int spread(const Reprojection *s, int view, const struct look *look, doub
     return n;
 }
 
-/* s(q) */
+/* Returns s(q) of reprojection.h. */
 static double visible(double q) {
     return CLAMP(2 - fabs(q), 0, 1);
 }
 
-/* Returns F at a point. */
+/* Returns F of reprojection.h at a point. */
 static double reprojection_vote(const Reprojection *s, struct vec3 p,
                                 const struct reprojection_weights *weights) {
     double sum = 0;
@@ -354,8 +354,8 @@ static struct vec3 point(const Reprojection *s, const double at_mm[2], struct ve
     return vec3_sub(vec3(at_mm[0], at_mm[1], s->plane.reference_mm), vec3_scale(v, mm));
 }
 
-/* Marches along the ray until F rises through 0, and halves the last step. Returns −1 if F does not
- * rise through 0. */
+/* Marches along the ray until F rises through 0, and halves the last step HALVINGS times. Returns
+ * d(x, v) in mm, or −1 if F does not rise through 0. */
 static double march(const Reprojection *s, const double at_mm[2], struct vec3 v,
                     const struct reprojection_weights *weights) {
     const double step = STEP * s->plane.texel_mm, end = (s->deepest_mm + step) / MAX(v.z, 0.05);

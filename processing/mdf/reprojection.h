@@ -102,12 +102,14 @@ struct reprojection_tap {
     float weight;
 };
 
-/* Gives the taps of one view in a hit, k < weights->n. Returns their number. */
+/* Gives the taps of the view weights->view[k] at a hit, k < weights->n. Returns the number of
+ * taps. */
 int reprojection_look(const Reprojection *reprojection, const struct reprojection_hit *hit,
                       const struct reprojection_weights *weights, int k,
                       struct reprojection_tap ret[REPROJECTION_VIEW_TAPS]);
 
-/* All of the above for one ray. Returns the number of taps. */
+/* Computes the weights, the hit and the taps of all views for one ray. Returns the number of
+ * taps. */
 int reprojection_taps(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
                       struct reprojection_hit *ret_hit,
                       struct reprojection_tap ret[REPROJECTION_MAX_TAPS]);
