@@ -6,10 +6,11 @@
 #define TILTS      7  /* number of tilts of axes, spread evenly in the cosine over 0 … TILT_DEG */
 #define AZIMUTHS   24 /* number of azimuths of axes */
 #define OPENINGS   7  /* number of half-angles of the cones */
-#define TILT_DEG   60.0 /* the steepest axis */
+#define TILT_DEG   60.0 /* largest angle of an axis from the normal */
 #define NARROW_DEG 25.0 /* the narrowest and the widest half-angle */
 #define WIDE_DEG   85.0
-/* probability that a sweep saw something that the model denies, or missed something that it has */
+/* probability that a sweep saw something that the model denies, or missed something that the model
+ * predicts */
 #define MISLED    0.05
 #define SETTLES   0.03 /* s = SETTLES + BY_WEIGHT · q */
 #define BY_WEIGHT 0.5

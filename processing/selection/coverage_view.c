@@ -20,7 +20,8 @@
 #define AGREE         2 /* number of agreeing sweeps that make a distance known */
 
 struct sample { /* a texel */
-    /* the pixel next to its centre; its neighbours have the other phases of the filter */
+    /* the pixel above and left of its centre; with the next column and row, all four phases of the
+     * filter are around the centre */
     int x, y;
     struct vec3 ray[4]; /* of the pixel (x + (k & 1), y + (k >> 1)) */
     float onset_mm[4];  /* distance along ray[k] from the camera to the reference plane */
@@ -210,8 +211,8 @@ static int compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The patterns are summed in sorted order, so that the sums do not depend on the time of the
- * call. */
+/* Sorts `open`, so that coverage_view_expects() finds equal patterns of sweeps next to each
+ * other. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view) {
     struct coverage_sums sums = {.texels = (int)view->samples->len};
     g_array_set_size(view->open, 0);

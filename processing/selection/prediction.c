@@ -143,7 +143,8 @@ static gboolean factorise(Prediction *prediction, GError **error) {
     return FALSE;
 }
 
-/* Computes k_uᵀ K⁻¹ and the variances. With B = L⁻¹ k, they are Bᵀ L⁻¹ and k_uu − |B_u|². */
+/* Computes k_uᵀ K⁻¹ and the variances. With B = L⁻¹ k, the weights are Bᵀ L⁻¹ and the variances
+ * k_uu − |B_u|². */
 static void weigh(Prediction *prediction) {
     const int m = prediction->n_measured, n = prediction->n_missing;
     g_autofree double *b = g_new(double, MAX((gsize)m * (gsize)n, 1));
@@ -177,8 +178,8 @@ static void prediction_scales(const Prediction *prediction, double *rows, int n,
     }
 }
 
-/* Computes the squared errors of cross-validation in units of their variances, and the factors that
- * follow from them. scales are s² of each row. */
+/* Sets excess_rms, excess_95, left_out_error and left_out_share from the errors of
+ * cross-validation. scales are s² of each row. */
 static void validate(Prediction *prediction, const struct prediction_rows *rows,
                      const double *scales) {
     const gsize m = (gsize)prediction->n_measured, n = (gsize)rows->n, all = n * m;
@@ -211,7 +212,8 @@ static void validate(Prediction *prediction, const struct prediction_rows *rows,
     prediction->left_out_share = (double)within / (double)all;
 }
 
-/* Computes means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured and predicted. */
+/* Sets squares and energy to means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured
+ * and predicted. */
 static void sum_up(Prediction *prediction, const struct prediction_rows *rows,
                    const struct vec3 *at_mm, const double *scales) {
     const int m = prediction->n_measured, u = prediction->n_missing;
@@ -312,7 +314,8 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     return low < prediction->n_measured && prediction->measured[low] == pair;
 }
 
-/* At most FILL rows, 3 per texel. */
+/* Predicts n rows, three (R, G, B) for each of at most FILL texels. means are g of all pairs of
+ * these texels. */
 static void fill_rows(const Prediction *prediction, float *values, const double *means, int n,
                       float *ret_sigma) {
     const int m = prediction->n_measured, u = prediction->n_missing;

@@ -61,9 +61,9 @@ typedef struct prediction Prediction;
 /* Fits the model. probes are n_probes × 3 × n_pairs values ρ of R, G, B at some texels, NaN if not
  * measured. Some hundred texels are enough. at_mm (n_probes) are the positions of the texels in the
  * sample frame; NULL if all are in its centre. A pair is measured if at least half of the rows have
- * it. Rows that lack a value of a measured pair are left out. If nothing is measured, or there are
- * no rows, the constants are those of no particular material, and s² = 1. All arrays are copied.
- * Can be cancelled by work. The progress stage is "prediction". */
+ * it. Rows that lack a value of a measured pair are left out. If nothing is measured, the constants
+ * are defaults, and s² = 1. The error is DATA_ERROR_INVALID if no row is left. All arrays are
+ * copied. Can be cancelled by work. The progress stage is "prediction". */
 Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes,
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error);
@@ -75,7 +75,7 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair);
 /* Predicts the missing pairs of n texels, at positions as in prediction_new(). values is n × 3 ×
  * n_pairs, finite at measured pairs; the missing pairs are set (≥ 0). ret_sigma is n × 3 × n_pairs,
  * 0 for measured pairs; it may be NULL. A row with a value that is not finite at a measured pair
- * gets NaN at all missing pairs. Any thread. */
+ * gets NaN at all missing pairs. If nothing is measured, values are not changed. Any thread. */
 void prediction_fill(const Prediction *prediction, float *values, const struct vec3 *at_mm, int n,
                      float *ret_sigma);
 

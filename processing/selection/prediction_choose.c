@@ -55,9 +55,10 @@ static int choice_scatter(int i, int n) {
     return (int)(((guint32)i * 2654435769u >> 8) % (guint32)n);
 }
 
-/* The targets are missing pairs. Their order is divided into as many sections, and one pair is
- * taken at an irregular place of each. With regular steps, they could be pairs of only a few
- * lights. All pairs of candidates follow. */
+/* Sets pairs, place and n_targets. The list of missing pairs is divided into PREDICTION_TARGETS
+ * sections of about the same length (or one for each missing pair if there are fewer). One pair at
+ * an irregular place of each section becomes a target. With regular steps, the targets could be
+ * pairs of only a few lights. All other pairs of the candidates that are not measured follow. */
 static void choice_set_pairs(struct choice *choice, const struct prediction_shot *shots,
                              const int *candidates, int n_candidates) {
     const Prediction *prediction = choice->prediction;
@@ -78,7 +79,7 @@ static void choice_set_pairs(struct choice *choice, const struct prediction_shot
                 choice_add_pair(choice, shots[candidates[k]].pairs[i]);
 }
 
-/* Computes C and F given the measured pairs. */
+/* Computes C, F, left and to_all given the measured pairs. */
 static void choice_condition(struct choice *choice) {
     const Prediction *prediction = choice->prediction;
     const int m = prediction->n_measured, n = choice->n_pairs, t = choice->n_targets;
@@ -115,7 +116,7 @@ static void choice_condition(struct choice *choice) {
     choice->to_all = sum > 0 ? all / sum : 1;
 }
 
-/* Returns C of the pairs at places a and b. */
+/* Returns C of the pairs at places a and b. prior is their covariance k. */
 static double choice_covariance(const struct choice *choice, int a, int b, double prior) {
     return prior - cblas_ddot(choice->n_factors, choice->factors + (gsize)a * (gsize)choice->room,
                               1, choice->factors + (gsize)b * (gsize)choice->room, 1);
@@ -180,7 +181,7 @@ static void choice_take(struct choice *choice, const struct prediction_shot *sho
         g_autofree double *rows = choice_whitened(choice, &block);
         const int n = block.n, all = choice->n_pairs, old = choice->n_factors;
         g_autofree int *pairs = g_new(int, n);
-        g_autofree double *new = g_new(double, (gsize)n *(gsize)all); /* all × n, rows … */
+        g_autofree double *new = g_new(double, (gsize)n *(gsize)all); /* all × n, row by row */
         g_autofree double *own = g_new(double, (gsize)n *room);
         for (int i = 0; i < n; i++) {
             pairs[i] = choice->pairs[block.at[i]];
@@ -233,7 +234,7 @@ static void choice_first_gain(int k, gpointer data) {
 }
 
 /* Returns the candidate of the largest gain, or the first of several such candidates. Returns −1 if
- * no candidate has a gain. */
+ * no candidate has a gain above 0. gains are updated where necessary. */
 static int choice_best(const struct choice *choice, const struct prediction_shot *shots,
                        const int *candidates, int n, double *gains) {
     int fresh = -1;

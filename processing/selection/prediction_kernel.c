@@ -7,8 +7,9 @@
 #include <string.h>
 
 /* The constants are fitted to rows that are evenly spread, and to pairs of neighbouring views, so
- * that the pairs are as dense as all pairs. There are FIT_SWEEPS sweeps over all constants. The
- * first factor is FIT_STEP, and each following factor is the root of the previous one. */
+ * that the pairs are as dense as all pairs. There are FIT_SWEEPS sweeps over all constants. A sweep
+ * multiplies or divides each constant by a factor if that reduces the error. The factor is FIT_STEP
+ * in the first sweep, and the square root of the previous factor in each following sweep. */
 #define FIT_ROWS   64
 #define FIT_PAIRS  500
 #define FIT_SWEEPS 3
@@ -232,9 +233,9 @@ static int by_azimuth(const void *a, const void *b) {
                             : (p->index > q->index) - (p->index < q->index);
 }
 
-/* Returns ascending indices into measured of at most FIT_PAIRS pairs. Their views are nearest in
- * azimuth to +x or +y, so that they are as dense as all pairs. Two directions are used because of
- * brushed metal. */
+/* Returns indices into measured of at most FIT_PAIRS pairs. Their views are those nearest in
+ * azimuth to +x or +y, so that the pairs are as dense as all pairs. Two directions are used because
+ * of brushed metal. */
 static int *fit_pairs(const Prediction *prediction, int *ret_n) {
     const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
     g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);

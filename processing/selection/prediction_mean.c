@@ -80,8 +80,8 @@ static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
     }
 }
 
-/* Computes root mean squares of each cell, measured pair and colour, at the mean position of the
- * cell. */
+/* Computes the logarithm of the root mean square of ρ for each cell, pair and colour, for at most
+ * FIT_PAIRS measured pairs. The directions are those at the mean position of the cell's probes. */
 static void gather(const Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                    int n_probes, struct prediction_mean_fit *ret) {
     const int n_pairs = MIN(prediction->n_measured, FIT_PAIRS);
@@ -121,8 +121,8 @@ static void gather(const Prediction *prediction, const float *probes, const stru
     }
 }
 
-/* Begins with the median as the diffuser, and with one lobe along and one across, of slopes about 1
- * / width. */
+/* Sets the initial parameters: the median as the diffuser, and two lobes of slopes about 1 / width,
+ * one narrower in x and one narrower in y. */
 static void begin(const struct prediction_mean_fit *fit, double width, double *x) {
     g_autofree double *values = g_new(double, fit->n);
     memset(x, 0, sizeof(double) * PREDICTION_MEAN);
@@ -144,7 +144,7 @@ static void begin(const struct prediction_mean_fit *fit, double width, double *x
     }
 }
 
-/* Fits only a diffuser if there are too few values to determine lobes. */
+/* If there are too few values for a fit, g stays the diffuser cos θ_l without lobes. */
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes) {
     static const double widths[STARTS] = {2, 6, 15};
