@@ -31,8 +31,9 @@ static float own_at(const struct picture *picture, int x, int y) {
 }
 
 /* Returns green at the red or blue pixel (x, y), interpolated in the direction (dx, dy) with a
- * Laplacian correction from the pixel's own colour c (Hamilton and Adams 1997): G = ½ (g₋₁ + g₊₁) +
- * ¼ (2 c₀ − c₋₂ − c₊₂),   change = |g₋₁ − g₊₁| + |2 c₀ − c₋₂ − c₊₂|. */
+ * Laplacian correction from the pixel's own colour c (Hamilton and Adams 1997). With neighbours g
+ * and c at distances of 1 and 2, G = ½ (g₋₁ + g₊₁) + ¼ (2 c₀ − c₋₂ − c₊₂) and *ret_change = |g₋₁ −
+ * g₊₁| + |2 c₀ − c₋₂ − c₊₂|. */
 static float green_along(const struct picture *picture, int x, int y, int dx, int dy,
                          float *ret_change) {
     float a = own_at(picture, x - dx, y - dy), b = own_at(picture, x + dx, y + dy);

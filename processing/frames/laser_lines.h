@@ -57,7 +57,8 @@ struct laser_sweep {
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
     /* standard errors of the sheet's calibration; NULL if it is known exactly */
     const struct rig_sheet_errors *errors;
-    double line_rad; /* standard deviation of the line on plates, as a sweep angle; 0 if unknown */
+    /* standard deviation of the line's profile on plates, as a sweep angle; 0 if unknown */
+    double line_rad;
 };
 
 struct laser_lines {

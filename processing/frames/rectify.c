@@ -96,9 +96,9 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
 
 /* Weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within the
  * middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at each
- * border it is the mean of the two pixels that meet there. This is the derivative of Keys' cubic
- * (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3
- * − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
+ * border the parabola is the mean of the two pixels that meet there. This is the derivative of
+ * Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 +
+ * ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);
@@ -111,8 +111,8 @@ static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
     return colour == ANY || rectify->colour[pixel] == colour;
 }
 
-/* Adds the weight of each pixel of a colour: the mean over the sample points of w(column) · w(row).
- */
+/* Adds the weight of each pixel of a colour: the mean of w(column) · w(row) over the sample points,
+ * with w from area_weights(). */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];

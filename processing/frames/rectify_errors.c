@@ -111,8 +111,7 @@ static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
 
 /* Red or blue is measured by one pixel in four. If its ratio to green changes from one such pixel
  * to the next, the ratios of the pixels between them have errors of about that size. The result is
- * the weighted mean of vary_of() over the pixels of a texel that see red or blue, and 0 for green.
- */
+ * the weighted mean of vary_of() over the texel's pixels that see red or blue, and 0 for green. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
