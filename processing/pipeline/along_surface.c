@@ -122,7 +122,8 @@ static gboolean mix(struct along *a, float *buffer, GError **error) {
     return TRUE;
 }
 
-/* Adds a measured light's share of a new one. */
+/* Adds the mixed picture under the measured light `from`, times share, to the picture under a new
+ * light. */
 static void add_light(const struct along *a, int from, float share, float *ret_rgb) {
     const gsize row = a->btf->layout.lights.n * COLOURS;
     for (gsize i = 0; i < (gsize)a->n_texels; i++)
@@ -130,8 +131,8 @@ static void add_light(const struct along *a, int from, float share, float *ret_r
             ret_rgb[COLOURS * i + c] += share * a->sums[i * row + COLOURS * (gsize)from + c];
 }
 
-/* Callback of import_material(). Bicubic interpolation may produce negative values, which are set
- * to 0. */
+/* Callback of import_material(): computes the values of a view. Negative values, which bicubic
+ * interpolation may produce, are set to 0. */
 static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
     struct along *a = data;
     const gsize row = a->btf->layout.lights.n * COLOURS;

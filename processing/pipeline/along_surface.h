@@ -32,8 +32,9 @@ struct along_surface_result {
 
 /* to is NULL for the session's own nominal directions. path must not exist. work must not be NULL.
  * memory is the maximum number of bytes of the source's values to keep, 0 if not limited
- * (btf_matrix.h). The error is DATA_ERROR_INCOMPLETE if the session has no MDF. Progress stages are
- * "read", "surface", "import" and "eigenmaps". */
+ * (btf_matrix.h). The error is DATA_ERROR_INCOMPLETE if the session has no MDF, and
+ * DATA_ERROR_EXISTS if path exists. Progress stages are "read", "surface", "import" and
+ * "eigenmaps". */
 gboolean along_surface_predict(const char *session, const char *path,
                                const struct btf_directions *to, gint64 memory,
                                const struct work *work, struct along_surface_result *ret,

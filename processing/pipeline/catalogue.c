@@ -192,8 +192,8 @@ static const struct session_shot *find_shot(const struct catalogue *catalogue,
     return NULL;
 }
 
-/* Returns whether a frame is ready (committed), awaited (its shot is planned), or impossible (the
- * plan skips it). */
+/* Returns whether a frame is ready (its shot is done), awaited, or impossible (the plan skips it or
+ * has no such shot). Sets ret only if the frame is ready. */
 static enum catalogue_state find_input(const struct catalogue *catalogue,
                                        const struct session_shot *shot,
                                        const struct session_direction *view, struct input *ret) {
@@ -212,7 +212,7 @@ static enum catalogue_state find_input(const struct catalogue *catalogue,
     return CATALOGUE_READY;
 }
 
-/* Hash of method version, calibration and grid. */
+/* Hashes versions, calibration and grid. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind) {
     const struct session_grid *grid = &catalogue->grid;
     GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256);
@@ -224,7 +224,7 @@ GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kin
     return sum;
 }
 
-/* Hash of the part common to all inputs of one view. */
+/* Begins a hash of a view's inputs with the shared inputs and the view itself. */
 static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
                                 const struct session_direction *view) {
     GChecksum *sum = catalogue_checksum(catalogue, kind);
@@ -233,8 +233,8 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
-/* The rig as the sample sees it at an angle of the turntable (rig_at()). Owned by the catalogue;
- * each angle is made once. */
+/* Returns the rig as the sample sees it at an angle of the turntable (rig_at()). The rig is owned
+ * by the catalogue and made once for each angle. */
 static const struct rig *rig_at_angle(const struct catalogue *catalogue, double turntable_deg) {
     if (!(rig_wobble_most_rad(&catalogue->rig.wobble) > 0))
         return &catalogue->rig;
@@ -247,8 +247,8 @@ static const struct rig *rig_at_angle(const struct catalogue *catalogue, double 
     return at;
 }
 
-/* input is NULL for a light that the plan left out for this view. The lamp's position then comes
- * from shot, another shot of this light. */
+/* Adds a light to a view, and its inputs to the hash. input is NULL for a light that the plan left
+ * out for this view. shot is then the skipped shot, which gives the lamp's position. */
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
@@ -338,7 +338,7 @@ void mdf_job_free(struct mdf_job *job) {
     g_free(job);
 }
 
-/* Standard errors of a laser. They are large for a laser that was not calibrated, because units are
+/* Standard error of turn and roll of a laser that was not calibrated. It is large because units are
  * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
@@ -346,8 +346,9 @@ static gboolean has_sheet(const struct calibration_laser *known) {
     return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
 }
 
-/* A turn about the laser's axis moves the sheet by the distance to the sample. Calibrations of
- * earlier versions do not know the sheet's own errors. */
+/* Returns the standard errors of a laser's turn and roll. A turn by an angle moves the sheet at the
+ * sample by this angle times the laser's distance. Calibrations of earlier versions do not have the
+ * errors of the sheet; the errors of the laser's normal and axis are then used. */
 static struct laser_known catalogue_laser(const struct calibration_laser *known,
                                           const struct rig_laser *laser) {
     const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;

@@ -9,9 +9,10 @@
 
 struct catalogue {
     struct calibration *known;
-    struct rig rig;   /* from the calibration */
-    GHashTable *rigs; /* double, turntable angle → struct rig as the sample sees it there; empty
-                         if the turntable does not wobble */
+    struct rig rig; /* from the calibration */
+    /* turntable angle in degrees (double) → struct rig as the sample sees it there; empty if the
+     * turntable does not wobble */
+    GHashTable *rigs;
     struct session_grid grid;
     struct laser_reference reference;           /* radius_mm is 0 if there is none */
     char *calibration;                          /* text of the calibration */
@@ -24,13 +25,13 @@ struct catalogue {
     gboolean lines_in_pictures; /* set to FALSE by catalogue_load(); see struct pipeline_options */
 };
 
-/* calibration is as in struct pipeline_options. */
+/* Reads the state of a session. calibration is as in struct pipeline_options. */
 struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error);
 void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
-/* number of shots that are still to be taken */
+/* Returns the number of shots that are still to be taken. */
 int catalogue_planned(const struct catalogue *catalogue);
 
 enum catalogue_state {
@@ -39,7 +40,8 @@ enum catalogue_state {
     CATALOGUE_IMPOSSIBLE, /* the plan leaves out a necessary frame */
 };
 
-/* ret is set if the view is ready. It borrows from the catalogue. */
+/* Looks up the inputs of a view's BTF. If the view is ready and ret is not NULL, *ret becomes these
+ * inputs, which borrow from the catalogue; free them with btf_view_free(). */
 enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int view,
                                    struct btf_view **ret);
 
@@ -69,9 +71,11 @@ struct mdf_job {
 };
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 
-/* The function does not wait for sweeps that the plan leaves out. */
+/* Looks up the sweeps of a view, like catalogue_btf(). A view is ready without the sweeps that the
+ * plan leaves out. Free *ret with mdf_job_free(). */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 
-/* Begins the hash with the inputs that both kinds of product share. */
+/* Begins a hash of a product's inputs with the inputs that all views share: kind ("btf", "mdf" or
+ * another name), versions, calibration and grid. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

@@ -16,8 +16,9 @@
 #define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */
 #define MAX_FRAMES 8  /* maximum number of frames of a view that are examined */
 /* mean reflectance under the steepest light; the blackest paints reflect more */
-#define DARK          0.0005
-#define DARK_SHARE    0.02 /* share of the median view's reflectance */
+#define DARK 0.0005
+/* views below this share of the median view's reflectance are suspicious */
+#define DARK_SHARE    0.02
 #define DARK_DN       5.0
 #define MAX_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
 
@@ -30,7 +31,9 @@ struct texts {
 
 struct seen_view {
     const struct session_direction *view;
-    double mean, saturated; /* mean under the steepest light, and share of all values */
+    /* mean: green reflectance under the light nearest to the normal, mean over texels; saturated:
+     * share of the view's values that are lower bounds */
+    double mean, saturated;
 };
 
 static gboolean texts_read(Session *session, const char *calibration, struct texts *ret,
@@ -67,8 +70,8 @@ static const struct session_shot *shot_of(const struct texts *texts,
                : NULL;
 }
 
-/* Finds the share of pixels with a line in some of the sweeps, and the minimum height of a peak in
- * DN. */
+/* Gives the share of pixels with a line over at most MAX_SWEEPS sweeps, and the number of sweeps
+ * that could be read. */
 static void look_at_sweeps(Session *session, const struct texts *texts, double *ret_lines,
                            int *ret_sweeps) {
     g_autoptr(GPtrArray) sweeps = g_ptr_array_new();
@@ -129,7 +132,8 @@ static void explain_mdf(Session *session, const struct texts *texts,
                                 : "reference_mm and depth_mm in [sample] of the session file"));
 }
 
-/* Reads the values of a view's file. Returns FALSE if there is no file. */
+/* Sets mean and saturated from a view's file. Returns FALSE if the file is missing or cannot be
+ * used. */
 static gboolean see_view(const char *path, struct seen_view *ret, GError **error) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;
@@ -158,7 +162,7 @@ static gboolean see_view(const char *path, struct seen_view *ret, GError **error
 }
 
 /* Returns the mean of the brightest of some of a view's frames at its longest exposure, in DN above
- * dark. */
+ * dark, and gives that exposure. Returns −∞ if no frame can be read. */
 static double brightest_dn(Session *session, const struct texts *texts,
                            const struct session_direction *view, double *ret_us) {
     double most = -HUGE_VAL;

@@ -148,7 +148,7 @@ static void look(Course *course, int n_busy) {
     course->n_busy = n_busy;
 }
 
-/* The ratio of the time that work took to the time that the rates predict. */
+/* The CPU time that work took, and the time that the rates say for it. */
 struct course_pace {
     double cpu_s, said_s;
 };
@@ -176,8 +176,9 @@ static struct course_pace views_pace(const Course *course, const struct time_lef
     return pace;
 }
 
-/* The work after the views has a separate pace as soon as some of it is done, because its single
- * thread does not share a processor with a second one. */
+/* Returns the CPU time that the remaining work after the views will take. This work has a separate
+ * pace as soon as some of it is done, because its single thread does not share a processor with a
+ * second one. */
 static double course_after_s(const Course *course, const struct course_pace *views) {
     struct course_pace pace = {0};
     const double slower = course_slower(views);
@@ -192,7 +193,8 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         pace_add(&pace, course, course->working, weight * done_s,
                  weight * course->share * course->expected[course->working]);
     }
-    /* The same as if LITTLE_S more of this work had run at the pace of views. */
+    /* LITTLE_S of work at the pace of views are counted in addition, so that little work does not
+     * set the pace. */
     pace.cpu_s += LITTLE_S * slower;
     pace.said_s += LITTLE_S;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
@@ -200,7 +202,7 @@ static double course_after_s(const Course *course, const struct course_pace *vie
             course_slower(&pace) * course->rates.unit_s[work] * course->expected[work];
         if (work != course->working)
             after_s += all_s;
-        /* the larger the share that is done, the more its own pace counts */
+        /* the larger the done share of the present work, the more its own pace counts */
         else if (course->share > 0)
             after_s +=
                 (1 - course->share) * (weight * done_s / course->share + (1 - weight) * all_s);

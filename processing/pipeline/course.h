@@ -33,6 +33,6 @@ void course_end(Course *course, enum time_left_work work, gboolean whole);
 /* Returns the seconds that all the remaining work will take, with the share of the processors that
  * the process got recently. Returns −1 if this is not known yet, because neither this run nor an
  * earlier one has measured such work. With MESORIG_TIME_LEFT=idle in the environment, returns the
- * time if each thread had a processor for itself. It can be compared with CPU time on a busy
+ * time if each thread had a processor for itself. That time can be compared with CPU time on a busy
  * machine (tests/bench/time_left). */
 double course_left_s(Course *course);

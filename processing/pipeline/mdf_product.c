@@ -166,8 +166,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     return result;
 }
 
-/* Sets D and P. Skips views whose D and P were already set from the same views, according to the
- * hash. */
+/* Does nothing if D and P of all views were already set from these views, according to the hash.
+ * Otherwise sets D and P of all views. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
@@ -206,7 +206,7 @@ gboolean mdf_settle(struct mdf_result *const *results, int n, const struct sessi
     return TRUE;
 }
 
-/* One part per view, with the attributes in pipeline.h. */
+/* Writes one part per view, with the attributes in pipeline.h. */
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error) {
     g_autoptr(ExrFile) file = exr_file_new();

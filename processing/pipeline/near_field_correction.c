@@ -42,7 +42,7 @@ void near_field_correction_result_clear(struct near_field_correction_result *res
     g_clear_pointer(&result->to, g_array_unref);
 }
 
-/* Interleaves values and flags: R, G, B, flags. */
+/* Writes a view to job->measured, with values and flags interleaved: R, G, B, flags. */
 static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct exr_file *file,
                            int view, const char *path, GError **error) {
     const gsize n_lights = btf->layout.lights.n, n_texels = (gsize)job->n_texels;
@@ -89,8 +89,9 @@ static gboolean read_views(struct job *job, struct near_field_correction_result 
     return ok;
 }
 
-/* Transposes between [view][texel][light] in the scratch file and [texel][view][light] in
- * memory. */
+/* Reads n texels of all views: [view][texel][light] in the scratch file becomes
+ * [texel][view][light] in memory. write_block() does the reverse. rows has room for n texels of a
+ * view. */
 static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
                            GError **error) {
     const gsize row = job->near->lights.n * LANES;
@@ -173,7 +174,7 @@ static gboolean resample_texels(struct job *job, GError **error) {
     return ok;
 }
 
-/* Relative error √(Σ d² / Σ v²); 0 if all values are 0. */
+/* Returns the relative error √(Σ d² / Σ v²), or 0 if all values are 0. */
 static double relative_error(double error, double norm) {
     return norm > 0 ? sqrt(error / norm) : 0;
 }

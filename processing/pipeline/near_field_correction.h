@@ -57,8 +57,8 @@ struct near_field_correction_result {
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
 /* to is NULL for the session's own nominal directions. path must not exist. Needs the memory of
- * some views, and temporarily 8 bytes on disk for each value and direction of source and result.
- * Progress stages are "read", "resample", "import" and "eigenmaps". */
+ * some views, and temporarily 8 bytes on disk for each texel under each pair of view and light, of
+ * source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

@@ -198,7 +198,7 @@ static double megatexels(const struct run *run) {
     return (double)run->catalogue->grid.width * run->catalogue->grid.height / 1e6;
 }
 
-/* Returns the cost of a view for the time left: a million pixels of its frames. */
+/* Returns the cost of a view for the time left, in million pixels of its frames or sweeps. */
 static struct time_left_task pipeline_cost(const struct run *run, enum stage stage, int view) {
     const struct catalogue *catalogue = run->catalogue;
     const struct session_direction *direction = g_ptr_array_index(catalogue->views, view);
@@ -553,7 +553,7 @@ static gboolean make_folders(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Products of an earlier run are used only if they are unchanged. */
+/* Finds the products of an earlier run that are unchanged (whole). Only these are used. */
 static gboolean find_whole(struct run *run, GError **error) {
     struct work work = run->options->work;
     work.cancellable = run->cancellable;
@@ -642,7 +642,8 @@ static void forward_cancel(GCancellable *user, gpointer own) {
     g_cancellable_cancel(own);
 }
 
-/* Runs the stages in order: BTF views, MDF views, D and P of the MDF, eigen-maps. */
+/* Makes the views of BTF and MDF, then D and P of the MDF, the predicted pictures and the
+ * eigen-maps. */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error) {
     g_autoptr(GError) found = NULL;

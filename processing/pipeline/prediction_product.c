@@ -144,7 +144,8 @@ static gboolean product_open(struct product_job *job, Session *session,
     return TRUE;
 }
 
-/* Returns whether all parts that were left out name these inputs. */
+/* Returns whether the part of each left-out picture was predicted from these inputs (attribute
+ * mesorig.prediction). */
 static gboolean product_is_fresh(const struct product_job *job, const char *inputs) {
     for (int v = 0; v < job->n_views; v++) {
         g_autoptr(ExrFile) file =
@@ -191,8 +192,8 @@ static gboolean product_gather(const struct product_job *job, int first, int n, 
     return TRUE;
 }
 
-/* The probes are texels in steps of the golden section, so that they do not coincide with the
- * period of a weave. */
+/* Fits the prediction to PROBES texels, or to all if there are fewer. The texels are taken in steps
+ * of the golden section, so that they do not coincide with the period of a weave. */
 static gboolean product_learn(struct product_job *job, const struct work *work, GError **error) {
     const int n = (int)MIN(job->n_texels, PROBES);
     const gsize pairs = (gsize)job->n_views * (gsize)job->n_lights;
@@ -239,7 +240,8 @@ static void product_predict(int block, gpointer data) {
             }
 }
 
-/* Replaces a part by its prediction, with all its attributes. */
+/* Returns a part with the predicted values and error bars. It takes over the attributes of the old
+ * part. */
 static struct exr_part *product_part(const struct product_job *job, struct exr_part *old,
                                      const guint16 *values, const guint16 *sigma,
                                      const char *inputs) {

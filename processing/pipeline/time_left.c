@@ -77,7 +77,7 @@ void time_left_rates_learn(struct time_left_rates *rates,
     }
 }
 
-/* CPU time of a unit of a stage by elevation in whole degrees. */
+/* CPU time in seconds of a unit of each stage, by the view's θ in whole degrees. */
 struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };

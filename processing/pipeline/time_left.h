@@ -15,8 +15,9 @@ enum time_left_work {
     /* unit: a million texels, times the numbers of views and lights: reading a BTF for
      * eigen-maps */
     TIME_LEFT_COLUMNS,
-    TIME_LEFT_FACTORS, /* unit: the same, for factoring the BTF and writing the eigen-maps */
-    TIME_LEFT_CAUSES,  /* unit: a view of the BTF, for finding out why little was measured */
+    /* unit: that of TIME_LEFT_COLUMNS; factoring the BTF and writing the eigen-maps */
+    TIME_LEFT_FACTORS,
+    TIME_LEFT_CAUSES, /* unit: a view of the BTF; finding out why little was measured */
     TIME_LEFT_WORKS,
 };
 #define TIME_LEFT_STAGES TIME_LEFT_SETTLE
