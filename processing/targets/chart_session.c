@@ -96,9 +96,9 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
                          &chart->grid, chart->rgb, error);
 }
 
-/* Averages over the texels within the patch's disc and over the lights. Gives the measured value,
- * and the value that a perfect white would have, which is cos θ_l. Returns FALSE if the disc
- * contains no texel. */
+/* Sets ret->rgb to the reflectance of a patch: the sum of the values over the sum of cos θ_l (the
+ * values of a perfect white), over the texels within the patch's disc and over the lights. Copies
+ * xyz of the field. Returns FALSE if the disc contains no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;

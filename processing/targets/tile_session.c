@@ -14,9 +14,10 @@
 #define MAX_WHITE 1.1
 /* an aim that deviates so much from the nominal aim is doubted */
 #define ASIDE_RAD (8 * G_PI / 180)
-/* lamps are exchanged if this reduces the deviation by this factor */
+/* two lamps count as exchanged if exchanging them reduces the deviation of the aims by this
+ * factor */
 #define ASIDE_LESS 4.0
-/* relative to the signal: error of the model of tiles, lamps and lenses */
+/* error of the model of tiles, lamps and lenses, relative to the signal */
 #define MODEL_ERROR 5e-4
 /* if there are more lamps, only neighbours are tested for an exchange */
 #define MAX_PAIRED 16
@@ -100,7 +101,8 @@ static gboolean check_stopped(const struct run *run, GError **error) {
     return !run->stopped;
 }
 
-/* Returns NULL if the frame is rejected; the reason is then recorded. */
+/* Reads a frame and its mosaic. Returns NULL if the frame is rejected; the reason is then
+ * recorded. */
 static struct exr_part *read_frame(struct run *run, const struct input *input,
                                    const float **ret_mosaic, const char **ret_cfa) {
     static const char *const any[] = {NULL};
@@ -137,7 +139,7 @@ static gboolean measure_tile(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
-/* Returns the relative light of a lamp at a point of the tile. */
+/* Returns the irradiance of a lamp at a point of the tile's face, without the lamp's output. */
 static double light_at(const struct rig *rig, int lamp, double arc_rad, struct vec3 p) {
     const struct rig_lamp *l = &rig->lamps[lamp];
     const struct vec3 path = vec3_sub(rig_lamp_position_mm(&rig->arc, l, arc_rad), p);
@@ -391,7 +393,7 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     fiducials_measure(&scene, cfa, mosaic, seen);
-    /* make the values relative to the fiducial's own white */
+    /* divide by the lamp's output in this shot, so that only the fiducial's white is left */
     for (guint k = first; k < seen->len; k++) {
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];
@@ -446,7 +448,7 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
     return check_stopped(run, error);
 }
 
-/* Sets size and height of the tile, from the options or from the session's grid. */
+/* Sets size, height and reflectance of the tile, from the options and the session's grid. */
 static gboolean set_tile(struct run *run, GError **error) {
     const struct tile_options *o = run->options;
     struct session_grid grid;

@@ -21,7 +21,8 @@ struct tile_result {
     double residual, quality;         /* relative RMS; χ² per degree of freedom */
     double expected;                  /* relative residual that noise explains */
     double exponent_off, aim_off_rad; /* RMS of the lamps' deviations, as in struct tile_fit */
-    double drift;  /* maximum minus minimum output of a lamp, relative to its mean */
+    /* maximum minus minimum output over all shots, relative to the mean of each lamp */
+    double drift;
     int marks;     /* number of calibrated fiducials */
     int transfers; /* number of cameras with known noise */
 };
