@@ -15,7 +15,8 @@
 
 /* The visible texels of one or several hexagons, as sums over pixels. */
 struct shown {
-    double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES]; /* of the pictures below */
+    /* of each picture: sums of values and of their squares */
+    double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES];
     double cells[GRID * GRID];
 };
 
@@ -92,7 +93,8 @@ static void draw(const struct endless *e, GRand *random, float ret[2]) {
     }
 }
 
-/* again means that the centre already has a place, which it may keep. */
+/* Puts centre k at the best of TRIES random positions. again means that the centre already has a
+ * position, which it may keep. */
 static void place_centre(struct endless_choice *c, int k, gboolean again, GRand *random) {
     float *centre = c->endless->centres[k];
     double least = G_MAXDOUBLE;
@@ -177,7 +179,7 @@ static guint32 hash(guint32 x, guint32 y) {
     return x ^ (x >> 16);
 }
 
-/* Returns the largest multiple of b that is not above a, divided by b. */
+/* Returns ⌊a / b⌋, b > 0. */
 static int turns(int a, int b) {
     return (a >= 0 ? a : a - b + 1) / b;
 }

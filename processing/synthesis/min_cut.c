@@ -7,7 +7,7 @@ struct min_cut {
     const float *costs, *turns;
     int length, width;
     float *sums;   /* length × width */
-    gint8 *before; /* the column from which each is reached: −1, 0, +1 */
+    gint8 *before; /* −1, 0 or +1: from which column of the row before each column is reached */
 };
 
 static float min_cut_step(const struct min_cut *c, int row, int from, int to) {

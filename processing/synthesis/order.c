@@ -25,7 +25,7 @@ static double order_of(const struct order_sums *sums) {
     return scale > 0 ? sums->product / scale : 0;
 }
 
-/* Returns ρ of the sample. dy is not negative. */
+/* Returns the autocorrelation ρ (order.h) of the sample at the lag (dx, dy), dy ≥ 0. */
 static double sample(const struct texel_features *f, int dx, int dy) {
     struct order_sums sums = {0};
     for (int y = 0; y + dy < f->height; y++)
@@ -41,7 +41,7 @@ static const float *in_map(const struct texel_features *f, const struct index_ma
     return texel_features_at(f, s[0], s[1]);
 }
 
-/* Returns ρ of a map, from the places that were drawn. */
+/* Returns the autocorrelation ρ (order.h) of a map at the lag (dx, dy), from DRAWN places. */
 static double order_map(const struct texel_features *f, const struct index_map *map,
                         const int *places, int dx, int dy) {
     struct order_sums sums = {0};

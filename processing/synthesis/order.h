@@ -23,6 +23,6 @@ struct order_seams {
     /* numbers of pairs of neighbours in the map that are not neighbours in the sample, and of all
      * pairs */
     int seams, pairs;
-    double seam, inside; /* RMS distances of these, and of all neighbours in the sample */
+    double seam, inside; /* RMS distance over the seams, and over all neighbours in the sample */
 };
 struct order_seams order_seams(const struct texel_features *features, const struct index_map *map);

@@ -69,7 +69,7 @@ static void quilt_gather(struct quilt *quilt) {
     int n_filled = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++)
         n_filled += quilt->filled[quilt_at(quilt, k % quilt->block, k / quilt->block)];
-    /* An odd step that does not divide the side meets all columns and rows. */
+    /* The step is odd, so that it meets all columns and rows unless it divides the side. */
     int step = MAX(1, n_filled / COMPARED) | 1, seen = 0;
     quilt->n_compared = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++) {
@@ -84,7 +84,8 @@ static void quilt_gather(struct quilt *quilt) {
     }
 }
 
-/* Chooses a block that fits, and returns its first texel in the sample. */
+/* Draws one of the blocks that fit. ret is its first texel in the sample. Returns FALSE when
+ * cancelled. */
 static gboolean quilt_choose(struct quilt *quilt, GRand *random, const struct work *work,
                              int ret[2], GError **error) {
     const int n = quilt->columns * quilt->rows;

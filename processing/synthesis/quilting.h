@@ -8,8 +8,8 @@
 #include "texel_features.h"
 
 /* Returns the side of the blocks, in texels: 1.5 times the sample's period if it has one, otherwise
- * 3/8 of its shorter side. The side is limited to between a quarter and a half of the shorter
- * side. */
+ * 3/8 of its shorter side. The side is limited to between a quarter and a half of the shorter side,
+ * but is at least 8 texels if the sample has so many. */
 int quilting_block(const struct texel_features *features);
 
 /* Fills level 0 of the map. The map and the features must have the same sample. block is the result

@@ -43,8 +43,8 @@ struct index_map *synthesis_of_features(const struct texel_features *features,
                                         const struct work *work, struct synthesis_result *ret,
                                         GError **error);
 
-/* The same from a session. The session must have a BTF. Its MDF is used if it has one. memory is as
- * in btf_matrix_read_within(). DATA_ERROR_INVALID names the option that is out of range. */
+/* Synthesises a map from the BTF of a session, and from its MDF if it has one. memory is as in
+ * btf_matrix_read_within(). DATA_ERROR_INVALID names the option that is out of range. */
 struct index_map *synthesis_of_session(const char *path, gint64 memory,
                                        const struct synthesis_options *options,
                                        const struct work *work, struct synthesis_result *ret,

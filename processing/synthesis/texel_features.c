@@ -17,7 +17,7 @@
 /* The matrix A in blocks of columns: one block for each view of the BTF, and one for the MDF. */
 struct columns {
     const struct btf_matrix *btf;
-    int n_texels, n_views, a_view; /* columns of a view */
+    int n_texels, n_views, a_view; /* a_view: number of columns of a view */
     /* n_texels × n_depths, scaled, means removed; NULL if there are none */
     float *depths;
     int n_depths;
@@ -141,8 +141,9 @@ static void columns_transposed(int block, gpointer data) {
     }
 }
 
-/* Subtracts the mean of each view from the depths, and scales them. Returns the sum of their
- * squares. */
+/* Subtracts the mean of each view from the depths, and scales them relative to the BTF, whose sum
+ * of squares is squares. Returns the sum of squares of the scaled depths. If either sum is 0,
+ * returns 0, and there are no depths. */
 static double columns_take_depths(struct columns *c, const struct mdf_table *mdf, double squares) {
     const gsize n = (gsize)c->n_texels;
     double sum = 0;

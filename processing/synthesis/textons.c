@@ -8,9 +8,9 @@
 #define MEANS_STEPS 12
 #define REACH       2 /* extent of a neighbourhood in each direction */
 #define SIDE        (2 * REACH + 1)
-/* number of texels of a similar neighbourhood that are candidates in addition to each texel */
+/* number of further candidates for each candidate: texels with the most similar neighbourhoods */
 #define SIMILAR 4
-/* number of textons that are searched for these, in addition to the texel's own */
+/* number of textons that are searched for similar texels, in addition to the texel's own */
 #define COUSINS 3
 #define PASSES  3 /* number of passes over a level that is complete */
 #define LEVELS  4 /* maximum number of levels */
@@ -20,7 +20,7 @@
 
 struct texton_level {
     const struct texel_features *sample;
-    int step; /* texels of the sample at a place: 2^level */
+    int step; /* side of a place in texels of the sample, 2^level */
     int n_textons;
     guint16 *textons; /* for each texel of the sample */
     float *squares;   /* n_textons × n_textons: distances of centres */
@@ -76,7 +76,8 @@ static void texton_start(const struct texton_level *level, const struct texel_fe
     }
 }
 
-/* k-means of the averaged features, then the distances of its centres. */
+/* Clusters the averaged features into textons by k-means. Then computes the squared distances of
+ * the centres, and their mean over pairs of texels (outside). */
 static void texton_cluster(struct texton_level *level, const struct texel_features *values,
                            GRand *random) {
     const gsize n = (gsize)values->n, textons = (gsize)level->n_textons;
@@ -119,7 +120,8 @@ static float texton_square(const struct texton_level *level, int x, int y, int o
     return level->squares[a * (gsize)level->n_textons + b];
 }
 
-/* Returns the difference between two neighbourhoods of the sample, up to a limit. */
+/* Returns the difference between two neighbourhoods of the sample. Stops adding when the difference
+ * has reached `most`. */
 static float texton_unlike(const struct texton_level *level, const int a[2], const int b[2],
                            float most) {
     float sum = 0;
@@ -135,7 +137,8 @@ static float texton_unlike(const struct texton_level *level, const int a[2], con
     return sum;
 }
 
-/* Keeps the SIMILAR smallest differences. */
+/* Inserts a texel into the list of the SIMILAR texels with the smallest differences, if its
+ * difference is small enough. */
 static void texton_insert(int *similar, float *least, int index, float unlike) {
     int at = SIMILAR;
     for (; at > 0 && unlike < least[at - 1]; at--)
@@ -229,7 +232,8 @@ static float texton_cost(const struct texton_level *level, const struct texton_p
     return sum;
 }
 
-/* Chooses the best candidate of a place. */
+/* Gives the candidate of a place with the least cost, or a random texel if there is no
+ * candidate. */
 static void texton_choose(const struct texton_level *level, const struct texton_picture *picture,
                           int px, int py, GRand *random, int ret[2]) {
     const int width = level->sample->width;

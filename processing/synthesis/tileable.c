@@ -23,7 +23,8 @@ struct tileable {
 
 struct tileable_cut {
     int period, overlap;
-    /* length values of 1 … overlap − 1: the column at which the picture before the seam ends */
+    /* length values of 1 … overlap − 1: number of columns of the overlap that show the end of the
+     * sample */
     int *path;
 };
 
@@ -31,7 +32,7 @@ static const guint16 *place(const struct tileable *t, int across, int along) {
     return t->places + 2 * ((gsize)across * (gsize)t->length + (gsize)along);
 }
 
-/* Returns the distance of the texels at two places. */
+/* Returns the squared distance of the features at two places. */
 static float square(const struct tileable *t, int across, int along, int other_across,
                     int other_along) {
     const guint16 *a = place(t, across, along);
@@ -46,12 +47,14 @@ static float mismatch(const struct tileable *t, int period, int c, int along) {
                    square(t, c + period, along, c, along));
 }
 
-/* A cut before column c means that the picture that begins one period later ends at c − 1. */
+/* Returns the cost of a cut before column c. The picture that begins one period later then ends at
+ * c − 1. */
 static float cut_cost(const struct tileable *t, int period, int c, int along) {
     return square(t, c - 1 + period, along, c, along) + mismatch(t, period, c, along);
 }
 
-/* Returns the mean mismatch along the path. */
+/* Finds the path of the least cost for a period and an overlap. Returns the mean mismatch along the
+ * path. */
 static float cut_at(const struct tileable *t, int period, int overlap, int *ret_path) {
     const int width = overlap - 1;
     const gsize n = (gsize)width * (gsize)t->length;
@@ -82,7 +85,7 @@ static float inside(const struct tileable *t) {
     return (float)(sum / ((double)(t->across - 1) * t->length));
 }
 
-/* Chooses the best period and its path. */
+/* Chooses the period as tileable.h says, and finds its path. */
 static struct tileable_cut choose(const struct tileable *t) {
     const int first = (t->across + 1) / 2, last = t->across - LEAST;
     g_autofree float *costs = g_new0(float, last - first + 1);
@@ -102,7 +105,7 @@ static struct tileable_cut choose(const struct tileable *t) {
     return cut;
 }
 
-/* Writes one period: across × length places, in the order of t. */
+/* Returns one period: cut->period × length places, in the order of t. g_free() */
 static guint16 *lay(const struct tileable *t, const struct tileable_cut *cut) {
     guint16 *to = g_new0(guint16, 2 * (gsize)cut->period * (gsize)t->length);
     for (int across = 0; across < cut->period; across++)

@@ -9,8 +9,8 @@
 
 /* Makes the part. The period is also chosen, in each dimension from half of the sample on. The
  * function chooses the longest period at whose cut the two pictures differ by at most 1.1 times the
- * minimum, or by a hundredth of the neighbours' mean square distance more. A material that has a
- * period gets a multiple of it.
+ * minimum plus a hundredth of the neighbours' mean square distance. A material that has a period
+ * gets a multiple of it.
  *
  * The cost of a cut between two columns is its visible effect: the step between the two texels that
  * become neighbours, plus half of the difference of both overlapping pictures there (Kwatra et al.
