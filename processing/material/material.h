@@ -97,10 +97,10 @@ int mesorig_material_evaluate(const mesorig_material *material, size_t n, const 
 /* The point where a ray meets the surface. The ray enters the reference plane at (u, v) and
  * continues along −view. */
 struct mesorig_hit {
-    /* 0 if the ray does not meet the surface, because its view is not above the horizon; all other
-     * members are then 0 */
+    /* 0 if the view is not above the horizon or an argument is not finite; all other members are
+     * then 0. Otherwise 1 */
     int hit;
-    /* along the ray, from the reference plane, which is above the whole surface */
+    /* along the ray from the reference plane, which is above the whole surface, to the point */
     float distance_mm;
     float uv[2];     /* of the point of the reference plane vertically above it; not wrapped */
     float normal[3]; /* of the surface at that point, as seen in this view */

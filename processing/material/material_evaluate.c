@@ -17,15 +17,15 @@ static int wrap(double i, int n) {
     return rest < 0 ? rest + n : rest;
 }
 
-/* ∫ of the tent max(0, 1 − |t|) from −∞ to t. */
+/* Returns the integral of the tent max(0, 1 − |t|) from −∞ to t. */
 static double tent(double t) {
     t = CLAMP(t, -1, 1);
     return t < 0 ? 0.5 * (t + 1) * (t + 1) : 1 - 0.5 * (1 - t) * (1 - t);
 }
 
 /* Gives the weights for the mean of the linear interpolant over at − width/2 … at + width/2, where
- * texel i has its centre at i + ½. If that is wider than ACROSS texels, ACROSS evenly spaced texels
- * count. A width larger than the tile counts as the whole tile. */
+ * texel i has its centre at i + ½. If the range is wider than ACROSS texels, ACROSS evenly spaced
+ * texels count. A width larger than the tile counts as the whole tile. */
 static void axis_find(double at, double width, int n, struct material_axis *ret) {
     ret->n = 0;
     width = MIN(width, n);

@@ -106,7 +106,8 @@ static gboolean material_read(mesorig_material *m, const char *path, GError **er
     return FALSE;
 }
 
-/* path and mdf are files, or path is a BTF. */
+/* Makes a material from a file or from the folder of a BTF. mdf is a file, or NULL for no
+ * relief. */
 static mesorig_material *new_from(const char *path, const char *mdf, GError **error) {
     mesorig_material *m = g_new0(mesorig_material, 1);
     pthread_mutex_init(&m->sampling_lock, NULL);

@@ -48,8 +48,8 @@ static int wrap(double i, int n) {
     return rest < 0 ? rest + n : rest;
 }
 
-/* Interpolates between four texels at fractions (p, q), with depths a b / c d:
- *   value (1−q)((1−p)a + p b) + q((1−p)c + p d), ∂/∂p, ∂/∂q */
+/* Interpolates at the fractions (p, q) between four texels with depths a b / c d. Adds share times
+ * the depth (1−q)((1−p)a + p b) + q((1−p)c + p d), its ∂/∂p and its ∂/∂q to sum. */
 static void add(const float *depth, const gsize at[4], double p, double q, double share,
                 double sum[3]) {
     const double a = depth[at[0]], b = depth[at[1]], c = depth[at[2]], d = depth[at[3]];

@@ -12,8 +12,9 @@ void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 double material_relief_deepest_mm(const struct material_relief *relief);
 
 /* Returns the depth in mm below the reference plane at which a ray meets the surface. The ray
- * passes (u, v), in tiles, towards view, a unit vector above the horizon. ret_slope gives the
- * slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters. */
+ * enters the reference plane at (u, v), in tiles. view is the unit vector from there to the eye,
+ * above the horizon. ret_slope gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where
+ * the ray enters. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              const double view[3], double ret_slope[2]);
 

@@ -5,11 +5,11 @@
 #include <math.h>
 #include <string.h>
 
-/* The arguments with which a formula is evaluated: only a measured view. */
+/* The context of sample_evaluate(), which evaluates a model in one measured view. */
 struct sample_formula {
     const struct codec *codec;
     gconstpointer model;
-    const float *views; /* vectors */
+    const float *views; /* x, y, z of the unit vector of each measured view */
 };
 
 static void sample_evaluate(gconstpointer context, int view, int texel, const float light[3],
@@ -26,8 +26,8 @@ static void sample_evaluate(gconstpointer context, int view, int texel, const fl
     formula->codec->evaluate(formula->model, &query, &(struct codec_texels){1, &texel, &one}, ret);
 }
 
-/* A table contributes nothing if no measured light is given. A formula evaluates the light
- * itself. */
+/* Returns whether the model is a formula, which evaluates the direction of the light itself. A
+ * table of values gives 0 here, because sample_evaluate() names no measured lights. */
 static gboolean sample_is_formula(const struct sample_formula *formula,
                                   const struct btf_layout *layout) {
     const gsize n = btf_layout_texels(layout);
@@ -83,7 +83,7 @@ static gboolean finite_numbers(const float *values, int n) {
     return TRUE;
 }
 
-/* Returns FALSE for a vector without a direction. */
+/* Normalises a vector. Returns FALSE if it has no length or is not finite. */
 static gboolean normalised(const float from[3], float ret[3]) {
     const double length =
         sqrt((double)from[0] * (double)from[0] + (double)from[1] * (double)from[1] +

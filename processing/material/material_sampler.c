@@ -8,18 +8,18 @@
 #define CELLS    MATERIAL_SAMPLER_CELLS
 #define CLUSTERS 8
 #define PAIRS    48  /* number of pairs of view and light by which texels are compared */
-#define ROUNDS   8   /* of k-means */
-#define COSINE   0.1 /* C and U of the header */
+#define ROUNDS   8   /* number of rounds of k-means */
+#define COSINE   0.1 /* C of the header; EVEN is U */
 #define EVEN     0.05
 /* maximum size of the grid of texels that are examined, in each dimension */
 #define MOST 64
-/* maximum number of values that are reconstructed for all of them */
+/* maximum number of pairs of texel, view and light that are examined */
 #define BUDGET ((gsize)64 << 20)
 /* number of points of a cell that are examined, in each dimension */
 #define INSIDE 2
 #define PICKED 4 /* number of texels that represent a cluster if a model has a formula */
 
-/* Cumulative sums: of the rows, and of the cells in each row. */
+/* Cumulative sums, scaled to 1: of the rows, and of the cells in each row. */
 struct table {
     float rows[CELLS + 1], cells[CELLS][CELLS + 1];
 };
@@ -27,8 +27,8 @@ struct table {
 struct MaterialSampler {
     int width, height; /* of the grid of texels */
     guint8 *cluster;   /* for each texel of the grid */
-    int n_clusters;    /* the table of all texels comes after theirs */
-    /* the mean of the views around the pole is one more, with the index n_views */
+    int n_clusters;    /* the table of all texels comes after the tables of the clusters */
+    /* number of measured views; the mean of the views around the pole has the index n_views */
     int n_views;
     int n_grid; /* as in the source */
     const Directions *views;
@@ -60,7 +60,7 @@ static void sampler_to_disc(double u, double v, double ret[2]) {
     ret[1] = r * sin(turn);
 }
 
-/* The inverse: gives the cell of a point of the disc. */
+/* Gives the cell of the point of [0, 1]² that sampler_to_disc() maps to (x, y). */
 static void sampler_cell(double x, double y, int *ret_row, int *ret_cell) {
     const double r = hypot(x, y);
     double turn = atan2(y, x), a, b;
@@ -144,8 +144,8 @@ static double luminance_at(const struct making *m, gsize view, gsize light) {
     return value > 0.0 ? value : 0.0; /* also where it is not a number */
 }
 
-/* Takes the values of fixed pairs, divided by their sum, because the brightness of a texel does not
- * matter. */
+/* Gives the luminances of fixed pairs of view and light, divided by their sum, because the
+ * brightness of a texel does not matter. */
 static void sampler_take_shape(const struct making *m, float *ret) {
     const gsize n = m->n_views * m->n_lights;
     double sum = 1e-12;
@@ -184,7 +184,7 @@ static void sampler_choose_centres(const struct making *m, int n, float (*centre
     }
 }
 
-/* k-means. */
+/* Sets the cluster of each texel of the grid by k-means. */
 static void sampler_group(const struct making *m) {
     MaterialSampler *s = m->sampler;
     const int n = s->width * s->height;
@@ -227,7 +227,8 @@ static void sampler_add(const struct making *m, int at) {
         }
 }
 
-/* The measured lights from which a point of a cell is interpolated, with weights of value / z. */
+/* The measured lights between which a point of a cell is interpolated. factor is directions_fade()
+ * of the point (1 for a grid) over its z. */
 struct cell_point {
     struct direction_weights lights;
     double factor;
@@ -269,8 +270,8 @@ static void sampler_pick(struct making *m) {
     }
 }
 
-/* Returns ∫ value dω over a cell, except for a constant factor, from the value at its centre. view
- * is a measured view. */
+/* Returns ∫ value dω over a cell, except for a constant factor, from the values of the cluster's
+ * picked texels at the cell's centre. view is a measured view. */
 static double sampler_formula(const struct making *m, int cluster, int view, int row, int cell) {
     double disc[2], sum = 0.0;
     sampler_to_disc((cell + 0.5) / CELLS, (row + 0.5) / CELLS, disc);

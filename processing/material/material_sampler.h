@@ -15,7 +15,8 @@
  * values do.
  *
  * Texels are clustered by the shape of their reflectance (k-means over fixed pairs of measured view
- * and light). A footprint wider than 1.5 texels uses the table of all texels. */
+ * and light). A footprint wider than 1.5 steps between the texels that were examined uses the table
+ * of all texels. */
 #pragma once
 
 #include "btf/direction_grid.h"
