@@ -22,7 +22,7 @@
 
 struct pixel {
     guint32 index;
-    struct vec3 at_mm;  /* where its ray meets the reference plane, rig frame */
+    struct vec3 at_mm;  /* point where the pixel's ray meets the reference plane, rig frame */
     struct vec3 per_mm; /* derivative of at_mm with respect to the plane's height */
 };
 
@@ -156,7 +156,7 @@ struct search {
     struct candidate *candidates;
     int n, n_frames, *first;
     double *middle; /* of each frame: robust mean of off; NAN if there are too few candidates */
-    double *error;  /* its standard error */
+    double *error;  /* standard error of middle, rad */
     double scale;   /* robust standard deviation of a pixel's residual, rad */
     double per_mm;  /* rad per mm: mean derivative of off with respect to the plane's height */
     double range_mm;

@@ -17,7 +17,7 @@
 struct laser_reference {
     double plane_mm, plane_error_mm; /* height above the turntable, and its standard error */
     double hole_mm[2]; /* size in x and y of the box about the origin that holds the sample */
-    /* height of the top of that box above the turntable; points that the box hides are not used */
+    /* height of the top of the box above the turntable; points that the box hides are not used */
     double top_mm;
     double radius_mm; /* radius at which the face ends; 0 if there is no face */
 };
@@ -63,16 +63,17 @@ struct laser_sweep {
 
 struct laser_lines {
     int n_frames;
-    float *turn_rad;  /* of each frame, added to the sweep's angle; NULL if no line was found */
-    double roll_rad;  /* roll of the sheets of all frames about the beam, left-handed */
-    struct vec3 beam; /* unit, from the source */
+    float *turn_rad; /* of each frame, added to the sweep's angle; NULL if no line was found */
+    double roll_rad; /* roll of the sheets of all frames about the beam, left-handed */
+    /* unit vector from the source towards the origin, perpendicular to the sweep's axis */
+    struct vec3 beam;
     struct vec3 source_mm;
     /* Measured from the lines only, without the calibration: */
-    int pixels, frames;                  /* pixels on lines, frames with a line */
+    int pixels, frames;                  /* numbers of pixels on lines and of frames with a line */
     double offset_rad, offset_error_rad; /* mean of turn over the sweep, and its standard error */
     double roll_seen_rad, roll_error_rad;
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
-    int frames_off;    /* frames whose level contradicts the calibration */
+    int frames_off;    /* number of frames whose level contradicts the calibration */
     /* whether offset, roll, or more than a quarter of the frames contradict the calibration */
     gboolean disagrees;
 };

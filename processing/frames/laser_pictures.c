@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* standard deviation of the filter; it joins the four pixels of a colour filter's period */
+/* standard deviation of the Gaussian, which joins the four pixels of a colour filter's period */
 #define SIGMA_PX 1.5
 #define REACH    4 /* pixels: half width of the filter */
 #define FEWEST   6 /* minimum number of candidates of a line */
@@ -24,7 +24,9 @@ struct LaserPictures {
      * plane, NAN outside of the region; along: tangent of the point's angle from the beam */
     double *angle, *along;
     float weights[REACH + 1];
-    float *turn, *roll, *candidates; /* of each frame; candidates is 0 if there is no line */
+    /* of each frame: deviation of the sheet's angle, roll, and number of candidates, which is 0 if
+     * there is no line */
+    float *turn, *roll, *candidates;
 };
 
 /* Sets angle and along of each pixel, and along_rows. */

@@ -57,7 +57,7 @@ struct footprint {
     int n;
 };
 
-/* Returns FALSE if any point lies outside of the picture. */
+/* Projects the sample points of a texel. Returns FALSE if any point lies outside of the picture. */
 static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
                               const struct session_grid *grid, int column, int row, int side,
                               struct footprint *ret) {
@@ -79,7 +79,7 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
 struct weights {
     float *sum;
     gboolean *touched;
-    GArray *pixels; /* guint32 */
+    GArray *pixels; /* of guint32 */
 };
 
 static void add_weight(struct weights *weights, guint32 pixel, float weight) {
@@ -447,9 +447,9 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->vary = rectify_find_vary(rectify, rectify->ratio);
 }
 
-/* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others in the
- * texel's surround. The excess is the measured colour of the surround over the colour that the
- * guide's ratios predict. It corrects the guide where the light of this frame differs: for
+/* Computes value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others
+ * in the texel's surround. The excess is the measured colour of the surround over the colour that
+ * the guide's ratios predict. It corrects the guide where the light of this frame differs: for
  * example, gloss is white even on blue cloth. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
@@ -467,7 +467,7 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
     }
 }
 
-/* value = gain_c · Σ w·m over the texel's area, for a plane of "rgb" that is padded like a
+/* Computes value = gain_c · Σ w·m over the texel's area, for a plane of "rgb" that is padded like a
  * mosaic. */
 static void apply_plane(const Rectify *rectify, const float *padded, gsize c, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++) {

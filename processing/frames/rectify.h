@@ -27,9 +27,9 @@ typedef struct Rectify Rectify;
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
-/* The same as rectify_new() for a list of n_texels texels (row · width + column), in the order
- * of the list. If the list is NULL, all texels of the grid are used. Not for rectify_errors(),
- * which needs the neighbours of a texel in the grid. */
+/* Makes a rectification like rectify_new(), but for a list of n_texels texels (row · width +
+ * column), in the order of the list. If the list is NULL, all texels of the grid are used. With a
+ * list, rectify_errors() cannot be used, because it needs the neighbours of a texel in the grid. */
 Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                         const char *cfa, double turntable_rad, const struct session_grid *grid,
                         const int *texels, int n_texels, GError **error);

@@ -23,16 +23,16 @@ struct window {
 
 struct rows {
     struct window *window; /* one for each texel */
-    GArray *weight;        /* float; 0 outside of the footprint */
+    GArray *weight;        /* of float; 0 outside of the footprint */
 };
 
 struct Rectify {
     /* columns: texels per row; n_outside: texels outside of the picture */
     int n_texels, columns, n_outside;
-    int width, height; /* of the mosaic */
-    gsize stride;      /* of padded rows; windows may reach beyond the border */
+    int width, height; /* size of the mosaic */
+    gsize stride;      /* length of padded rows; windows may reach beyond the border */
     gsize n_pixels;
-    guint8 *colour;     /* of each pixel, as in demosaic.h */
+    guint8 *colour;     /* colour of each pixel, as in demosaic.h */
     int phase[4];       /* colours of the 2 × 2 filter cell, row by row */
     gboolean mono;      /* all pixels see the same: one colour, or all three (if planes is 3) */
     gsize planes;       /* planes of a frame: 1, or 3 for "rgb" */

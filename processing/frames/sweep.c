@@ -129,8 +129,8 @@ static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *da
     return (guint16)(value - *darkest);
 }
 
-/* The same as absorb_some() for GROUP vectors and TOGETHER frames. Returns FALSE, and changes
- * nothing, if any vector may be lit. */
+/* Updates the backgrounds like absorb_some(), for GROUP vectors and TOGETHER frames. Returns FALSE,
+ * and changes nothing, if any vector may be lit. */
 static inline __attribute__((always_inline)) gboolean
 absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -250,7 +250,7 @@ static void make_room(Sweep *sweep) {
             guint32 from = sweep->last[vector], *to = &sweep->last[vector];
             for (; from != NOTHING; from = sweep->records[from].previous) {
                 const struct record *record = &sweep->records[from];
-                /* whether it still exceeds the margin over the present background */
+                /* whether the record still exceeds the margin over the present background */
                 gboolean lit = FALSE;
                 for (gsize i = 0; i < LANES; i++)
                     lit |= record->value[i] - (int)sweep->darkest[vector * LANES + i] >
@@ -403,7 +403,7 @@ static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) 
     samples->full = sweep->ratio * full_of(shorter, i);
 }
 
-/* Writes one pixel of the results. */
+/* Writes pixel i of the results. pulse is NULL if there is none. */
 static void write_pulse(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse,
                         double threshold, const struct sweep_pulses *ret) {
     const gboolean is_line = pulse && pulse->height >= threshold && pulse->time >= 0;

@@ -42,7 +42,7 @@ struct sweep_pulses {
      * frame */
     float *peak;
     float *width;     /* standard deviation of the pulse in frames; may be NULL */
-    float *intensity; /* maximum above background in DN; of the longer of two exposures */
+    float *intensity; /* maximum above background, in DN of the longer of two exposures */
 };
 
 /* Writes each pixel's brightest pulse and its second brightest pulse (light that the surroundings
@@ -51,4 +51,4 @@ struct sweep_pulses {
 void sweep_finish(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                   const struct sweep_pulses *ret_second);
 
-gsize sweep_bytes(const Sweep *sweep); /* memory in use */
+gsize sweep_bytes(const Sweep *sweep); /* returns the memory in use */
