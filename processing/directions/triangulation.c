@@ -25,7 +25,7 @@ struct Triangulation {
     GArray *hull;
     /* A grid over the points: cell k has triangles covering[first[k] … first[k + 1] − 1], in
      * ascending order. */
-    int n_cells;            /* each way */
+    int n_cells;            /* number of cells along each axis */
     double low[2], cell[2]; /* lower corner of the grid, and size of a cell */
     int *first, *covering;
 };
@@ -100,7 +100,7 @@ static gboolean flip(Triangulation *t, guint k, int edge) {
     struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
     int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
     struct triangle *two = NULL;
-    int d = -1; /* its third corner */
+    int d = -1; /* third corner of the other triangle */
     for (guint i = 0; !two && i < t->triangles->len; i++)
         for (int e = 0; e < 3; e++) {
             struct triangle *other = &g_array_index(t->triangles, struct triangle, i);
@@ -189,7 +189,7 @@ static int compare_along(gconstpointer a, gconstpointer b, gpointer data) {
     return (ahead > 0.0) - (ahead < 0.0);
 }
 
-/* Returns whether all points are on a line, and then sorts them along it. */
+/* If all points are on a line, sorts them along the line and returns TRUE. */
 static gboolean triangulation_line(const double *points, int n, int *order) {
     struct along along = {points, 0.0, 0.0};
     double length = 0.0;
