@@ -18,11 +18,11 @@
 
 /* Flags of a texel: bits of a part's channel "mark". The channel exists if any texel has a flag. */
 enum btf_flag {
-    BTF_FLAG_SHORTER =
-        1, /* saturated in the longest exposure; taken from shorter ones, with more noise */
+    /* saturated in the longest exposure; taken from shorter exposures, with more noise */
+    BTF_FLAG_SHORTER = 1,
     BTF_FLAG_BOUND = 2, /* saturated in all exposures: the value is a lower bound */
-    BTF_FLAG_HOLE =
-        4, /* no finite value, or outside of the picture; the value is 0 and has no meaning */
+    /* no finite value, or outside of the picture; the value is 0 and has no meaning */
+    BTF_FLAG_HOLE = 4,
     BTF_FLAG_PREDICTED = 8, /* not captured: predicted from the lights around it */
 };
 
@@ -31,7 +31,7 @@ enum btf_flag {
 #define BTF_MAX_MISSING 0.1
 
 struct btf_light {
-    int index; /* of the light */
+    int index; /* index of the light */
     double theta_deg, phi_deg;
     const struct rig_arc *arc; /* borrowed, like the lamp */
     const struct rig_lamp *lamp;
@@ -39,15 +39,15 @@ struct btf_light {
     double arc_rad;
     double turntable_rad; /* angle in the middle of the exposure; for a missing light, the angle of
                              the view */
-    double output;        /* of the lamp in this shot, relative to its calibration */
-    double output_error;  /* its standard error; 0 if it was not measured in this shot */
+    double output;        /* output of the lamp in this shot, relative to its calibration */
+    double output_error;  /* standard error of output; 0 if output was not measured in this shot */
     gboolean missing;     /* the light was not captured; input is empty */
     gboolean left_out;    /* missing because it can be predicted; not counted in BTF_MAX_MISSING */
     struct input input;
 };
 
 struct btf_view {
-    int index; /* of the view */
+    int index; /* index of the view */
     double theta_deg, phi_deg;
     const struct rig_camera *camera;            /* borrowed, like radiometry and noise */
     const struct radiometry_camera *radiometry; /* may be unknown */
@@ -61,7 +61,7 @@ struct btf_view {
     /* missing lights, including lights that were left out; the other missing lights are at most
      * BTF_MAX_MISSING of all */
     int n_missing;
-    char *inputs; /* hash of all of the above */
+    char *inputs; /* hash of all members above */
 };
 
 void btf_view_free(struct btf_view *view); /* NULL is ignored */

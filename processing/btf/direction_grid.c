@@ -14,8 +14,8 @@
 #include <math.h>
 #include <string.h>
 
-#define LINEAR 4    /* 1, x, y, z */
-#define DENSE  3000 /* directions that sample the hemisphere evenly */
+#define LINEAR 4    /* number of linear terms: 1, x, y, z */
+#define DENSE  3000 /* number of directions that sample the hemisphere evenly */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
 /* Weight w of the measured directions relative to all others together. Many measured directions

@@ -15,7 +15,7 @@
           */
 #define MAX_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
 #define AROUND   20   /* maximum number of neighbours in the fit of a slope */
-#define TERMS    5    /* of a quadric without its constant */
+#define TERMS    5    /* number of terms of a quadric without its constant */
 #define RANK     0.02 /* smaller singular values, relative to the largest, count as 0 */
 #define ROUNDING 1e-9
 
@@ -41,7 +41,7 @@ struct DirectionMesh {
     struct slope *slopes; /* n */
 };
 
-/* Stereographic projection (x, y) / (1 + z). */
+/* Projects stereographically: (x, y) / (1 + z), with z ≥ 0. */
 void direction_mesh_point(struct vec3 direction, double ret[2]) {
     const double scale = 1 / (1 + MAX(direction.z, 0));
     ret[0] = direction.x * scale;

@@ -44,8 +44,8 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
 /* An interpolated value: Σ_k weight_k × (value_k + along_k · gradient_k) over three corners. */
 struct direction_share {
     int corner[3];
-    float weight[3], along[3][2]; /* in units of the plane */
-    gboolean clamped;             /* beyond the limit of extrapolation */
+    float weight[3], along[3][2]; /* along: in units of the plane */
+    gboolean clamped;             /* whether the direction is beyond the limit of extrapolation */
 };
 
 /* Computes the share of each corner. points (n × 2) are the mesh's directions as seen from this

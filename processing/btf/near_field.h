@@ -14,7 +14,7 @@
 
 struct near_field {
     struct session_grid grid;
-    struct direction_list views, lights; /* nominal */
+    struct direction_list views, lights; /* nominal directions */
     /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
      * because lamps move in this frame with the turntable. If the turntable turned during a
      * view's pictures, the position of the camera is the mean over them. Both are NULL if the
@@ -33,6 +33,6 @@ void near_field_free(struct near_field *near_field); /* NULL is ignored */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 
-/* The same functions for the centre of the sample. */
+/* Return the unit vectors from the centre of the sample to a camera and to a lamp. */
 struct vec3 near_field_view_centre(const struct near_field *near_field, int view);
 struct vec3 near_field_light_centre(const struct near_field *near_field, int view, int light);

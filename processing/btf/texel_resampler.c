@@ -152,22 +152,24 @@ struct texel_work {
     const struct resampler *r;
     int texel;
     struct vec3 *views;   /* n_views */
-    double *view_points;  /* × 2 */
+    double *view_points;  /* n_views × 2 */
     double *light_points; /* lights of one view: n_lights × 2 */
     int lights_of;        /* the view of light_points and light_shares; −1 if there is none */
-    struct direction_share *view_shares; /* for each target view */
-    struct direction_share
-        *light_shares; /* for each target light, in the measured lights of view lights_of */
-    struct direction_share *back_light_shares; /* for each measured light, in the target lights */
-    guint8 *
-        clamped; /* for each target light: whether it is beyond extrapolation, for the first view */
+    /* corners and weights of each target view among the measured views */
+    struct direction_share *view_shares;
+    /* those of each target light among the measured lights of the view lights_of */
+    struct direction_share *light_shares;
+    /* those of each of these measured lights among the target lights */
+    struct direction_share *back_light_shares;
+    /* whether each target light is beyond the limit of extrapolation in the first view */
+    guint8 *clamped;
     float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
     guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
     float *between; /* n_views × target lights × lanes */
     float *slopes;  /* gradients; twice the size of the largest array */
 };
 
-/* ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
+/* Computes ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
 static void combine(const struct direction_share *share, const float *values, const float *slopes,
                     int row, float *ret) {
     const float *f[3], *x[3], *y[3];

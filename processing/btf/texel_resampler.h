@@ -42,21 +42,24 @@ void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Sums over texels of squared differences and of squared values (…_norm), over R, G, B together. */
-/* for a measured view: round trip (back), and leave-one-out of views and lights (left) */
+/* Sums over texels for a measured view: squared differences and squared values (…_norm), R, G, B
+ * together, of the round trip (back) and of the leave-one-out tests of views and lights (left). */
 struct resampler_from {
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
-/* for a target view: sum and maximum over texels of the angle to the nearest measured view, squared
- * error of uncorrected values and its norm, and sum of the shares of values beyond extrapolation */
+/* Sums over texels for a target view: the angle to the nearest measured view (moved) and its
+ * maximum, the squared differences of uncorrected values from the result (nominal), the squared
+ * values of the result (norm), and the share of values beyond the limit of extrapolation. */
 struct resampler_to {
     double moved_deg, max_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
     struct resampler_from *from;
     struct resampler_to *to;
+    /* mean over the targets of the angle to the nearest measured light, summed over texels, and the
+     * maximum angle */
     double light_moved_deg, light_most_moved_deg;
-    int texels, sampled;
+    int texels, sampled; /* number of texels, and number of texels in the leave-one-out test */
 };
 struct resampler_sums *resampler_sums_new(const struct resampler *resampler);
 void resampler_sums_free(struct resampler_sums *sums); /* NULL is ignored */
