@@ -25,12 +25,13 @@
 #define BELOW      10
 #define SEEN_SHARE 0.75f /* minimum share of the pixels around a texel that see the line */
 #define LIVE_SHARE 0.25  /* minimum peaks of a live phase, relative to the best phase */
-/* relative to the brightest line at a texel; a line of this height has half weight */
+/* height of a line, relative to the brightest one at a texel, that halves its weight */
 #define FAINT        0.5
 #define CONFIRM      2    /* number of neighbouring texels that must have the same distance */
 #define CLOSE        0.2f /* share of agreement_mm; closer distances are on one surface */
 #define MIN_TEXEL_PX 0.1  /* px; lower bound of the size of a texel, for the errors */
-#define HIDDEN_REACH 2    /* of mdf_shown(); chosen: docs/lab/accuracy.md */
+/* reach of mdf_shown(), in reaches of the interpolation; see docs/lab/accuracy.md */
+#define HIDDEN_REACH 2
 /* minimum number of sweeps for add_hidden_errors(); shadows of fewer sweeps say too little */
 #define HIDDEN_SWEEPS 8
 /* from this number of sweeps on, a single sweep is not believed against others */
@@ -45,7 +46,7 @@
 
 /* The data that a sweep has of a texel. */
 struct seen {
-    float mm, dn; /* mm < 0 if it saw nothing */
+    float mm, dn; /* mm < 0 if the sweep saw nothing */
     float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };
@@ -85,7 +86,7 @@ struct MdfView {
     double sight[2][2];
     double texel_mm;
     double texel_px[2]; /* pixels from one texel to the next, along rows and columns */
-    int spacing_px;     /* of pixels that see the laser */
+    int spacing_px;     /* spacing of the pixels that see the laser */
 };
 
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,

@@ -5,7 +5,7 @@
 #define MDF_BENDS 4
 
 struct mdf_candidate {
-    float mm, dn; /* distance; height of the pulse in DN */
+    float mm, dn; /* distance in mm; height of the pulse in DN */
     float shown;  /* share of the pixels around the texel that saw a line */
     /* bends over one spacing of the pixels that see the laser, along x and y, then over two
      * spacings, see mdf_errors.h; NAN if unknown */
@@ -18,16 +18,17 @@ struct mdf_candidate {
 
 /* Data of merged sweeps from which the error of their mean follows, see mdf_errors.h. */
 struct mdf_spread {
-    int n;                     /* number of sweeps */
-    double frames2, freedom;   /* u and ν; ν is 0 if there are fewer than two sweeps */
-    double unit_mm2;           /* V */
-    double hidden;             /* h */
+    int n; /* number of sweeps */
+    /* u and ν of mdf_errors.h; ν is 0 if there are fewer than two sweeps */
+    double frames2, freedom;
+    double unit_mm2;           /* V of mdf_errors.h */
+    double hidden;             /* h of mdf_errors.h */
     double bend_mm[MDF_BENDS]; /* mean bends of the sweeps; NAN if unknown */
     double noise_mm2[MDF_BENDS];
 };
 
 struct mdf_merged {
-    float mm; /* −1 if unknown */
+    float mm; /* distance; −1 if unknown */
     int n;    /* number of sweeps averaged */
     struct mdf_spread spread;
 };

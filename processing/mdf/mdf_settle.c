@@ -19,14 +19,14 @@
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
-    float column, row, mm; /* mm < 0 if it is not visible */
+    float column, row, mm; /* mm < 0 if the point is not visible */
 };
 
 struct settling {
     const struct mdf_eye *views;
     int n, view;
     const struct mdf_plane *plane;
-    gboolean *open;   /* n_texels: whether its own measurement is missing or refuted */
+    gboolean *open;   /* n_texels: whether the view's own measurement is missing or refuted */
     float *predicted; /* asked views × n_texels; INFINITY if there is no prediction */
     struct seen *seen;
     float *front;

@@ -25,7 +25,7 @@
 #define MOST          10.0 /* σ per texel at the value 255 */
 #define LINEAR_ROUNDS 10
 #define POWER_ROUNDS  4
-#define STEP          0.5  /* in voxels */
+#define STEP          0.5  /* step along a ray, in voxels */
 #define MIN_LENGTH    1e-3 /* in texels; voxels with a smaller length of rays in them are opaque */
 #define MIN_VALUE     1e-3 /* smallest g, so that it can grow again */
 

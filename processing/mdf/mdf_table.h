@@ -11,7 +11,7 @@ enum mdf_table_error {
     MDF_TABLE_ERROR_FORMAT, /* parts are missing, differ in size, or have no distances */
 };
 
-#define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum over all views together */
+#define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum number of texels of all views together */
 
 struct mdf_table {
     int width, height, n_views;
@@ -20,8 +20,8 @@ struct mdf_table {
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
     double deepest_mm;
-    /* the same shape: whether a laser saw the texel, or the view was traced; NULL means that all
-     * were */
+    /* in the shape of depth_mm: whether a laser saw the texel, or the view was traced; NULL means
+     * TRUE for all */
     guint8 *seen;
 };
 

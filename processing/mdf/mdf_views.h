@@ -63,11 +63,12 @@ void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct
 
 struct mdf_views_sums {
     int n_views;
-    gint64 texels, seen; /* of all views */
+    gint64 texels, seen; /* number of texels of all views, and number of texels with a distance */
     gint64 confirmed;    /* confirmed by at least one other view, and not refuted */
     /* unknown: seen, but no other view confirms or denies them */
     gint64 refuted, unknown;
-    gint64 above;        /* unknown in their view; the laser shows them above the reference plane */
+    /* texels without a distance whose surface the laser shows above the reference plane */
+    gint64 above;
     double denied_share; /* share of denials among all answers of other views */
     struct mdf_lines lines;
 };

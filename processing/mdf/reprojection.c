@@ -18,9 +18,9 @@
 /* in texels, divided by the cosine of the view's polar angle: neighbours with a larger step in
  * distance are on different surfaces */
 #define ONE_SURFACE 0.75
-/* The same limit for texels whose values are mixed. It is larger, because a value belongs to the
- * whole area of a texel. At a step, a mix of two values is then nearer to the truth than one of
- * them. */
+/* The limit that corresponds to ONE_SURFACE for texels whose values are mixed. ONE_COLOUR is
+ * larger, because a value belongs to the whole area of a texel. At a step, a mix of two values is
+ * then nearer to the truth than one of them. */
 #define ONE_COLOUR 1.6
 #define CUBIC      (-0.6F) /* parameter of Keys' kernel */
 #define HALVINGS   6       /* number of times that STEP is halved when the surface is within it */

@@ -49,7 +49,7 @@
 #define REPROJECTION_MAX_TAPS  (REPROJECTION_VIEW_TAPS * REPROJECTION_MAX_VIEWS)
 
 struct reprojection_view { /* a measured view */
-    double centre_mm[3];   /* position of its camera, sample frame */
+    double centre_mm[3];   /* position of the camera, sample frame */
     const float *distance; /* n_texels, mm; −1 if not known */
     /* standard errors of the distances, n_texels; −1 if not known; NULL if none is known */
     const float *error_mm;
