@@ -8,7 +8,8 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* sine of the angle between ray and sheet, below which the depth is noise, as in mdf.c */
 #define MIN_SINE 0.03
-/* share of the peaks in the best phase of the colour filter, as in mdf.c */
+/* minimum number of peaks in a live phase of the colour filter, relative to the best phase, as in
+ * mdf.c */
 #define LIVE_SHARE 0.25
 /* Distances of two sweeps agree if they differ by at most TEXEL_SHARE of a texel, or by at most
  * FRAME_SHARE of the depth that corresponds to one frame of a sweep. */
@@ -32,7 +33,7 @@ struct seen {
 };
 
 struct CoverageView {
-    struct rig *rig; /* as the sample sees it: rig_at() */
+    struct rig *rig; /* the rig as the sample sees it (rig_at()) */
     int camera;
     struct session_grid grid;
     struct vec3 centre_mm;
@@ -40,7 +41,8 @@ struct CoverageView {
     GArray *samples; /* of struct sample */
     /* of guint64: for each texel that is not known, the sweeps that saw something there */
     GArray *open;
-    struct seen *seen[COVERAGE_MAX_SWEEPS]; /* for each sample; NULL if not added */
+    /* of each sweep: one for each sample; NULL if the sweep was not added */
+    struct seen *seen[COVERAGE_MAX_SWEEPS];
     double frame_mm[COVERAGE_MAX_SWEEPS];
 };
 

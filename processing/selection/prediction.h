@@ -97,7 +97,8 @@ struct prediction_shot {
 };
 struct prediction_choice {
     int shot;
-    double error_before, error_after; /* as prediction_error() */
+    /* expected errors without and with the shot, as of prediction_error() */
+    double error_before, error_after;
 };
 
 /* Chooses up to most shots, one at a time. Each time, it chooses the shot whose pairs, given all

@@ -40,7 +40,7 @@ void prediction_mean(const double *x, double max_gloss, struct vec3 v, struct ve
 }
 
 struct prediction_mean_fit {
-    int n;              /* number of pairs and parts of the sample */
+    int n;              /* number of combinations of a pair and a cell */
     struct vec3 *v, *l; /* n */
     double *logarithms; /* n × 3, logarithms of the root mean squares */
 };
