@@ -31,13 +31,13 @@ struct along {
     const int *pole;                  /* the measured lights whose mean is the value at the pole */
     int n_pole;
     int n_texels;
-    struct mdf_result **mdf; /* of each new view */
+    struct mdf_result **mdf; /* MDF of each new view */
 
     /* The view that is being made. */
     int view;
-    struct reprojection_tap (*taps)[REPROJECTION_MAX_TAPS]; /* of each texel */
+    struct reprojection_tap (*taps)[REPROJECTION_MAX_TAPS]; /* taps of each texel */
     int *n_taps;
-    guint8 *marks;     /* of each texel */
+    guint8 *marks;     /* flags of each texel */
     const float *from; /* the measured view that is being added */
     gsize stride;
     int from_view;

@@ -9,7 +9,7 @@
 
 struct catalogue {
     struct calibration *known;
-    struct rig rig; /* from the calibration */
+    struct rig rig; /* rig of the calibration */
     /* turntable angle in degrees (double) → struct rig as the sample sees it there; empty if the
      * turntable does not wobble */
     GHashTable *rigs;
@@ -36,7 +36,7 @@ int catalogue_planned(const struct catalogue *catalogue);
 
 enum catalogue_state {
     CATALOGUE_READY,
-    CATALOGUE_WAITING,    /* planned frames are not taken yet */
+    CATALOGUE_WAITING,    /* frames are planned, but not taken yet */
     CATALOGUE_IMPOSSIBLE, /* the plan leaves out a necessary frame */
 };
 

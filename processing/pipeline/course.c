@@ -10,18 +10,19 @@
 
 struct course_task {
     struct time_left_task known;
-    gint state; /* written last by the thread that makes the task */
+    /* TIME_LEFT_WAITS, _RUNS or _MADE; written last by the thread that makes the task */
+    gint state;
     clockid_t clock;
-    double begun_s; /* on the clock of the thread */
+    double begun_s; /* CPU time of the thread when the task began */
 };
 
 struct Course {
     int n_threads;
-    gboolean rates_known, idle; /* idle: MESORIG_TIME_LEFT */
+    gboolean rates_known, idle; /* idle: whether MESORIG_TIME_LEFT is “idle” */
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
-    struct time_left_made made[TIME_LEFT_WORKS]; /* measured by this run */
+    struct time_left_made made[TIME_LEFT_WORKS]; /* work measured by this run */
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work of the present work after the views; −1 if none */
     double worked_s; /* CPU time of the process when the present work began */

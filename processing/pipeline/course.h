@@ -16,7 +16,8 @@ void course_free(Course *course);
 /* Sets the views to be made from now on, in the order in which threads take them. The array is
  * copied. Views that were made earlier still count as measured. */
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n);
-/* To be called in the thread that makes the task. task is its index in that order. */
+/* Report that a task begins or has ended. Call these functions in the thread that makes the task.
+ * task is the index of the task in course_set_tasks(). */
 void course_task_begin(Course *course, int task);
 void course_task_end(Course *course, int task);
 

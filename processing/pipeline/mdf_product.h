@@ -6,20 +6,21 @@
 #include "mdf/mdf_lines.h"
 
 struct mdf_result {
-    char *inputs; /* hash of its inputs */
+    char *inputs; /* hash of the view's inputs */
     int index;    /* index of the view */
     double theta_deg, phi_deg;
-    double centre_mm[3]; /* of the camera, in the sample frame */
+    double centre_mm[3]; /* position of the camera in the sample frame */
     /* hash of all views from which D and P were set; empty if they are not set */
     char *agreed;
     float *planes[6]; /* D, M, N, O, P, S of each texel: pipeline.h */
     struct mdf_lines lines;
-    int above; /* mdf_view_above() */
+    int above; /* number of texels from mdf_view_above() */
 };
 
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 
-/* Any thread. */
+/* Makes the MDF of a view. D and P are those of this view alone (mdf_settle() completes them).
+ * Returns NULL with an error if a sweep cannot be used or when cancelled. Any thread. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 

@@ -15,8 +15,8 @@
 
 #define LANES   RESAMPLER_LANES
 #define COLOURS 3
-#define BLOCK   16  /* texels at a time */
-#define BAND    1.0 /* degrees */
+#define BLOCK   16  /* number of texels that are resampled at a time */
+#define BAND    1.0 /* range of θ in degrees that a band covers */
 
 struct job {
     const struct work *work;
@@ -25,7 +25,7 @@ struct job {
     struct resampler resampler;
     struct btf_scratch *measured, *made; /* n_views × texels × lights × lanes */
     int n_texels;
-    struct resampler_sums **sums; /* of each block */
+    struct resampler_sums **sums; /* sums of each block */
     struct resampler_sums *all;
     GMutex mutex;
     GError *error;             /* error of the first block that failed */

@@ -35,10 +35,10 @@
 struct near_field_correction_band {
     double theta_deg;
     int n_views;
-    double left_out_view, left_out_light, back; /* of measured views */
-    double moved_deg,
-        max_moved_deg; /* of target views: angle to the nearest measured direction of the texel */
-    double nominal;    /* −1 if the targets are not the nominal directions */
+    double left_out_view, left_out_light, back; /* errors of measured views */
+    /* target views: mean and maximum over texels of the angle to the nearest measured view */
+    double moved_deg, max_moved_deg;
+    double nominal; /* −1 if the targets are not the nominal directions */
     /* share of values beyond the limit of extrapolation, which are kept at that limit */
     double held;
 };
@@ -47,7 +47,7 @@ struct near_field_correction_result {
     struct import_result made;
     gboolean exact;                  /* FALSE if all texels had the nominal directions */
     gboolean mdf;                    /* whether there was an MDF, which was copied */
-    int n_views, n_lights;           /* of the source */
+    int n_views, n_lights;           /* numbers of views and lights of the source */
     int sampled;                     /* number of texels of the leave-one-out test */
     gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
     GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */

@@ -32,7 +32,7 @@ struct task {
     struct run *run;
     enum stage stage;
     int view;
-    char *path; /* of the product */
+    char *path; /* path of the product */
     struct btf_view *btf;
     struct mdf_job *mdf;
     struct mdf_result *result;
@@ -50,9 +50,9 @@ struct run {
     int n_damaged;            /* number of damaged products made by the pipeline */
     char *lock_path;          /* path of the lock file */
     int lock;                 /* lock file, held while products are made */
-    char **btf_inputs;        /* of each view that is made */
-    int *missing;             /* missing lights of each view in the BTF */
-    struct mdf_result **mdf;  /* for each view that is made */
+    char **btf_inputs;        /* hash of the inputs of each view that is made */
+    int *missing;             /* number of missing lights of each view in the BTF */
+    struct mdf_result **mdf;  /* MDF of each view that is made; NULL for other views */
     gboolean mdf_dirty;
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
@@ -60,7 +60,7 @@ struct run {
     gboolean eigenmaps_made;
     Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
-    GAsyncQueue *finished;     /* of struct task */
+    GAsyncQueue *finished;     /* queue of struct task */
 };
 
 static char *btf_relative(int view) {
@@ -365,9 +365,10 @@ struct columns {
     struct run *run;
     int *views; /* indices of complete views */
     int n_views;
-    int *lights; /* indices */
+    int *lights; /* indices of all lights */
     int n_lights;
-    /* number of requests for a column so far, and (about, if in several passes) in total */
+    /* number of calls of get_column() so far, and in total (an estimate if there are several
+     * passes) */
     int asked, to_ask;
 };
 

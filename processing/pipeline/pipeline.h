@@ -47,7 +47,7 @@
 
 struct pipeline_options {
     gboolean follow; /* wait for missing inputs until the capture has ended */
-    int n_eigenmaps; /* 4 in Wang et al. 2005 §5 */
+    int n_eigenmaps; /* number of eigen-maps; 4 in Wang et al. 2005 §5 */
     /* calibration_to_text() of another calibration of the same rig, or NULL for the session's own.
      * For a lamp that it does not calibrate, the output that was measured during the capture on the
      * turntable's fiducials is not used. calibration_path is its origin, or "nominal"; it is
@@ -62,7 +62,8 @@ struct pipeline_options {
 };
 
 struct pipeline_result {
-    int n_views, n_lights; /* in the BTF, without views that are not complete */
+    /* numbers of views and lights in the BTF, without views that are not complete */
+    int n_views, n_lights;
     /* number of pictures that the plan left out, which are predicted from others (btf.h) */
     int n_predicted;
     /* number of pictures that the capture left out because they can be predicted */
@@ -73,7 +74,7 @@ struct pipeline_result {
     int n_mdf_views;
     /* number of products that were damaged or missing, and are made again */
     int n_damaged;
-    double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
+    double eigenmaps_error; /* relative error of the eigen-maps, ‖A − Â‖_F / ‖A‖_F */
     /* share of the texels of all views that were measured in their own view */
     double mdf_coverage;
     double mdf_predicted; /* share of the texels that were predicted from other views */

@@ -24,8 +24,8 @@ void prediction_product_clear(struct prediction_product *product);
 struct prediction_known {
     int left_out, pictures;
     double error;          /* expected error, relative to the whole BTF (prediction_error()) */
-    double left_out_error; /* error in cross-validation: of pictures that were taken */
-    double left_out_share; /* share of their values within 2 σ */
+    double left_out_error; /* relative error in cross-validation, of pictures that were taken */
+    double left_out_share; /* share of the values in cross-validation within 2 σ */
 };
 void prediction_product_read(Session *session, struct prediction_known *ret);
 

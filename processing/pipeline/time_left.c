@@ -3,7 +3,7 @@
 #include <gio/gio.h>
 #include <math.h>
 
-#define NEAR_DEG    10.0 /* elevations that differ by less than this take a similar time */
+#define NEAR_DEG    10.0 /* views whose elevations differ by less than this take a similar time */
 #define FAR_WEIGHT  0.02 /* weight of a view at a very different elevation */
 #define OVERDUE     1.25
 #define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */

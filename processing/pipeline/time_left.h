@@ -51,7 +51,7 @@ struct time_left_task {
     double theta_deg; /* views of one elevation take a similar time */
     double units;
     enum { TIME_LEFT_WAITS, TIME_LEFT_RUNS, TIME_LEFT_MADE } state;
-    double cpu_s; /* CPU time that it took (if made), or has taken so far (if it runs) */
+    double cpu_s; /* CPU time that the task took (if made), or has taken so far (if it runs) */
 };
 
 /* Returns the seconds that n_threads, with a processor each, will need for all tasks that are not
