@@ -22,7 +22,7 @@ struct shown {
 
 struct endless_choice {
     struct endless *endless;
-    struct endless_pictures pictures; /* means 0, deviations 1 */
+    struct endless_pictures pictures; /* normalised: mean 0 and deviation 1 */
     struct shown all;                 /* sums of the centres that are placed */
 };
 

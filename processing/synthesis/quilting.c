@@ -24,10 +24,10 @@ struct quilt {
     /* For the choice of the block: the texels of the block that are already filled, and their
      * features. */
     int n_compared;
-    int *compared;     /* 2 numbers each: column and row in the block */
-    float *wanted;     /* n_compared × sample->n */
+    int *compared;     /* n_compared × 2: column and row in the block */
+    float *wanted;     /* n_compared × sample->n: features of these texels */
     int columns, rows; /* number of columns and rows of the sample at which a block may begin */
-    float *errors;     /* rows × columns */
+    float *errors;     /* rows × columns: error of the block that begins there */
 };
 
 int quilting_block(const struct texel_features *features) {

@@ -21,9 +21,9 @@ struct columns {
     /* n_texels × n_depths, scaled, means removed; NULL if there are none */
     float *depths;
     int n_depths;
-    float *means;  /* n_views × a_view */
-    float *omega;  /* (n_views × a_view + n_depths) × WIDE */
-    float *y;      /* n_texels × WIDE */
+    float *means;  /* n_views × a_view: means of the columns */
+    float *omega;  /* Ω: (n_views × a_view + n_depths) × WIDE */
+    float *y;      /* Y: n_texels × WIDE */
     double *parts; /* for each block of columns: the sum of its squares */
     GMutex lock;
     GError *error; /* the first error */

@@ -22,12 +22,12 @@ struct texton_level {
     const struct texel_features *sample;
     int step; /* side of a place in texels of the sample, 2^level */
     int n_textons;
-    guint16 *textons; /* for each texel of the sample */
-    float *squares;   /* n_textons × n_textons: distances of centres */
+    guint16 *textons; /* texton of each texel of the sample */
+    float *squares;   /* n_textons × n_textons: squared distances of the centres */
     float outside;    /* the cost of a neighbour outside of the sample */
     /* number of columns and rows of the sample at which squares of step × step may begin */
     int columns, rows;
-    int *similar; /* SIMILAR per texel; −1 if there are fewer */
+    int *similar; /* indices of SIMILAR texels for each texel; −1 if there are fewer */
 };
 
 /* The picture during its synthesis: places of step × step texels. */
@@ -155,7 +155,7 @@ static void texton_insert(int *similar, float *least, int index, float unlike) {
 struct texton_search {
     const struct texton_level *level;
     const int *members;  /* indices of texels in order of their texton */
-    const int *starts;   /* n_textons + 1 */
+    const int *starts;   /* n_textons + 1: index in members at which each texton begins */
     const guint16 *near; /* for each texton its COUSINS + 1 nearest ones, beginning with itself */
 };
 
@@ -283,7 +283,7 @@ static gboolean texton_passes(const struct texton_level *level, struct texton_pi
     return TRUE;
 }
 
-/* Each place becomes four places, which continue it. */
+/* Splits each place into four places that show the same part of the sample. */
 static void texton_refine(struct texton_picture *picture, int step) {
     const int width = 2 * picture->width, height = 2 * picture->height;
     int *at = g_new(int, 2 * (gsize)width * (gsize)height);

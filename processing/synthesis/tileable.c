@@ -41,7 +41,8 @@ static float square(const struct tileable *t, int across, int along, int other_a
                                  texel_features_at(t->features, b[0], b[1]), t->features->n);
 }
 
-/* Returns the difference of both pictures next to a cut before column c. */
+/* Returns the mean squared distance between both pictures in the two columns next to a cut before
+ * column c. */
 static float mismatch(const struct tileable *t, int period, int c, int along) {
     return 0.5F * (square(t, c - 1 + period, along, c - 1, along) +
                    square(t, c + period, along, c, along));
