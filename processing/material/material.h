@@ -51,7 +51,7 @@ typedef struct mesorig_material mesorig_material;
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
-/* The same from the bytes of such files, which may be freed afterwards. If mdf is NULL, the
+/* Opens a material from the bytes of such files, which may be freed afterwards. If mdf is NULL, the
  * material has no relief. */
 mesorig_material *mesorig_material_open_memory(const void *material, size_t material_bytes,
                                                const void *mdf, size_t mdf_bytes,
@@ -102,8 +102,10 @@ struct mesorig_hit {
     int hit;
     /* along the ray from the reference plane, which is above the whole surface, to the point */
     float distance_mm;
-    float uv[2];     /* of the point of the reference plane vertically above it; not wrapped */
-    float normal[3]; /* of the surface at that point, as seen in this view */
+    /* texture coordinates of the point of the reference plane vertically above the point; not
+     * wrapped */
+    float uv[2];
+    float normal[3]; /* unit normal of the surface at the point, as seen in this view */
 };
 
 /* Intersects n rays. uv is n × 2, view is n × 3. The distance is that of the MDF (Wang et al. 2005

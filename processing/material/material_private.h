@@ -12,9 +12,9 @@
 struct mesorig_material {
     const struct codec *codec;
     GPtrArray *levels;               /* models of mip levels, at least the first */
-    const struct btf_layout *layout; /* of level 0 */
-    struct codec_tables tables;      /* of level 0 */
-    double error;                    /* −1 if not known */
+    const struct btf_layout *layout; /* layout of level 0 */
+    struct codec_tables tables;      /* tables of level 0 */
+    double error;                    /* relative error of the codec; −1 if not known */
     struct material_relief *relief;  /* NULL if there is none */
     /* The sampler. material_sample.c makes it at the first call, under the lock, and reads the
      * pointer atomically. It is freed with the material. The lock is of a kind that ThreadSanitizer

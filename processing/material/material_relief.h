@@ -5,7 +5,7 @@
 
 struct material_relief;
 
-/* Reads an MDF in any form. */
+/* Reads an MDF in any form. Returns NULL with an error if it cannot be used. */
 struct material_relief *material_relief_read(const char *path, GError **error);
 void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 

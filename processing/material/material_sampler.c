@@ -25,8 +25,8 @@ struct table {
 };
 
 struct MaterialSampler {
-    int width, height; /* of the grid of texels */
-    guint8 *cluster;   /* for each texel of the grid */
+    int width, height; /* size of the grid of texels that were examined */
+    guint8 *cluster;   /* cluster of each texel of the grid */
     int n_clusters;    /* the table of all texels comes after the tables of the clusters */
     /* number of measured views; the mean of the views around the pole has the index n_views */
     int n_views;
@@ -44,7 +44,7 @@ struct making {
     float *texel;  /* one reconstructed texel */
     double *sums;  /* (clusters + 1) × (views + 1) × lights: sums of luminance */
     float *shapes; /* grid × PAIRS */
-    /* Texels that represent each cluster, and all texels. */
+    /* Texels that represent each cluster, and (last) all texels together. */
     int n_picked[CLUSTERS + 1], picked[CLUSTERS + 1][PICKED];
 };
 
