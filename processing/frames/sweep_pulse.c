@@ -67,7 +67,8 @@ static gboolean solve(const struct sums *sums, double c[3]) {
     return TRUE;
 }
 
-/* ln f(t) = c0 + c1·t + c2·t²: time = −c1 / 2c2, width σ = √(−1 / 2c2). */
+/* A fitted Gaussian f with ln f(t) = c0 + c1·t + c2·t². Its time is −c1 / 2c2, its width σ = √(−1 /
+ * 2c2). */
 struct gaussian {
     double time, width, c[3];
 };
