@@ -82,7 +82,7 @@ struct btf_flag_counts {
 /* Adds the numbers of a part to sums. Only the headers of the part are needed. */
 void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 
-/* Returns whether the file exists and was made from these inputs. */
+/* Returns whether the file exists and was made from the inputs of the view. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
 /* Reads a view back. ret_rgb: n_lights × height × width × 3 (R, G, B). */

@@ -19,7 +19,7 @@ void btf_directions_free(struct btf_directions *directions) {
     g_free(directions);
 }
 
-/* Rings at θ = 0°, 15° … 75° with equidistant azimuths φ = 360° k / n, the first at 0°. */
+/* Makes rings at θ = 0°, 15° … 75° with equidistant azimuths φ = 360° k / n, the first at 0°. */
 struct btf_directions *btf_directions_81(void) {
     static const int counts[] = {1, 6, 12, 18, 20, 24};
     struct btf_directions *ret = g_new0(struct btf_directions, 1);

@@ -157,9 +157,9 @@ struct texel_work {
     int lights_of;        /* the view of light_points and light_shares; −1 if there is none */
     /* corners and weights of each target view among the measured views */
     struct direction_share *view_shares;
-    /* those of each target light among the measured lights of the view lights_of */
+    /* corners and weights of each target light among the measured lights of the view lights_of */
     struct direction_share *light_shares;
-    /* those of each of these measured lights among the target lights */
+    /* corners and weights of each measured light of that view among the target lights */
     struct direction_share *back_light_shares;
     /* whether each target light is beyond the limit of extrapolation in the first view */
     guint8 *clamped;
