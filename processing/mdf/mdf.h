@@ -28,8 +28,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
  * saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Sets the covariance, in px², of the position at which the calibrated camera sees the sample.
- * It is used for the errors. */
+/* Sets the covariance, in px², of the position at which the calibrated camera sees the sample. The
+ * covariance is used for the errors. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
 
 /* Merges all sweeps. Results have n_texels values each.

@@ -6,7 +6,7 @@
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
 /* Computes the mean of a bend over the samples that have it, and the variance of the mean from
- * their scatter. */
+ * their scatter. If no sample has the bend, the mean is NAN. */
 static void mdf_errors_bend(const struct mdf_candidate *samples, int n, int bend, double *ret_mm,
                             double *ret_noise_mm2) {
     double weights = 0, sum = 0, scatter = 0;

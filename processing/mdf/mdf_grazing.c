@@ -155,7 +155,7 @@ static double ring_raised(const struct mdf_table *t, double theta_deg) {
     return 0.5 * (low + high);
 }
 
-/* Returns the θ of the flattest view that is not flatter than theta_deg. */
+/* Returns the largest θ of a view that is at most theta_deg, or 0 if there is no such view. */
 static double flattest_deg(const struct mdf_table *t, double theta_deg) {
     double flattest = 0.0;
     for (int k = 0; k < t->n_views; k++)

@@ -31,9 +31,9 @@ struct mdf_shell {
     guint8 *values; /* depth × height × width; top layer and top row first */
 };
 
-/* Makes a shell from the measured views of a table. It has at most as many bytes as these views
- * would have with a byte per distance. Space that no ray has reached is opaque. Takes about a
- * second for 60 views of 64² texels. Any thread. */
+/* Makes a shell from the measured views of a table. With four views or more, it has at most as many
+ * bytes as these views would have with a byte per distance. Space that no ray has reached is
+ * opaque. Takes about a second for 60 views of 64² texels. Any thread. */
 struct mdf_shell *mdf_shell_new(const struct mdf_table *table);
 
 typedef struct mdf_shell MdfShell;

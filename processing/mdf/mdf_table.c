@@ -42,8 +42,9 @@ void mdf_table_fill(float *depth, int w, int h) {
     }
 }
 
-/* Depth = distance along the ray · cos θ. If the camera's position is known, θ is the angle
- * between the normal and the ray through the texel; otherwise it is the θ of the view. */
+/* Reads a view's distances as depths, which are the distances along the ray times cos θ. If the
+ * camera's position is known, θ is the angle between the normal and the ray through the texel;
+ * otherwise it is the θ of the view. */
 static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
                                    double reference_mm, GError **error) {
     const float *distance = exr_part_plane(part, "D");

@@ -29,9 +29,10 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
                            double *ret_column, double *ret_row, double *ret_mm);
 
 /* Counts for each texel of a view how many other views (of at most 24, evenly spread) confirm its
- * point and how many deny it. A view confirms a point if it sees it within a third of a texel plus
- * the slope of the surface between texels. A view denies a point if it sees through it. Views in
- * which the point is hidden, unknown or outside of the texels do neither. */
+ * point and how many deny it. A view confirms a point that lies on the view's surface, within a
+ * third of a texel plus the slope of the surface between texels. A view denies a point through
+ * which it sees. Views in which the point is hidden, unknown or outside of the texels do
+ * neither. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
