@@ -32,8 +32,8 @@ CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
 void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
-/* Returns the share of the texels that the camera sees that one more sweep is expected to settle
- * after the taken sweeps, if nothing is known of their observations. */
+/* Of the texels that the camera sees, returns the share that one more sweep is expected to settle
+ * after the taken sweeps, if nothing is known of the observations of these sweeps. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
 /* Returns the probability that a sweep lights a point that the camera sees. Of the taken sweeps,
