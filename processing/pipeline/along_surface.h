@@ -26,7 +26,7 @@ struct along_surface_result {
     struct import_result made;
     int n_views, n_lights;           /* of the source */
     gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
-    /* numbers of texels of all new views, and of those that were mixed at the same texel */
+    /* number of texels of all new views, and number of those whose surface no measured view sees */
     gint64 texels, unseen;
 };
 

@@ -161,8 +161,9 @@ static gboolean see_view(const char *path, struct seen_view *ret, GError **error
     return TRUE;
 }
 
-/* Returns the mean of the brightest of some of a view's frames at its longest exposure, in DN above
- * dark, and gives that exposure. Returns −∞ if no frame can be read. */
+/* Returns the mean value of the brightest of at most MAX_FRAMES frames of a view, in DN above dark
+ * at the longest exposure of the frame. ret_us is this exposure. Returns −∞ if no frame can be
+ * read. */
 static double brightest_dn(Session *session, const struct texts *texts,
                            const struct session_direction *view, double *ret_us) {
     double most = -HUGE_VAL;

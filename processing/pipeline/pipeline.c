@@ -157,8 +157,8 @@ static struct task *next_task(struct run *run, enum stage stage, int view) {
     return NULL;
 }
 
-/* Keeps the error of the first stage and view if there are several. Tasks that were cancelled
- * because of it are ignored. */
+/* Keeps the error of the first stage and view if there are several, and frees the others. Cancels
+ * all tasks that still run. The errors of cancelled tasks are ignored. */
 static void note_error(struct run *run, const struct task *task, GError *found, int *worst,
                        GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -210,7 +210,7 @@ static struct time_left_task pipeline_cost(const struct run *run, enum stage sta
 }
 
 /* Lists all views that are ready, with their costs. Views whose frames are not taken yet also count
- * in the time left. ready gets struct task at its end. */
+ * in the time left. The tasks are added to the end of ready. */
 static void list_views(struct run *run, const int *possible, gboolean ended, GQueue *ready) {
     g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
     const double n[N_STAGES] = {possible[STAGE_BTF], possible[STAGE_MDF]};
