@@ -104,7 +104,7 @@ static gboolean find_pairs(Session *session, const GPtrArray *shots, enum sessio
     return TRUE;
 }
 
-/* Cameras without pairs are skipped. */
+/* Skips cameras without pairs in the dark or under a lamp. */
 gboolean tile_noise(Session *session, struct calibration *calibration, const GPtrArray *shots,
                     int *ret_n, GError **error) {
     gboolean ok = TRUE;

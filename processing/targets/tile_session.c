@@ -197,7 +197,7 @@ static gboolean try_light(const struct run *run, const int *lamps, double arc,
 
 /* Checks whether two lamps are exchanged. Their light then falls on the tile from another side, and
  * a fit finds lamps that point elsewhere. `is` is the fit with the recorded lamps, or NULL if that
- * fit failed. Returns FALSE with an error that names the exchanged lamps. */
+ * fit failed. Returns FALSE with an error that names the exchanged lamps, otherwise TRUE. */
 static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
     const struct rig *rig = &run->calibration->rig;
     const int n = rig->n_lamps;
