@@ -50,5 +50,5 @@ static inline const float *texel_features_at(const struct texel_features *f, int
 }
 
 /* Returns the mean of the features over each square of side × side texels whose first texel is (x,
- * y). The shape is the same. Squares that extend beyond the sample are 0. */
+ * y). The result has the same shape. It is 0 for squares that extend beyond the sample. */
 struct texel_features *texel_features_averaged(const struct texel_features *from, int side);
