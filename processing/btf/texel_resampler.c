@@ -161,8 +161,8 @@ struct texel_work {
     struct direction_share *light_shares;
     /* corners and weights of each measured light of that view among the target lights */
     struct direction_share *back_light_shares;
-    /* whether each target light is beyond the limit of extrapolation in the first view */
-    guint8 *clamped;
+    guint8 *
+        clamped; /* for each target light: whether it is beyond extrapolation, for the first view */
     float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
     guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
     float *between; /* n_views × target lights × lanes */
