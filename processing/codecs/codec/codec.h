@@ -37,9 +37,11 @@ struct codec_result {
     /* models with a free function: that of the BTF, then those of its mip levels */
     GPtrArray *levels;
     int clusters, components, grid; /* the numbers that were used; components are terms, lobes, … */
-    double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
-    double exact_error;     /* error before the numbers were rounded for the file */
-    double luminance_error; /* mean |Y − Ŷ|; −1 if the codec does not compute it */
+    /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file. Eigen-maps:
+     * before */
+    double error;
+    double exact_error; /* the same ratio before the numbers were rounded */
+    double luminance_error; /* mean |Y − Ŷ| of the luminance; −1 if the codec does not compute it */
     gboolean packed;        /* bytes are counted in the file, not in a renderer's memory */
 };
 
@@ -47,13 +49,12 @@ struct codec;
 
 /* One point of a curve of error against size. */
 struct codec_point {
-    const char *series; /* a codec may have several */
-    /* distinguishes the sizes of a codec, as in "8 clusters"; the function that is called frees it
-     */
+    const char *series; /* name of the curve; a codec may have several curves */
+    /* distinguishes the points of a curve, as in "8 clusters"; the CodecPoint function frees the
+     * label */
     char *label;
     gint64 bytes; /* bytes in a renderer's memory */
-    double error; /* relative RMS error of the BTF; −1 if the function that is called must measure
-                     it */
+    double error; /* relative RMS error of the BTF; −1 if the CodecPoint function must measure it */
     gconstpointer model;
 };
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
@@ -93,9 +94,10 @@ struct codec {
      * says how, or NULL if they do not. The member may be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
-    gboolean bounded;      /* encode() keeps within --memory */
-    gboolean resumable;    /* encode() stores its state in a checkpoint and can continue from it */
-    gboolean from_process; /* process writes products/NAME.exr, so that compress needs -o */
+    gboolean bounded;   /* encode() keeps within --memory */
+    gboolean resumable; /* encode() stores its state in a checkpoint and can continue from it */
+    /* “mesorig process” writes products/NAME.exr, so that “mesorig compress” needs -o */
+    gboolean from_process;
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
                        struct codec_result *ret, GError **error);

@@ -12,24 +12,25 @@
 #include <math.h>
 #include <string.h>
 
-#define COLOURS    3
-#define BLOCKS     64
-#define SAME       0.01F      /* degrees */
+#define COLOURS 3
+#define BLOCKS  64
+/* maximum angle between directions that count as the same, in degrees */
+#define SAME       0.01F
 #define MAX_FLOATS (32 << 20) /* maximum number of values of the pictures of a material */
 #define TIMED_US   50000      /* duration of a measurement of time */
 #define TIMED      256        /* pairs of directions, and texels, of that measurement */
 
 /* Sums over the values of one view, of one light or of all. */
 struct compare_totals {
-    double residual, all; /* Σ (a − b)², Σ a² over R, G, B */
+    double residual, all; /* residual: Σ (a − b)², all: Σ a², over R, G, B */
     double shown;         /* Σ of the squared differences of R, G, B as shown (metrics/psnr.h) */
     double luminance, delta_e, n;
 };
 
 struct compare_block {
-    struct compare_totals *totals; /* n_views, then n_lights */
-    double largest;                /* |a − b| */
-    /* the source with values that are infinite or NaN, of which the first is at `texel`; otherwise
+    struct compare_totals *totals; /* one for each view, then one for each light */
+    double largest;                /* maximum of |a − b| */
+    /* the source that has an infinite value or a NaN at `texel`, where the block stops; otherwise
      * NULL */
     const struct compare_source *damaged;
     int texel;
@@ -129,7 +130,8 @@ static int by_pair(gconstpointer a, gconstpointer b) {
     return ((const struct compare_picture *)a)->pair - ((const struct compare_picture *)b)->pair;
 }
 
-/* Draws pairs without repetition: each of the first n of a random order. */
+/* Draws different pairs of a view and a light at random, sorts them by their number and allocates
+ * their pictures. */
 static void choose_pictures(struct compare_run *run) {
     const int pairs = run->size->n_views * run->size->n_lights;
     const gsize floats = COLOURS * (gsize)run->n_texels;
@@ -287,7 +289,8 @@ gboolean compare_model(const struct codec *codec, gconstpointer model, const str
     return TRUE;
 }
 
-/* Random directions in the upper hemisphere, down to 78° from the normal. */
+/* Gives a random direction whose angle to the normal is at most 78°. The directions are distributed
+ * evenly over that part of the sphere. */
 static void random_direction(GRand *random, float ret[3]) {
     const double z = g_rand_double_range(random, 0.2, 1), r = sqrt(1 - z * z);
     const double phi = g_rand_double_range(random, 0, 2 * G_PI);

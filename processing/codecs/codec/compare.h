@@ -37,8 +37,9 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
 gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
                        const struct work *work, double *ret_error, double *ret_luminance_error,
                        GError **error);
-/* Measures the time of an evaluation of one texel at any view and light, which includes finding the
- * measured directions around them (place.h). Takes a twentieth of a second on one thread, of which
- * the fastest round counts. */
+/* Gives the time in ns of an evaluation of one texel at any view and light, which includes finding
+ * the measured directions around them (place.h). The function evaluates random texels in rounds for
+ * a twentieth of a second, on one thread. The mean of the fastest round counts. Returns FALSE with
+ * an error if the directions of the material are not valid. */
 gboolean compare_evaluation_ns(const Material *material, double *ret_ns, GError **error);
 void comparison_free(struct comparison *comparison); /* NULL is ignored */

@@ -13,7 +13,7 @@ struct compare_source {
 
 struct compare_size {
     int width, height, n_views, n_lights;
-    int max_pictures; /* of struct comparison */
+    int max_pictures; /* maximum of n_pictures in struct comparison; 0 for no pictures */
 };
 
 #define COMPARE_PICTURES 64

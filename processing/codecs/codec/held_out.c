@@ -8,7 +8,7 @@
 #include <string.h>
 
 #define COLOURS 3
-#define SHARE   10 /* one of so many directions is left out by default */
+#define SHARE   10 /* by default, one of SHARE directions is left out */
 
 static int by_value(gconstpointer a, gconstpointer b) {
     return *(const int *)a - *(const int *)b;
@@ -62,7 +62,8 @@ void held_out_clear(struct held_out *held) {
     *held = (struct held_out){0};
 }
 
-/* The indices from 0 to n − 1 that are not among those of held. */
+/* Returns the n − n_held indices from 0 to n − 1 that are not in held, in ascending order. held is
+ * ascending. g_free() */
 static int *others(gsize n, const int *held, int n_held) {
     int *ret = g_new(int, n);
     for (int i = 0, k = 0; i < (int)n; i++)
@@ -112,10 +113,12 @@ struct held_out_pairs {
     int n_views, n_lights;
     int *views, *lights;        /* indices in btf */
     struct codec_tables tables; /* of the model */
-    int *indices;               /* lists of the places */
+    int *indices;               /* lists of measured directions, to which all places point */
     float *weights;
     struct codec_place
-        *places; /* n_views × n_lights; n_views in the query is 0 below the horizon */
+        /* n_views × n_lights; n_views in the query is 0 if the view or the light is on or below
+         * the horizon */
+        *places;
 };
 
 static void measured(gconstpointer data, int texel, float *ret) {
@@ -142,7 +145,8 @@ static void modelled(gconstpointer data, int texel, float *ret) {
             codec->evaluate(model, &pairs->places[i].query, &texels, ret + (gsize)i * COLOURS);
 }
 
-/* Prepares a query for each pair. A direction on the horizon has none: nothing is reflected. */
+/* Prepares a query for each pair. If the view or the light is on the horizon, the query stays
+ * empty, because nothing is reflected. */
 static void set_places(struct held_out_pairs *pairs) {
     const struct btf_layout *layout = &pairs->btf->layout;
     const gsize n_views = codec_place_views(&pairs->tables),

@@ -18,7 +18,7 @@ struct held_out {
     int *views, *lights;
 };
 
-#define HELD_OUT_MIN_KEPT 3 /* directions, which can be triangulated */
+#define HELD_OUT_MIN_KEPT 3 /* minimum number of directions that can be triangulated */
 
 /* Returns how many of n directions are left out by default: a tenth, rounded up, or 0 if
  * HELD_OUT_MIN_KEPT would not be kept. */
@@ -31,17 +31,17 @@ gboolean held_out_draw(const struct btf_layout *layout, int n_views, int n_light
                        struct held_out *ret, GError **error);
 void held_out_clear(struct held_out *held);
 
-/* Copies a BTF, with values in memory, without the views and lights. btf_matrix_free() */
+/* Copies a BTF, with values in memory, without the views and lights of held. btf_matrix_free() */
 struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held_out *held);
 
 /* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
- * that was left out. Views stand for all views if none was left out, and so do lights. The
- * directions of the result are in the order of held. Progress stages are those of
- * compare_materials(). */
+ * that was left out. If no view was left out, all views are compared. If no light was left out, all
+ * lights are compared. The directions of the result are in the order of held. Progress stages are
+ * those of compare_materials(). */
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
 
-/* Gives only the relative RMS error of the same comparison. model is of codec. */
+/* Gives only the relative RMS error that held_out_compare() finds for a model of codec. */
 gboolean held_out_error(const struct btf_matrix *btf, const struct held_out *held,
                         const struct codec *codec, gconstpointer model, const struct work *work,
                         double *ret_error, GError **error);

@@ -25,7 +25,9 @@ void codec_tables_clear(struct codec_tables *tables) {
     g_clear_pointer(&tables->lights, directions_free);
 }
 
-/* Fills one list from up to four measured directions. The pole is replaced by its members. */
+/* Fills a list of measured directions and their weights, which are multiplied by scale, from the up
+ * to four directions of at. The weight of the pole is divided equally among the measured directions
+ * at the pole. Returns the length of the list. */
 static int list(const Directions *directions, gsize n, const struct direction_weights *at,
                 float scale, int *ret_index, float *ret_weight) {
     int count = 0, n_pole;

@@ -9,10 +9,10 @@
 
 /* The directions of a model. Set all members to 0 before codec_tables_init(). */
 struct codec_tables {
-    const struct btf_layout *layout; /* the model's */
+    const struct btf_layout *layout; /* layout of the model */
     /* 0, or the n of n × n samples of direction_grid.h that are the views and lights */
     int n_grid;
-    Directions *views, *lights; /* NULL if n_grid */
+    Directions *views, *lights; /* NULL if n_grid > 0 */
 };
 
 /* Prepares the directions of a model, which must outlive the tables. The error says whether views

@@ -113,8 +113,8 @@ void texel_model_to_halves(float *values, gsize n) {
 
 /* Error sums over a block of texels, or over all texels. */
 struct texel_model_sums {
-    double residual, all;    /* Σ (x − x̂)², Σ x² over R, G, B */
-    double luminance, count; /* Σ |Y − Ŷ|, and the number of its terms */
+    double residual, all;    /* residual: Σ (x − x̂)², all: Σ x², over R, G, B */
+    double luminance, count; /* luminance: Σ |Y − Ŷ|, count: its number of terms */
 };
 
 struct texel_model_comparison {

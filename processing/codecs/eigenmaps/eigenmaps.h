@@ -32,9 +32,10 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
 /* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Allocates and fills weights and maps. The caller has set all other members. The largest entry of
- * each W_i is positive. The result does not depend on the number of threads. ret_error is ‖A − Â‖_F
- * / ‖A‖_F. If all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. */
+/* Allocates and fills weights and maps. The caller has set all other members. The entry of each W_i
+ * with the largest magnitude is positive. The result does not depend on the number of threads.
+ * ret_error is ‖A − Â‖_F / ‖A‖_F. If all columns fit into EIGENMAPS_MEMORY the method is exact,
+ * otherwise randomised. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
@@ -42,7 +43,7 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
  * eigenvalues of the Gram matrix are the squares of the singular values, so that singular values
  * down to 1e-8 of the largest are found. The half floats of the file have a relative precision of
- * only 5e-4. If the columns do not fit into memory, each is requested about n_views/fit/2 + 2
+ * only 5e-4. If only m columns fit into memory, each column is requested about n_views / m / 2 + 2
  * times.
  *
  * Randomised method: each column is requested twice, or with a target sometimes three times. The
@@ -58,7 +59,7 @@ struct eigenmaps_options {
      * EIGENMAPS_MEMORY */
     gsize memory;
     /* 0, or the error to reach. n_terms is then the maximum number of terms, and is lowered to the
-     * smallest number that reaches the error, if any does */
+     * smallest number that reaches the error. If no number does, the computation fails */
     double target;
     enum eigenmaps_method method;
 };

@@ -72,7 +72,9 @@ static const struct option eigenmaps_codec_table[] = {
     {NULL},
 };
 
-/* The memory for columns is the part of the limit that the maps leave. */
+/* Gives the bytes for columns: the limit job->memory minus the bytes of all maps, or of one map if
+ * has_target. Gives 0 (the default) if there is no limit. Fails if the limit does not leave room
+ * for one column. */
 static gboolean memory(const struct codec_job *job, gboolean has_target, int terms, gsize *ret,
                        GError **error) {
     const struct btf_matrix *btf = job->btf;
@@ -136,14 +138,14 @@ static char *describe_file(const struct exr_file *file) {
                            PLURAL(lights->width, "light"), map->width, map->height);
 }
 
-/* Maps count as halves, weights as floats. */
+/* Counts 2 bytes for each value of the maps and 4 for each weight. */
 static gint64 bytes(gconstpointer model) {
     const struct eigenmaps *maps = model;
     const gint64 values = 3 * btf_layout_texels(&maps->layout) * maps->layout.lights.n;
     return maps->n_terms * (2 * values + (gint64)sizeof(float) * maps->layout.views.n);
 }
 
-/* B(v, l) = Σ_i W_i(v) E_i(x, l); maps: term × light × texel × RGB. */
+/* Computes B(v, l) = Σ_i W_i(v) E_i(x, l) of a texel x. The maps are term × light × texel × RGB. */
 static void reconstruct(gconstpointer model, int texel, float *ret) {
     const struct eigenmaps *maps = model;
     const gsize texels = btf_layout_texels(&maps->layout), n_lights = maps->layout.lights.n;
@@ -161,7 +163,8 @@ static void reconstruct(gconstpointer model, int texel, float *ret) {
         }
 }
 
-/* Σ_i (Σ_a g_a W_i(v_a)) Σ_b h_b E_i(x, l_b). */
+/* Adds Σ_i (Σ_a g_a W_i(v_a)) Σ_b h_b E_i(x, l_b) for each texel x, times its share. v_a and l_b
+ * are the views and lights of the query, g_a and h_b their weights. */
 static void evaluate(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]) {
     const struct eigenmaps *maps = model;

@@ -9,7 +9,8 @@
 #define CHUNK   EIGENMAPS_CHUNK
 #define COLOURS 3
 
-/* A column of A: all texels and lights of one view, rows = n_lights × n_texels × COLOURS. */
+/* A column of A has the values of all texels and lights in one view: rows = n_lights × n_texels ×
+ * COLOURS. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error) {
     if (!job->column(view, ret, job->data, error))
@@ -116,8 +117,8 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
                            (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n);
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
-    /* Otherwise the order of sums, and with it the last bits, would depend on the number of
-     * threads. */
+    /* One thread, because otherwise the order of sums, and with it the last bits of the result,
+     * would depend on the number of threads. */
     int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     gboolean ok = exact ? eigenmaps_exact(&job, ret_error, error)

@@ -8,14 +8,14 @@
 struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
-    int n_views, block; /* columns in memory */
-    float *columns;     /* block + 1 of rows */
-    double *matrix;     /* n_views², row by row */
+    int n_views, block; /* block: number of columns in memory at a time */
+    float *columns;     /* (block + 1) × rows */
+    double *matrix;     /* AᵀA, n_views × n_views */
 };
 
-/* Adds the products of the n columns in memory with each other to the matrix. The first of them is
- * column first. If view is not −1, adds their products with column view instead, which is stored
- * after the block. */
+/* Adds the products of the n columns in memory with each other to the matrix. The first of these
+ * columns is column `first` of A. If view is not −1, adds their products with column `view` of A
+ * instead, which is stored after the block. */
 static void multiply(const struct gram *gram, int first, int n, int view) {
     const int all = view < 0 ? n : n + 1;
     g_autofree double *wide = g_new(double, (gsize)all *CHUNK);

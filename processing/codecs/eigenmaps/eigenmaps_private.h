@@ -37,11 +37,13 @@ gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GErro
  * terms. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
 
-/* Sets the weights of maps->n_terms terms from rows of n_views. The largest entry of each term is
- * made positive. signs (n_terms) may be NULL. */
+/* Sets the weights of maps->n_terms terms from rows of n_views. If the entry of a row with the
+ * largest magnitude is negative, the row is multiplied by −1. ret_signs (n_terms, may be NULL) are
+ * the factors 1 and −1. */
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs);
 
-/* Sets the error "an error of … is not reached". */
+/* Sets the error "an error of … is not reached" and returns FALSE. reached is the relative error
+ * with all terms. */
 gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error);
 
 gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error);

@@ -18,23 +18,28 @@ struct eigenmaps_randomised {
     const struct eigenmaps_job *job;
     gsize rows;
     int n_views;
-    float *columns; /* slots of rows */
+    float *columns; /* slots × rows: columns of A */
     int slots;
-    double *buckets; /* SEGMENTS × SKETCH */
+    double *buckets; /* SEGMENTS × SKETCH: column of S A, a sum for each segment */
     double squares[SEGMENTS];
-    float *sketch;      /* n_views × SKETCH */
-    double all;         /* ‖A‖² */
-    double *directions; /* n_views × n_views: rows, in descending order of values */
-    double *values;     /* n_views: squared norm of each in the sketch */
-    int found;          /* columns of z */
-    float *z;           /* found × rows: A times the first directions */
-    float *factors;     /* found × slots */
-    int loaded;         /* columns in slots */
-    double *gram;       /* SEGMENTS × found²; then its eigenvectors in columns */
-    double *squares_of; /* one per found direction: its share of ‖A‖², descending */
+    float *sketch; /* n_views × SKETCH: (S A)ᵀ */
+    double all;    /* ‖A‖² */
+    /* n_views × n_views: a right singular vector of S A in each row, by descending values */
+    double *directions;
+    double *values; /* n_views: squared singular values of S A */
+    int found;      /* number of directions onto which A is projected */
+    float *z;       /* found × rows: A times the first directions */
+    /* found × slots: entries of the directions for the loaded columns; then F of
+     * rotate_segment() */
+    float *factors;
+    int loaded; /* number of columns of A in memory */
+    /* SEGMENTS × found²: ZᵀZ of each segment. Then the eigenvectors of the sum, in columns */
+    double *gram;
+    /* eigenvalues of ZᵀZ, descending: the part of ‖A‖² in each of the best directions */
+    double *squares_of;
 };
 
-/* Mixes the bits of a counter (Steele, Lea and Flood 2014). */
+/* Returns 64 random bits for a counter (SplitMix64, Steele, Lea and Flood 2014). */
 static guint64 draw(guint64 counter) {
     guint64 z = SEED + counter * 0x9e3779b97f4a7c15u;
     z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
@@ -42,7 +47,8 @@ static guint64 draw(guint64 counter) {
     return z ^ z >> 31;
 }
 
-/* Squares are summed in LANES partial sums, so that compilers can vectorise. */
+/* Adds n values to `to`, negated where the bit of signs is 1, and adds the squares of the values to
+ * squares. There are LANES sums of squares, so that compilers can vectorise. */
 static void add_signed(const float *from, int n, guint64 signs, double *to, double *squares) {
     int i = 0;
     for (; i + LANES <= n; i += LANES, signs >>= LANES)
@@ -81,7 +87,7 @@ static void sketch_segment(int segment, gpointer data) {
         r->squares[segment] += squares[lane];
 }
 
-/* First pass: (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
+/* First pass: computes (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
 static gboolean make_sketch(struct eigenmaps_randomised *r, GError **error) {
     r->buckets = g_new(double, SEGMENTS *SKETCH);
     r->sketch = g_new(float, (gsize)r->n_views *SKETCH);
@@ -125,7 +131,7 @@ static gboolean find_directions(struct eigenmaps_randomised *r, GError **error) 
     return TRUE;
 }
 
-/* Rows from … to before end of a segment. */
+/* Gives the first row of a segment and the row after its last one. */
 static void segment_rows(const struct eigenmaps_randomised *r, int segment, gsize *ret_from,
                          gsize *ret_end) {
     const gsize chunks = (r->rows + CHUNK - 1) / CHUNK;
@@ -143,7 +149,8 @@ static void project_segment(int segment, gpointer data) {
                     r->columns + from, (int)r->rows, 1, r->z + from, (int)r->rows);
 }
 
-/* Second pass: processes as many columns at a time as fit into memory. */
+/* Second pass: computes Z = A times the first `found` directions. Reads as many columns at a time
+ * as fit into memory. */
 static gboolean project(struct eigenmaps_randomised *r, GError **error) {
     g_free(r->z);
     g_free(r->factors);
@@ -179,7 +186,8 @@ static void gram_segment(int segment, gpointer data) {
     }
 }
 
-/* Finds the best directions within the span: the eigenvectors of ZᵀZ, in columns. */
+/* Finds the best directions within the span of the first `found` directions: the eigenvectors of
+ * ZᵀZ, in columns. */
 static gboolean solve(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
@@ -235,8 +243,9 @@ static void take(struct eigenmaps_randomised *r) {
 }
 
 /* Searches the smallest number of terms that reaches the target. The first guess follows from the
- * singular values of the sketch. Each trial computes the singular values of A in that many
- * directions of the sketch. */
+ * singular values of the sketch. Each trial projects A onto that number of directions of the sketch
+ * and up to SPARE more. If the error is still above the target, the next trial takes about a
+ * quarter more terms. */
 static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;

@@ -9,7 +9,7 @@
 
 #define COLOURS 3
 #define BLOCK   16   /* number of texels that a thread fits at a time */
-#define RCOND   1e-3 /* minimum of a singular value, relative to the largest one */
+#define RCOND   1e-3 /* singular values below this part of the largest one count as 0 */
 
 void hsh_free(struct hsh *hsh) {
     if (!hsh)
@@ -156,7 +156,8 @@ static void fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
         ret[i] = sums[i % COLOURS][i / COLOURS];
 }
 
-/* The same without some of the lights, solved as a separate problem. there has n_lights values. */
+/* Fits one view of one texel to the lights for which there[light] is TRUE. Each call solves a
+ * separate least-squares problem. */
 static void fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
                         float *ret) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;

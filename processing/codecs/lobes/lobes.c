@@ -57,14 +57,15 @@ struct lobes_run {
     struct lobes *lobes;
     struct lobes_fit fit;
     struct lobes_start *start;
-    float *views, *lights; /* × 3, unit vectors */
-    float *polynomial;     /* A⁺: POLYNOMIAL × n_lights */
-    int n_blocks, *done;   /* done: whether each block of texels is fitted */
+    float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
+    float *polynomial;     /* POLYNOMIAL × n_lights: A⁺ of pseudo_inverse() */
+    int n_blocks, *done;   /* done: 1 for each block of texels that is fitted, else 0 */
 };
 
 /* Finds the X of least norm that minimises ‖A X − B‖². A has the row (lx², ly², lx ly, lx, ly, 1)
- * for each light l, or zeros if row (may be NULL) is NaN. columns is B (n × n_columns) before the
- * call and X (POLYNOMIAL × n_columns) after it; it has max(n, POLYNOMIAL) rows. */
+ * for each light l, or zeros if the luminance of the light in row is NaN. row may be NULL. columns
+ * is B (n × n_columns) before the call and X (POLYNOMIAL × n_columns) after it; it has max(n,
+ * POLYNOMIAL) rows. */
 static void solve_polynomial(const float *lights, int n, const float *row, double *columns,
                              int n_columns) {
     g_autofree double *a = g_new0(double, n *POLYNOMIAL);
@@ -80,7 +81,8 @@ static void solve_polynomial(const float *lights, int n, const float *row, doubl
                    singular, 1e-6, &rank);
 }
 
-/* Computes A⁺ by solving for the unit matrix: POLYNOMIAL × n. */
+/* Returns A⁺, the pseudo-inverse of the A of solve_polynomial(), by solving for the unit matrix:
+ * POLYNOMIAL × n. g_free() */
 static float *pseudo_inverse(const float *lights, int n) {
     g_autofree double *columns = g_new0(double, MAX(n, POLYNOMIAL) * n);
     float *ret = g_new(float, POLYNOMIAL *n);
@@ -92,8 +94,8 @@ static float *pseudo_inverse(const float *lights, int n) {
     return ret;
 }
 
-/* Computes C = A⁺ Y of one row of luminance (n_lights). If a value is NaN, a separate problem is
- * solved. */
+/* Computes C = A⁺ Y of one row of luminance (n_lights). If the row has a NaN, solves a separate
+ * problem without the lights that are NaN. */
 static void fit_polynomial(const struct lobes_run *run, const float *row, float *ret) {
     const int n = run->fit.n_lights;
     gboolean whole = TRUE;
@@ -120,7 +122,8 @@ static gboolean is_there(const float *rgb) {
     return !isnan(rgb[0]) && !isnan(rgb[1]) && !isnan(rgb[2]);
 }
 
-/* Splits a row into its luminance Y and the colour by which Y is multiplied, Σ RGB / Σ Y. */
+/* Splits n values R, G, B into their luminance Y (NaN if a colour is NaN) and one colour by which Y
+ * is multiplied, Σ RGB / Σ Y. The colour is white if Σ Y is not above 0. */
 static void split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
     double sums[COLOURS] = {0}, all = 0;
     for (gsize i = 0; i < n; i++, rgb += COLOURS) {
@@ -171,7 +174,7 @@ static void store(const struct lobes *lobes, const float *colour, const float *p
         memcpy(ret, p, sizeof(float) * POLYNOMIAL);
     if (lobes->model == LOBES_LAFORTUNE)
         *ret++ = p[4 * lobes->n_lobes];
-    /* (X, Y, Z) = g/|g| · |g|^(1/N) */
+    /* p is g (3) and ln N of the lobe |g| ⟨g/|g| · x⟩^N; hence (X, Y, Z) = g/|g| · |g|^(1/N) */
     for (int k = 0; k < lobes->n_lobes; k++, p += 4, ret += 4) {
         const float size = sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
         const float n = CLAMP(expf(p[3]), LOBES_MIN_EXPONENT, LOBES_MAX_EXPONENT);
@@ -220,8 +223,8 @@ static void colour_facet(const struct lobes_run *run, int texel, float *values) 
     }
 }
 
-/* The rows of a block are sorted by texel, with all slices of a texel together. The values of
- * lobes.h are sorted by slice. */
+/* Fits the texels of a block, unless the checkpoint had them. The rows of a block are sorted by
+ * texel, with all slices of a texel together. The values of lobes.h are sorted by slice. */
 static void fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;

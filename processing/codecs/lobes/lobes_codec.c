@@ -104,8 +104,8 @@ static void reconstruct(gconstpointer model, int texel, float *ret) {
     lobes_reconstruct(model, texel, ret);
 }
 
-/* Evaluates the formula, at least 0. Models of separate views are mixed from the surrounding views
- * with Σ_a g_a. */
+/* Adds the value of the formula, at least 0, of each texel, times its share. For a model of single
+ * views this value is Σ_a g_a max(0, Y_a), where g_a are the weights of the query's views. */
 static void evaluate(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]) {
     const struct lobes *lobes = model;

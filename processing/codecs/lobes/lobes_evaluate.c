@@ -12,8 +12,8 @@ static float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Computes Σ_{i<k} ⟨g_i · w⟩^N_i. values is k × (g_i, N_i). w is l for fields, v ∘ l for
- * Lafortune. */
+/* Computes Σ_{i<k} ⟨g_i · w⟩^N_i. values is k × (X, Y, Z, N), with g_i = (X, Y, Z). w is l for
+ * fields, v ∘ l for Lafortune. */
 static float sum_lobes(const float *values, int k, const float w[3]) {
     float sum = 0;
     for (int i = 0; i < k; i++) {
@@ -68,8 +68,8 @@ static void facet(enum lobes_model model, const float *values, const float v[3],
         ret[c] = values[c] * nl + values[COLOURS + c] * shine;
 }
 
-/* values are those of one texel of one slice. The values of microfacet models contain their
- * colours. Other models give Y, which is multiplied by the colour. */
+/* Evaluates one texel of one slice from its values. The values of microfacet models contain two
+ * colours. The other models give Y, which is multiplied by the colour of the texel. */
 static void evaluate(const struct lobes *lobes, const float *values, const float v[3],
                      const float l[3], float ret[3]) {
     const float w[3] = {v[0] * l[0], v[1] * l[1], v[2] * l[2]};
@@ -92,7 +92,8 @@ static void evaluate(const struct lobes *lobes, const float *values, const float
         ret[c] = values[c] * y;
 }
 
-/* slice is a view for fields and PTM, otherwise 0. */
+/* Returns the n_values values of a texel of a slice. slice is the index of a view for fields and
+ * ptm, otherwise 0. */
 static const float *values_of(const struct lobes *lobes, int slice, int texel) {
     const gsize texels = btf_layout_texels(&lobes->layout);
     return lobes->values + ((gsize)slice * texels + (gsize)texel) * (gsize)lobes->n_values;
@@ -105,7 +106,7 @@ void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float
 
 struct measured {
     const struct lobes *lobes;
-    float *views, *lights; /* × 3 */
+    float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
 };
 
 static struct measured measured_directions(const struct lobes *lobes) {

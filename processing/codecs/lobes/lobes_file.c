@@ -39,8 +39,8 @@ static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* Returns the part that begins with the value first. ret_end is the first value of the next
- * part. */
+/* Makes the part of the file that begins with value number first (lobes_value_part()). *ret_end is
+ * the number of the first value of the next part. */
 static struct exr_part *values_part(const struct lobes *lobes, int first, int *ret_end) {
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;

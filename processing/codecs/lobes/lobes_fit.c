@@ -13,21 +13,24 @@
 #define LN2      0.69314718F
 #define TINY     1e-20F
 
-/* The sums over all samples at one point that the solver needs. */
+/* Sums over all samples (pairs of a view and a light) at one point, with the residuals r = y − f
+ * and the derivatives J of the model f. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* Values that are common to all samples. */
+/* What depends on the parameters only, and is computed once for all samples: a lobe s ⟨d · w⟩^n. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };
 struct prepared_facet {
-    lanes frame[3][3];    /* t, b, n */
-    lanes turns[3][3][3]; /* their derivatives with respect to both slopes and the angle */
-    lanes u, v, diffuse, specular, scale, scale_u, scale_v; /* scale, and its log-derivatives */
+    lanes frame[3][3]; /* t, b, n */
+    /* [i]: derivatives of t, b, n with respect to parameter i: slope a, slope b, angle ψ */
+    lanes turns[3][3][3];
+    /* scale_u, scale_v: derivatives of log scale with respect to log U and log V */
+    lanes u, v, diffuse, specular, scale, scale_u, scale_v;
 };
 struct prepared {
     struct prepared_lobe lobes[LOBES_MAX_LOBES];
@@ -38,9 +41,9 @@ static int lobes_of(const struct lobes_fit *fit) {
     return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? fit->n_lobes : 0;
 }
 
-/* Number of parameters. fields and Lafortune have k × (g = s d, log N), and Lafortune also D.
- * Microfacet models have both slopes of the normal, the tangent's angle, log U, log V, diffuse and
- * specular. */
+/* Returns the number of parameters. fields and Lafortune have k × (g = s d, log N), and Lafortune
+ * also D. Microfacet models have both slopes of the normal, the tangent's angle, log U, log V,
+ * diffuse and specular. */
 int lobes_fit_parameters(const struct lobes_fit *fit) {
     switch (fit->model) {
     case LOBES_FIELDS:
@@ -101,14 +104,16 @@ LANES_INLINE void turn(lanes angle, lanes *ret_sin, lanes *ret_cos) {
     *ret_cos = 1.0F - less;
 }
 
-/* (v − ⟨v, n⟩ n) / length: the derivative of a unit vector. */
+/* Computes (v − ⟨v, n⟩ n) / length, the derivative of a unit vector n = w / length if the
+ * derivative of w is v. */
 LANES_INLINE void unit_derivative(const lanes v[3], const lanes n[3], lanes length, lanes ret[3]) {
     const lanes along = dot(v, n);
     for (int i = 0; i < 3; i++)
         ret[i] = (v[i] - along * n[i]) / length;
 }
 
-/* n = (−a, −b, 1)/‖·‖; t = the unit vector along (cos ψ, sin ψ, a cos ψ + b sin ψ); b = n × t. */
+/* Computes the frame and its derivatives. The normal is the unit vector along (−a, −b, 1), t that
+ * along (cos ψ, sin ψ, a cos ψ + b sin ψ), and b = n × t. */
 LANES_INLINE void prepare_frame(const lanes *p, struct prepared_facet *ret) {
     const lanes one = lanes_all(1), zero = lanes_all(0);
     lanes s, c, by[3][3], length = lanes_sqrt(p[0] * p[0] + p[1] * p[1] + 1.0F);
@@ -166,7 +171,8 @@ LANES_INLINE lanes ward_exponent(const struct prepared_facet *f, lanes hx, lanes
     return e;
 }
 
-/* E = q (U hx² + V hy²), q = ln hn / (1 − hn²); near the normal q = −1/2 and dq/dhn = 1/2. */
+/* Computes the same for Ashikhmin: E = q (U hx² + V hy²), q = ln hn / (1 − hn²). Near the normal, q
+ * = −1/2 and dq/dhn = 1/2. */
 LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, lanes hy, lanes hn,
                                       lanes ret[5]) {
     const lanes high = lanes_max(hn, lanes_all(1e-3F)), rest = 1.0F - high * high;
@@ -184,8 +190,9 @@ LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, 
     return q * (x + y);
 }
 
-/* Computes the factor of the distribution, and the derivatives of its logarithm with respect to
- * n·l and n·v. */
+/* Computes the factor by which scale and distribution are multiplied: √(n·l / n·v) for Ward, n·l /
+ * (h·l · max(n·l, n·v)) for Ashikhmin, with n·v at least MIN_VIEW. Also computes and the
+ * derivatives of its logarithm with respect to n·l and n·v. */
 LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl, lanes *ret_nl,
                             lanes *ret_nv) {
     const lanes least = lanes_all(MIN_VIEW), seen = lanes_max(nv, least);
@@ -331,8 +338,8 @@ LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     }
 }
 
-/* Gives the bounds of a parameter. The amplitudes of lobes are bounded together, in
- * keep_inside(). */
+/* Gives the bounds of parameter i. Returns FALSE if the parameter has no bounds of its own. The
+ * amplitudes of lobes are bounded together, in keep_inside(). */
 LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret_low,
                                 float *ret_high) {
     *ret_low = *ret_high = 0;
@@ -399,16 +406,17 @@ LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal
     keep_inside(model, k, n, peak, ret);
 }
 
-/* The state of the eight problems that are being solved. */
+/* The state of the eight problems that are being solved, one in each lane. */
 struct state {
     const struct lobes_fit *fit;
     int n, samples, next, n_problems;
     const float *rows;
     float *parameters, *costs;
-    lanes *values; /* samples */
+    lanes *values; /* samples × LANES values y, NaN if missing */
     lanes p[P], trial[P], damping, peak;
     struct normal at, tried;
-    int problem[LANES], steps[LANES]; /* −1 if none */
+    /* problem: index of the problem in each lane, −1 if there are no more */
+    int problem[LANES], steps[LANES];
     gint64 all_steps;
 };
 
@@ -461,7 +469,9 @@ LANES_INLINE lane_bits accept(struct state *state) {
     return small | (state->damping > 1e5F) | (state->at.cost <= TINY);
 }
 
-/* Vectors are passed by address, because processors differ in how they are passed by value. */
+/* Stores the results of lanes that have ended, or that have made MAX_STEPS steps, and loads their
+ * next problems. Returns whether a lane is still busy. ended is passed by address, because
+ * processors differ in how they pass vectors by value. */
 static gboolean refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {

@@ -29,7 +29,7 @@ LANES_INLINE lanes lanes_min(lanes a, lanes b) {
     return lanes_if(a < b, a, b);
 }
 
-/* log₂ x of normal numbers x > 0. The absolute error is about 1e-7. */
+/* Computes log₂ x of normal numbers x > 0. The absolute error is about 1e-7. */
 LANES_INLINE lanes lanes_log2(lanes x) {
     const lane_bits bits = (lane_bits)x - 0x3f3504f3; /* √½: the mantissa lies in √½ … √2 */
     const lane_bits exponent = bits >> 23;
@@ -39,8 +39,8 @@ LANES_INLINE lanes lanes_log2(lanes x) {
     return __builtin_convertvector(exponent, lanes) + t * series;
 }
 
-/* 2^x, clamped to 2^±50. The squares of smaller values would be denormal, which is slow on many
- * processors. */
+/* Computes 2^x, clamped to 2^±50. The squares of smaller values would be denormal, which is slow on
+ * many processors. */
 LANES_INLINE lanes lanes_exp2(lanes x) {
     /* 1.5 · 2²³; adding this number rounds the other operand */
     const lanes magic = lanes_all(12582912.0F);
@@ -55,7 +55,7 @@ LANES_INLINE lanes lanes_exp2(lanes x) {
     return series * (lanes)power;
 }
 
-/* √x of normal numbers x > 0. */
+/* Computes √x of normal numbers x > 0. */
 LANES_INLINE lanes lanes_sqrt(lanes x) {
     return lanes_exp2(0.5F * lanes_log2(x));
 }

@@ -9,8 +9,9 @@
 
 #define LOBES_MAX_LEVELS LPCA_MAX_LEVELS
 
-/* Computes level 0 as lobes_compute() does, and all further levels down to one texel. Returns the
- * number of levels, or 0 with an error. A checkpoint holds only level 0. */
+/* Computes level 0 as lobes_compute() does, and all further levels down to one texel, but at most
+ * LOBES_MAX_LEVELS levels. Returns the number of levels, or 0 with an error. A checkpoint holds
+ * only level 0. */
 int lobes_compute_levels(const struct btf_matrix *btf, const struct lobes_options *options,
                          struct lobes *ret_levels[LOBES_MAX_LEVELS], GError **error);
 

@@ -21,15 +21,15 @@
 struct lobes_fit {
     enum lobes_model model; /* not ptm, which is solved as a linear problem */
     int n_lobes;
-    int n_views, n_lights;       /* for fields, one view, which is ignored */
-    const float *views, *lights; /* × 3, unit vectors */
+    int n_views, n_lights;       /* for fields, n_views is 1, and the view is ignored */
+    const float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
 };
 
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
-/* rows is n × n_views × n_lights of luminance, NaN for missing values. parameters is n × the
- * parameters of a problem: the start before the call, the result after it. ret_costs is n sums of
- * squares, or NULL. Returns the number of steps in all problems together. */
+/* rows is n × n_views × n_lights of luminance, NaN for missing values. parameters is n ×
+ * lobes_fit_parameters(): initial values before the call, the result after it. ret_costs is n sums
+ * of squared residuals, or NULL. Returns the number of steps in all problems together. */
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 

@@ -14,7 +14,7 @@ struct lobes_start {
     const struct lobes_fit *fit;
     float spacing;    /* mean distance of lights, radians */
     float *planes;    /* 3 × n_lights: pseudo-inverse of the lights' directions */
-    float *high_pass; /* n_lights² */
+    float *high_pass; /* n_lights²: matrix of high_pass() */
 };
 
 static float angle(const float *a, const float *b) {
@@ -36,9 +36,9 @@ static float spacing(const struct lobes_fit *fit) {
     return sum / (float)fit->n_lights;
 }
 
-/* Returns 1 − K (n_lights²), which subtracts from each light's value the weighted mean of the
- * lights around it: K_ij = exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the angle
- * between lights. */
+/* Returns the matrix 1 − K (n_lights²), which subtracts from each light's value the weighted mean
+ * of the lights around it: K_ij = exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the
+ * angle between lights. */
 static float *high_pass(const struct lobes_fit *fit, float width) {
     const int n = fit->n_lights;
     float *matrix = g_new(float, n *n);
@@ -54,7 +54,8 @@ static float *high_pass(const struct lobes_fit *fit, float width) {
     return matrix;
 }
 
-/* Returns (LᵀL)⁻¹Lᵀ. A small number is added to the diagonal for lights that lie in a plane. */
+/* Returns (LᵀL)⁻¹Lᵀ (3 × n_lights) of the directions L of the lights (n_lights × 3). A small number
+ * is added to the diagonal for lights that lie in a plane. */
 static float *planes(const struct lobes_fit *fit) {
     const int n = fit->n_lights;
     float squares[9], *inverse = g_memdup2(fit->lights, sizeof(float) * 3 * (gsize)n);
@@ -110,8 +111,8 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Finds principal directions in addition to the diffuse one: those whose values exceed their
- * surroundings most. */
+/* Finds n lobes in addition to the diffuse one, towards the lights whose values exceed those of the
+ * lights around them most. Leaves out the first skip of these directions. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;
@@ -140,7 +141,8 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
     }
 }
 
-/* Finds the diffuse lobe by linear least squares. */
+/* Finds the diffuse lobe g, for which g · l is nearest to the values of the lights l (least
+ * squares). If g is small or points below the horizon, it becomes (0, 0, mean). */
 static void find_diffuse(const struct lobes_start *start, const float *lights, float mean,
                          float ret[3]) {
     cblas_sgemv(CblasColMajor, CblasNoTrans, 3, start->fit->n_lights, 1, start->planes, 3, lights,
@@ -168,7 +170,8 @@ static void start_facet(const struct lobes_start *start, int variant, const floa
 
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters) {
-    /* Mirror, back to the light, and broad: shapes of lobes of real materials. */
+    /* (X, Y, Z, N) of a mirror reflection, of a reflection back to the light, and of a broad lobe.
+     * */
     static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
     const struct lobes_fit *fit = start->fit;
     const int parameters = lobes_fit_parameters(fit), k = fit->n_lobes;

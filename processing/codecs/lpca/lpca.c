@@ -122,7 +122,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
     return fewer;
 }
 
-/* Computes n values of texel x from the value from on: E_0 + Σ_i w_i(x) E_i. */
+/* Computes E_0 + Σ_i w_i(x) E_i of texel x, for the n values that begin with number `from`. */
 static void add_components(const struct lpca *lpca, int texel, int from, int n, float *ret) {
     const int k = lpca->clusters[texel], c = lpca->n_components;
     memcpy(ret, lpca_brdf(lpca, k, 0) + from, sizeof(float) * (gsize)n);

@@ -3,13 +3,14 @@
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
- * in a reduced space. The E_i are the best for these weights in all dimensions. Reading the BTF
- * twice is therefore sufficient. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) −
- * E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k
- * and has the weight 1 (§4 of the paper omits it from its sum). Values contain n·l. The E_{i,k}, i
- * ≥ 1, are orthonormal and sorted by the variance that they explain. Leaving out the last ones is
- * therefore optimal for a smaller number of them. Those that a cluster does not need are 0.
+ * The texels are clustered in a space of fewer dimensions. The w_i span the same space as the
+ * texels' coordinates along the principal axes of their cluster there. The E_i have all dimensions,
+ * and are the best for these w_i. Reading the BTF twice is therefore sufficient. For packed local
+ * PCAs, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a
+ * third time. E_{0,k} is the mean of cluster k and has the weight 1 (§4 of the paper omits it from
+ * its sum). Values contain n·l. The E_{i,k}, i ≥ 1, are orthonormal and sorted by the variance that
+ * they explain. Leaving out the last ones is therefore optimal for a smaller number of them. The
+ * E_{i,k} that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -25,7 +26,7 @@
  *
  * The attributes of "clusters" are mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise
  * (string: float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()),
- * texel_mm, reference_mm (double), mesorig.grid (int) if there is an n_grid, and mesorig.colours
+ * texel_mm, reference_mm (double), mesorig.grid (int) if n_grid is not 0, and mesorig.colours
  * (string) = "log" for decorrelated colours (see below).
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed).
@@ -33,8 +34,9 @@
  * values are dark, and the steps that suit bright light would be visible. (A local PCA on a grid
  * has no scales of lights, because it is drawn with the file's 8 bits.) Means stay halves, because
  * their weight is always 1 and their steps would be visible. With 8bit-weights, weights are also
- * such integers, with a scale for each component of each cluster. EXR has no 8-bit channels, so
- * that the integers are stored in halves, without loss. In the other forms all scales are 1.
+ * stored as integers −127 … 127, with a scale for each component of each cluster. EXR has no 8-bit
+ * channels, so that the integers are stored in halves, without loss. In the other forms all scales
+ * are 1.
  *
  * With decorrelated colours (LPCA_LOG), the PCA is not of R, G, B but of ln(Y + ε), (R − Y)/(Y +
  * ε), (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET. Dark values
@@ -95,7 +97,8 @@ struct lpca_options {
     enum lpca_colours colours;
     /* bytes that may be used in addition to the BTF's values; 0 if not limited */
     gint64 memory;
-    const struct team *team; /* NULL if this process works without others */
+    /* processes that share the work, or NULL if this process works without others */
+    const struct team *team;
     /* allows up to LPCA_MAX_PACKED components, which only lpca_pack.h accepts */
     gboolean to_pack;
     /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled or fails. The
@@ -110,10 +113,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
  * Clusters that are not needed are left out: a constant material has one. The result does not
- * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if
- * it is to be packed, and "check" if errors are measured. With a target, it is computed with 1, 2,
- * 4, … components until the target is reached. If the target cannot be reached, the error gives the
- * smallest error reached.
+ * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights"
+ * with to_pack, and "check" if errors are measured. With a target, computes local PCAs of 1, 2, 4,
+ * … components until one reaches the target, and then finds the smallest number of components that
+ * reaches it. If the target is not reached with n_components, returns NULL, and the message gives
+ * the error with n_components.
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
  * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
@@ -135,7 +139,9 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
 /* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black
  * BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
-/* The same for the team of the options, with progress. */
+/* Stores the error that lpca_error() returns in lpca->error. All ranks of the team of the options
+ * take part. Reports progress. Returns FALSE with an error if a file cannot be read or the work is
+ * cancelled. */
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 

@@ -14,7 +14,7 @@ static const char *const names[] = {
     [LPCA_KEPT_SQUARES] = "lpca.squares",
 };
 
-/* The arrays in the file of each stage. */
+/* The arrays that the checkpoint has in each stage. */
 #define KEPT(what) (1U << LPCA_KEPT_##what)
 static const guint kept_by[] = {
     [LPCA_REDUCING] = KEPT(MEAN) | KEPT(ROWS) | KEPT(AXES),
@@ -26,7 +26,7 @@ static const guint kept_by[] = {
     [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
 
-/* Returns the bytes of an array of a run in this state. */
+/* Returns the bytes of an array. They depend on run->state. */
 static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept what) {
     const struct lpca_state *state = &run->state;
     const gsize n = (gsize)run->n, d = (gsize)run->d, r = (gsize)run->r, c = (gsize)state->c;

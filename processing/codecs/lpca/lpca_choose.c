@@ -7,12 +7,13 @@
 #define PATIENCE                                                                                   \
     2 /* maximum number of consecutive tries with more clusters that bring no improvement */
 
-/* The state of a choice, byte by byte in the checkpoint. */
+/* The state of a choice. The checkpoint stores it byte by byte. */
 struct choice {
     struct lpca_target target;
-    /* number of clusters to try next, and number of tries without improvement */
+    /* clusters: number to try next; worse: number of consecutive tries without improvement */
     gint32 clusters, worse;
-    /* the best result so far, and the best of those that do not reach the error */
+    /* best: the best result so far; nearest: the smallest error of the results that do not reach
+     * the target */
     struct lpca_nearest best, nearest;
 };
 
@@ -62,7 +63,8 @@ static gint64 most_bytes(const struct choosing *choosing) {
     return MIN(most, MAX(raw_bytes(btf), size_of(btf, target, 1, all)));
 }
 
-/* Returns 0 if not even one component fits. */
+/* Returns the maximum number of components of the next model, so that it takes at most
+ * most_bytes(). Returns 0 if not even one component fits. */
 static int max_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
@@ -131,7 +133,8 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     return TRUE;
 }
 
-/* Continues from the file, or starts from the beginning. */
+/* Takes the choice from the checkpoint if it has one for the same target. Otherwise begins with one
+ * cluster. */
 static void resume(struct choosing *choosing) {
     Checkpoint *checkpoint = choosing->options->checkpoint;
     const struct lpca_target *target = choosing->target;
@@ -170,7 +173,8 @@ static gboolean is_used(const struct lpca *lpca, int component) {
     return FALSE;
 }
 
-/* Removes components that are 0. A target size may allow more components than a material needs. */
+/* Returns the local PCA without the last components if they are 0 in all clusters. Takes ownership
+ * of lpca. A target size may allow more components than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
     while (c > 1 && !is_used(lpca, c))

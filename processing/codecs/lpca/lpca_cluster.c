@@ -59,15 +59,16 @@ void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels,
     }
 }
 
-/* Each rank processes the blocks from *ret_first to *ret_end − 1. Then all ranks exchange the
- * results. */
+/* Gives the blocks *ret_first … *ret_end − 1 that this rank processes. All ranks exchange their
+ * results afterwards (lpca_share()). */
 static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
     const struct team *team = reduced->options->team;
     const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
     team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
 }
 
-/* nearest[x] = min over the seeds so far of ‖r_x − seed‖². */
+/* Updates nearest[x] for a new seed: the minimum of ‖r_x − s‖² of row r_x over all seeds s so far.
+ * */
 struct seeding {
     const struct lpca_reduced *reduced;
     const float *seed; /* the newest seed */
@@ -162,7 +163,8 @@ static void assign_block(int block, gpointer data) {
         assign_row(to, from + i, products + (gsize)i * (gsize)columns);
 }
 
-/* Assigns all rows; returns the sum of squared errors. */
+/* Assigns all rows to clusters with c axes each. errors (n) are the squared distances ‖r − m‖² − Σ
+ * … of the rows. Returns their sum. */
 static double assign(struct lpca_reduced *reduced, int c, float *errors) {
     const struct team *team = reduced->options->team;
     const gsize n_factors = (gsize)reduced->k * (gsize)(c + 1), r = (gsize)reduced->r;
@@ -195,8 +197,8 @@ static void collect(struct lpca_reduced *reduced) {
         g_array_append_val((GArray *)g_ptr_array_index(reduced->members, reduced->labels[i]), i);
 }
 
-/* A cluster that lost all its rows takes the row with the largest error, if that reduces the
- * error. */
+/* Gives each cluster without rows the row with the largest error, unless all errors are 0. The
+ * error of that row becomes 0. */
 static void refill(struct lpca_reduced *reduced, float *errors) {
     for (int k = 0; k < reduced->k; k++) {
         int worst = 0;
@@ -213,7 +215,8 @@ static void refill(struct lpca_reduced *reduced, float *errors) {
     collect(reduced);
 }
 
-/* Subtracts from the rows of a cluster their mean, which becomes the cluster's mean. */
+/* Sets the mean of a cluster to the mean of its rows. Returns copies of the rows minus the mean;
+ * g_free(). */
 static float *centred(const struct lpca_reduced *reduced, int k) {
     const GArray *members = g_ptr_array_index(reduced->members, k);
     const gsize r = (gsize)reduced->r;
@@ -320,7 +323,8 @@ static void drop_empty(struct lpca_reduced *reduced) {
     reduced->k = kept;
 }
 
-/* Saves the state between two iterations. */
+/* Records in the run, which the checkpoint stores, that an iteration is next. before is the error
+ * sum of the iteration before it. */
 static void keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
     if (!run)
@@ -330,7 +334,8 @@ static void keep(const struct lpca_reduced *reduced, int iteration, double befor
     run->state.before = before;
 }
 
-/* Returns FALSE when cancelled. */
+/* Reports progress and saves the checkpoint if it is due. If the work was cancelled, saves the
+ * checkpoint at once and returns FALSE. */
 static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint64 begun,
                               GError **error) {
     const struct work *work = &reduced->options->work;
@@ -347,8 +352,8 @@ static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint
 }
 
 /* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until the
- * error falls by less than SETTLED. from and before are the iteration and the error from which to
- * continue; 0 and G_MAXDOUBLE at the start. */
+ * error falls by less than SETTLED. Continues with iteration from, before which the error was
+ * before: 0 and G_MAXDOUBLE at the start. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();

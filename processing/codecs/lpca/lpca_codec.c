@@ -84,7 +84,7 @@ static const struct option lpca_codec_table[] = {
     {NULL},
 };
 
-/* Returns how options contradict each other. */
+/* Returns a sentence that says how options contradict each other, or NULL if they do not. */
 static const char *check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -102,8 +102,8 @@ static const char *check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has made a smaller error necessary, and that error. The checkpoint stores
- * both. */
+/* times: how often rounding has made a smaller error necessary. target: that error. The checkpoint
+ * stores both. */
 struct rounding {
     gint64 times;
     double target;
@@ -134,9 +134,10 @@ static struct lpca *rounded(const struct lpca_codec_options *asked, const struct
     return g_steal_pointer(&lpca);
 }
 
-/* Errors add in squares. The error that rounding adds is subtracted from the target of the next
- * attempt: e² = target² − (e_rounded² − e_exact²). Continues from the checkpoint, which borrows
- * rounding. */
+/* Computes a local PCA whose error after rounding is at most asked->error. Errors add in squares.
+ * The error that rounding adds is therefore subtracted from the target of the next attempt: e² =
+ * target² − (e_rounded² − e_exact²). Continues from the checkpoint, which reads the local variable
+ * rounding when it is saved. */
 static struct lpca *compute(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
                             struct lpca_options *options, struct codec_result *ret,
                             GError **error) {
@@ -189,7 +190,7 @@ static struct lpca *pack(const struct lpca_codec_options *asked, const struct bt
 }
 
 /* Adds levels 1 and on. They have as many clusters and components as level 0 if they have enough
- * texels. They have no checkpoint, which would save at most a third of the work. */
+ * texels. They are not part of the checkpoint, because they take at most a third of the work. */
 static gboolean add_levels(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
                            const struct lpca_options *options, struct codec_result *ret,
                            GError **error) {
@@ -354,7 +355,7 @@ static gboolean tell_quantised(const struct lpca *lpca, int components,
     return ok;
 }
 
-/* Rounds one local PCA to coarser and finer steps. */
+/* Reports the points of packed models: one local PCA, rounded to steps from COARSEST to FINEST. */
 static gboolean curve_packed(const struct btf_matrix *btf, const struct work *work, CodecPoint tell,
                              gpointer data, GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);

@@ -10,8 +10,8 @@
 #define SEED    7
 #define SAMPLES 768 /* minimum number of texels whose span is used for clustering */
 #define REDUCED 128 /* minimum number of dimensions of that span */
-#define TILE    128 /* of the Gram matrix */
-#define STRIP   256 /* columns of the axes made at a time */
+#define TILE    128 /* rows and columns of the Gram matrix that are computed at a time */
+#define STRIP   256 /* columns of the axes that are computed at a time */
 #define COLOURS 3
 
 /* QR by Householder: rows = R Q. |R_ii| is the norm of the part of row i that is orthogonal to the
@@ -76,7 +76,8 @@ struct stage {
     gpointer data;
 };
 
-/* A block that was not read does not count as done. */
+/* Runs one block of a stage, unless the checkpoint has it. A block does not count as done if values
+ * could not be read. */
 static void stage_block(int block, gpointer data) {
     const struct stage *stage = data;
     struct lpca_run *run = stage->run;
@@ -123,7 +124,7 @@ struct sample {
     float *rows;    /* n × d, minus their mean */
     float *gram;    /* n × n, lower half */
     int found;      /* number of axes */
-    float *vectors; /* found × n: of the Gram matrix, in descending order */
+    float *vectors; /* found × n: eigenvectors of the Gram matrix, see solve_gram() */
 };
 
 /* Draws texels at random, because a regular choice could coincide with the material's pattern. In a
@@ -178,8 +179,9 @@ static void axes_strip(int block, gpointer data) {
                 sample->run->axes + from, d);
 }
 
-/* The principal axes of the sample X (n × d, n ≪ d): with X Xᵀ = U diag (λ) Uᵀ they are the rows of
- * diag (λ)^−½ Uᵀ X. vectors: diag (λ)^−½ Uᵀ, the largest λ first. */
+/* Finds the eigenvectors U of X Xᵀ = U diag (λ) Uᵀ, where X is the sample (n × d, n ≪ d). The
+ * principal axes of the sample are the rows of diag (λ)^−½ Uᵀ X. Sets sample->vectors to diag
+ * (λ)^−½ Uᵀ, the largest λ first. */
 static gboolean solve_gram(struct sample *sample, GError **error) {
     const int m = sample->n, wanted = MIN(sample->run->r, m);
     g_autofree float *values = g_new0(float, m);
@@ -310,7 +312,8 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
                                    .c = n_components};
     run->state.c = n_components;
     struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_refine(run, &reduced, error) : NULL;
-    /* In R, G, B, the axes of logarithms are not orthonormal. */
+    /* With LPCA_LOG, the error in R, G, B does not follow from the variance along the axes, and is
+     * measured. */
     if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
         g_clear_pointer(&lpca, lpca_free);
     lpca_reduced_clear(&reduced);
@@ -318,7 +321,8 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
 }
 
 /* Finds by bisection the smallest number of components of this clustering that reaches the target.
- * state->few components do not reach the target, and state->enough components reach it. */
+ * state->few components do not reach the target (0 at the start), and state->enough components
+ * reach it. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
@@ -344,7 +348,8 @@ static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError
     return ret;
 }
 
-/* Doubles the number of components until the target is reached. */
+/* Doubles the number of components until the target is reached. Fails, and sets options->nearest,
+ * if options->n_components do not reach the target. */
 static struct lpca *search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
     for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
@@ -379,14 +384,14 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     /* Three unrounded copies, including the rotated one, and two rounded copies with integers. */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
-    /* The arrays are copied for writing. */
+    /* The checkpoint copies the arrays before it writes them. */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
            (MAX(r * d + n * r + MAX(MAX(reducing, clustering), refining), packing) + buffers +
             kept);
 }
 
-/* Rounds up, so that the number in the message is sufficient. */
+/* Returns the bytes as a text, rounded up, so that the size in the message is sufficient. */
 static char *format_need(gint64 bytes) {
     gint64 unit = 1;
     while (bytes / unit >= 1000)
@@ -440,7 +445,8 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     return what == NULL && check_memory(btf, options, error);
 }
 
-/* Values from a file are checked when they are read. */
+/* Returns FALSE with an error if a value in memory is not finite. Values from a file are checked
+ * when they are read. */
 static gboolean check_values(const struct lpca_run *run, GError **error) {
     const gsize d = (gsize)run->d, n = (gsize)(run->end - run->first) * d;
     for (gsize i = 0; run->btf->values && i < n; i++)
@@ -470,8 +476,8 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     if (!check_values(&run, error))
         return NULL;
     g_mutex_init(&run.lock);
-    /* Otherwise the order of sums, and with it the last bits, would depend on the number of
-     * threads. */
+    /* One thread, because otherwise the order of sums, and with it the last bits of the result,
+     * would depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     lpca_resume(&run);

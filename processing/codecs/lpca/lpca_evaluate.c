@@ -14,7 +14,8 @@ static const float *lpca_evaluate_tables(const struct lpca *lpca, int cluster) {
            (gsize)cluster * (gsize)(lpca->n_components + 1) * btf_layout_values(&lpca->layout);
 }
 
-/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b), where w_0 is the weight of the mean. */
+/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b), where w_0 is the weight of the mean, and g_a and h_b are
+ * the weights of the query's views a and lights b. */
 static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_query *query,
                                   int cluster, const float *w, float ret[COLOURS]) {
     const float *tables = lpca_evaluate_tables(lpca, cluster);
@@ -37,7 +38,8 @@ static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_qu
     }
 }
 
-/* Evaluates each cluster once. Its remaining texels are mixed, and marked with a share of 0. */
+/* Evaluates each cluster once, with the sum of the weights of all texels of the cluster. left is
+ * set to 0 for texels that have been evaluated. */
 static void lpca_evaluate_rgb(const struct lpca *lpca, const struct codec_query *query,
                               const struct codec_texels *texels, float ret[COLOURS]) {
     const gsize n = (gsize)lpca->n_components;

@@ -6,7 +6,8 @@
 /* The function evaluate of struct codec; model is a struct lpca. In R, G, B the values are linear
  * in the weights. The weights of the texels of one cluster are therefore mixed first, and its
  * eigen-BRDFs are read only once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a,
- * b)). With LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B
- * before it is mixed. */
+ * b)), where s_x is the share of texel x, and g_a and h_b are the weights of views and lights. With
+ * LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B before it
+ * is mixed. */
 void lpca_evaluate(gconstpointer model, const struct codec_query *query,
                    const struct codec_texels *texels, float ret[3]);

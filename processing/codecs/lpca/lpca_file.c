@@ -82,7 +82,7 @@ static gsize table_size(const struct lpca *lpca) {
     return lpca->layout.views.n * lpca->layout.lights.n;
 }
 
-/* Quantisation step of value i of a table of eigen-BRDFs. */
+/* Returns the quantisation step of value i of a table of eigen-BRDFs. */
 static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     const gsize n = lpca->layout.lights.n;
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
@@ -203,7 +203,8 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     return TRUE;
 }
 
-/* Inverse of scales_part(). */
+/* Reads the scales that scales_part() wrote. Returns NULL if they are missing or damaged. g_free()
+ * */
 static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
     const float *scales = plane(file, name, "S", clusters, n);
     float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;
@@ -220,7 +221,8 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return lpca->weight_scales != NULL;
 }
 
-/* Scales of lights; a file without them has the scale 1 for each light. */
+/* Reads the scales of lights. Without them in the file, light_scales stays NULL: all are 1. Returns
+ * FALSE if they are damaged. */
 static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
@@ -270,7 +272,7 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-/* Inverse of table_part(). */
+/* Reads the values that table_part() wrote. Returns FALSE if they are missing or damaged. */
 static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
@@ -298,8 +300,8 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
     lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
-    /* Checked before memory is allocated, because the sizes come from parts with only a few
-     * values. */
+    /* The sizes come from small parts of the file. A damaged file could therefore ask for much
+     * memory, unless the size of the means is checked before memory is allocated. */
     if (!lpca->scales || !means || (gsize)means->width != lpca->layout.lights.n ||
         (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
         return format_error(path, error, "scales or means are missing or damaged");

@@ -7,7 +7,8 @@
 #include "exr/mip_parts.h"
 #include "lpca_private.h"
 
-/* Returns the share of [j, j + 1) in the interval [i, i + 1) · n/half of a side. */
+/* Returns the part of the interval [i, i + 1) · n/half that overlaps [j, j + 1). A side of n texels
+ * is reduced to half texels. */
 static double overlap(int i, int half, int j, int n) {
     const double size = (double)n / half;
     return MAX(0, MIN((i + 1) * size, j + 1.0) - MAX(i * size, j)) / size;

@@ -11,7 +11,7 @@
 /* less than ½, because small values are more often noise, and 0 takes less space */
 #define ROUND 0.38
 
-/* Rotations of a file, which are orthonormalised after rounding. */
+/* The axes of a file, made orthonormal after they were rounded to halves. */
 struct rotations {
     float *views, *lights;
     float colours[9];
@@ -22,7 +22,7 @@ struct lpca_packer {
     int n_threads;
     struct lpca_packed axes; /* all axes and scales, without numbers */
     struct rotations rotations;
-    float *tables, *maps; /* rotated */
+    float *tables, *maps; /* tables, maps: the rotated numbers, not yet rounded */
 };
 
 struct lpca_packed *lpca_packed_new(void) {
@@ -80,7 +80,7 @@ static float *find_scales(const struct lpca *lpca) {
 }
 
 /* With split, a line for each view, which contains lights and colours, is divided into lines for
- * each view and colour, which contain lights. Otherwise the reverse. */
+ * each view and colour, which contain lights. Without split, does the reverse. */
 static void move_colours(const float *from, int views, int lights, gboolean split, float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
@@ -91,8 +91,8 @@ static void move_colours(const float *from, int views, int lights, gboolean spli
             }
 }
 
-/* Sums the products of each dimension with itself over the tables S_i E_i. Their eigenvectors are
- * the axes (Tucker): T Tᵀ of the table unfolded with views, lights or colours as rows. */
+/* Sums of T Tᵀ over all tables S_i E_i, where T is the table unfolded with views, lights or colours
+ * as rows. The eigenvectors of the sums are the axes (Tucker). */
 struct scatter {
     float *views, *lights;
     double colours[9];
@@ -289,7 +289,7 @@ void lpca_packer_free(struct lpca_packer *packer) {
     g_free(packer);
 }
 
-/* Quantisation with a dead zone: sign (v) ⌊|v| / step + ROUND⌋. */
+/* Quantises with a dead zone: returns sign (v) ⌊|v| / step + ROUND⌋, limited to ±1e9. */
 static gint32 steps(float value, double step) {
     const double n = floor(fabs((double)value) / step + ROUND);
     return (gint32)copysign(MIN(n, 1e9), (double)value);
@@ -302,7 +302,8 @@ static gboolean is_used(const float *values, gsize n, double step) {
     return FALSE;
 }
 
-/* Returns the number of components without those whose numbers are 0 in all clusters. */
+/* Returns the number of components that are left if the last ones are removed whose rounded numbers
+ * are all 0. At least 1. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
@@ -314,7 +315,8 @@ static int used_components(const struct lpca_packer *packer, double step) {
     return 1;
 }
 
-/* Counts the axes of views and lights that have a number other than 0. */
+/* Gives the numbers of axes of views and lights that are kept. Later axes have only rounded numbers
+ * that are 0. At least 1 each. */
 static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
                       int *ret_lights) {
     const struct lpca *lpca = packer->lpca;
@@ -374,7 +376,8 @@ struct unpacking {
     struct rotations rotations;
 };
 
-/* Inverse of rotate_table(), from rounded numbers and the stored axes. */
+/* Computes a table of eigen-BRDFs from its rounded numbers and the stored axes: the inverse of
+ * rotate_table(). */
 static void unpack_table(int table, gpointer data) {
     const struct unpacking *unpacking = data;
     const struct rotations *rotations = &unpacking->rotations;

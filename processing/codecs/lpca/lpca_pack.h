@@ -34,8 +34,7 @@
  * LPCA_MAX_COMPONENTS. */
 #define LPCA_MAX_PACKED 512
 
-/* The part of the work that does not depend on the step. It is made once, and can be rounded
- * several times. */
+/* The part of the work that does not depend on the step. A packer can be rounded several times. */
 struct lpca_packer;
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
 void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */

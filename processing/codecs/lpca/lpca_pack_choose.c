@@ -10,15 +10,16 @@
 
 #define FIRST  64  /* first number of components that is tried */
 #define ENOUGH 0.7 /* maximum part of the target error that left-out components may cause */
-#define COARSE 4.0 /* steps, relative to the average size of values */
+#define COARSE 4.0 /* coarsest and finest step, relative to lpca_mean_size() */
 #define FINE   1e-4
 #define TRIES  12    /* maximum number of steps that are tried */
 #define CLOSE  0.995 /* an error of at least this part of the target is accepted */
 
-/* The state of the search, byte by byte in the checkpoint. */
+/* The state of the search. The checkpoint stores it byte by byte. */
 struct packing {
     struct lpca_target target;
-    /* present number of components, and whether they are computed (unrounded) */
+    /* n: present number of components; made: 1 if they are computed and in the checkpoint, not yet
+     * rounded */
     gint32 n, made;
     double exact;        /* error of these components without rounding */
     double found[TRIES]; /* error for each step that was tried; 0 if not tried yet */
@@ -30,7 +31,7 @@ struct search {
     const struct lpca_target *target;
     int most;       /* maximum number of components */
     double exact;   /* error before rounding */
-    double nearest; /* the best of the errors or sizes that did not reach the target */
+    double nearest; /* the smallest error that was found, or the last size that was too large */
     struct packing packing;
 };
 
@@ -57,9 +58,10 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     return status.st_size;
 }
 
-/* The squared error is the sum of two parts: that of leaving out components, and that of rounding,
- * which is nearly proportional to the squared step. e² = exact² + (a · step)², hence step' = step ·
- * √((target² − exact²) / (found² − exact²)). */
+/* Returns the next step to try. The squared error is the sum of two parts: that of leaving out
+ * components, and that of rounding, which is nearly proportional to the squared step. e² = exact² +
+ * (a · step)², hence step' = step · √((target² − exact²) / (found² − exact²)), by at most a factor
+ * of 10. */
 static double guess_step(const struct search *search, double step, double found) {
     const double target = search->target->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
@@ -67,8 +69,9 @@ static double guess_step(const struct search *search, double step, double found)
     return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
 }
 
-/* Finds the coarsest step that reaches the error. Guesses are bracketed by the steps fine and
- * coarse. */
+/* Finds the coarsest step that reaches the error. fine and coarse bracket the step. Returns NULL
+ * with an error if the error of a result cannot be measured, or without an error if no step reaches
+ * the target. */
 static struct lpca *by_error(struct search *search, const struct lpca_packer *packer, double mean,
                              GError **error) {
     double fine = mean * FINE, coarse = mean * COARSE;
@@ -141,7 +144,8 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    /* Restored from the file, or computed again. It is saved from now on. */
+    /* The unrounded local PCA is taken from the checkpoint, or computed. The checkpoint has it from
+     * now on. */
     struct packing *packing = &search->packing;
     struct lpca *ret = NULL, *exact = NULL;
     if (options.checkpoint && packing->made)
@@ -170,7 +174,8 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     return ret;
 }
 
-/* Returns the number of components with which to begin. */
+/* Takes the state from the checkpoint if it has one for the same target. Returns the number of
+ * components with which to begin. */
 static int resume(struct search *search) {
     struct packing *packing = &search->packing;
     Checkpoint *checkpoint = search->options->checkpoint;

@@ -11,9 +11,9 @@
 #define MAX_MEMORY  ((guint64)64 << 20) /* memory for unpacking, sufficient for PRESET */
 #define MAX_NUMBERS ((gsize)1 << 30)
 #define LARGE_BYTES 4
-#define MAX_TABLES  ((gint64)1 << 26) /* maximum number of numbers in each */
+#define MAX_TABLES  ((gint64)1 << 26) /* maximum number of numbers in all tables together */
 
-/* Map the numbers 0, −1, 1, −2 … to 0, 1, 2, 3 …, and back. */
+/* folded() maps the numbers 0, −1, 1, −2 … to 0, 1, 2, 3 …. unfolded() is its inverse. */
 static guint32 folded(gint32 value) {
     return value >= 0 ? 2 * (guint32)value : 2 * (guint32)(-(gint64)value) - 1;
 }
@@ -171,7 +171,8 @@ void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca) {
     exr_file_add(file, bits_part("maps", encode_maps(lpca)));
 }
 
-/* Axes of width values; NULL if there are none or too many. */
+/* Reads axes of width values each. Returns NULL if they are missing, more than width, or not
+ * finite. g_free() */
 static float *read_axes(const struct exr_file *file, const char *name, int width, int *ret_n) {
     const struct exr_part *part = exr_file_part(file, name);
     const float *plane = part ? exr_part_plane(part, "A") : NULL;
@@ -187,7 +188,8 @@ static float *read_axes(const struct exr_file *file, const char *name, int width
     return ret;
 }
 
-/* Inverse of encode(), from a part of the file. Returns NULL if the part is missing or damaged. */
+/* Reads from a part of the file the numbers that encode() wrote. Returns NULL if the part is
+ * missing or damaged. */
 static gint32 *read_bits(const struct exr_file *file, const char *name, const gsize *order, gsize n,
                          gsize count) {
     const struct exr_part *part = exr_file_part(file, name);

@@ -19,7 +19,8 @@ struct lpca_packed {
 
 struct lpca_packed *lpca_packed_new(void);
 
-/* n × n; row i is the i-th cosine. */
+/* Returns the matrix of the orthonormal cosine transform, n × n. Row i is the i-th cosine. g_free()
+ * */
 float *lpca_cosines(int n);
 
 /* Computes brdfs and weights from lpca->packed. */

@@ -8,8 +8,8 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* component 0 is the mean */
 
-/* Gathers n values of size bytes each in all ranks. Each rank has the values of its own part, which
- * consists of whole steps (team_part()). Does nothing without a team. */
+/* Gives all ranks of the team all n values of size bytes each. Each rank has the values of its own
+ * part, which consists of whole steps (team_part()). Does nothing without a team. */
 void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
 
 /* lpca_keep_whole() keeps the arrays of a local PCA in the checkpoint until they are dropped; the
@@ -38,7 +38,8 @@ struct lpca_reduced {
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* gives threads, progress, cancellable and team */
     struct lpca_run *run;               /* the run whose state is kept, or NULL */
-    /* requested numbers; k is lowered to the number of useful clusters */
+    /* numbers of clusters and components that are requested; k is lowered to the number of useful
+     * clusters */
     int k, c;
     int *labels;  /* n */
     float *means; /* k × r */
@@ -73,11 +74,12 @@ struct lpca_state {
     gint32 stage;                                            /* enum lpca_stage */
     gint32 c, k;      /* present number of components, and of clusters that are left */
     gint32 iteration; /* next iteration */
-    /* numbers of components that do not reach the target, and that do; 0 if not known */
+    /* few: a number of components that does not reach the target; enough: one that does; 0 if not
+     * known */
     gint32 few, enough;
     gint32 unused;       /* padding, so that the doubles are aligned */
     double target;       /* argument of the call */
-    double before;       /* sum of the last iteration */
+    double before;       /* sum of squared errors of the last iteration */
     double error;        /* error of the result so far; −1 if not known */
     double enough_error; /* error with enough components */
 };
@@ -114,8 +116,8 @@ struct lpca_run {
 };
 
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
- * run->state to the state in the file if it is of the same call, otherwise to that of a new
- * computation. */
+ * run->state to the state in the file if the file was written by a call with the same arguments,
+ * otherwise to that of a new computation. */
 void lpca_resume(struct lpca_run *run);
 /* Drops all arrays from the checkpoint. Arrays that were given to lpca_keep() may be freed
  * afterwards. */
@@ -125,8 +127,8 @@ void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
 /* Registers an array with the checkpoint. Its size follows from run->state. If the file has the
  * array, its values are restored first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Registers the flags of the stage's n blocks in the same way. lpca_run_blocks() skips blocks that
- * are done. */
+/* Registers the flags of the stage's n blocks, run->done, with the checkpoint, and restores them
+ * from the file. lpca_run_blocks() skips blocks that are done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
@@ -136,7 +138,8 @@ void lpca_drop_blocks(struct lpca_run *run);
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride);
 
-/* The same as btf_matrix_place_rows(). */
+/* Reads rows as btf_matrix_place_rows() does, in the colours of the options. If rows cannot be
+ * read, they are 0, and run->failed is set. */
 void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret);
 
