@@ -11,8 +11,8 @@
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
     g_autofree char *mixed = NULL, *where = NULL, *begun_with = NULL;
     *ret = (struct made_with){0};
-    /* An error must not be treated as a value that is not set, which means the session's own
-     * calibration. */
+    /* A value that is not set means the session's own calibration. An error must therefore not be
+     * treated as a value that is not set. */
     if (!session_read_value(session, MIXED, &mixed, error) ||
         !session_read_value(session, WHERE, &where, error) ||
         !session_read_value(session, "calibration", &begun_with, error))

@@ -8,20 +8,22 @@
 
 struct made_with {
     char *where;  /* "nominal", or the path of the calibration file when it was read */
-    char *text;   /* of the calibration */
+    char *text;   /* text of the calibration file */
     gboolean own; /* whether the session was captured with this calibration */
     /* processing with this calibration was not finished; some products may be of the previous
      * calibration */
     gboolean mixed;
 };
 
-/* Reads the calibration of the products. For a session without products, gives the calibration that
- * they would be made with. */
+/* Reads the calibration of the products. For a session without products, gives the calibration with
+ * which products would be made. */
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error);
 void made_with_clear(struct made_with *with);
 
-/* made_with_begin() is called before the first product is replaced, made_with_end() after the last
- * one, both while holding SESSION_PROCESS_LOCK. text is NULL for the session's own calibration;
- * where is then ignored. */
+/* made_with_begin() records the calibration with which products are made from now on. It sets mixed
+ * if the session has products of another calibration. It is called before the first product is
+ * replaced. made_with_end() clears mixed, and is called after the last product is replaced. The
+ * caller holds SESSION_PROCESS_LOCK. text is NULL for the session's own calibration; where is then
+ * ignored. */
 gboolean made_with_begin(Session *session, const char *where, const char *text, GError **error);
 gboolean made_with_end(Session *session, GError **error);

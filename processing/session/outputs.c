@@ -13,7 +13,7 @@
 
 struct output {
     double sum, weight, value;
-    int lamp; /* −1 if the shot is not of a lamp */
+    int lamp; /* index of the shot's lamp; −1 if no lamp lights the shot */
 };
 
 struct outputs {
@@ -63,8 +63,9 @@ static gint64 nearest(const struct outputs *outputs, gint64 shot, int direction)
     return 0;
 }
 
-/* Interpolates linearly between the nearest measured shots. At the ends, only the nearest one is
- * used. */
+/* Returns the output of a shot that was not measured: interpolated linearly between the nearest
+ * measured shots of its lamp. If there is one only before or only after the shot, returns its
+ * output. Returns 1 if there is none. */
 static double between(const struct outputs *outputs, gint64 shot) {
     gint64 before = nearest(outputs, shot, -1), after = nearest(outputs, shot, 1);
     if (before == 0 && after == 0)

@@ -6,15 +6,15 @@
 
 #include "session.h"
 
-/* Stores a measurement. For capture, before the shot is committed. A later take of the shot
- * replaces the value. */
+/* Stores a measurement. Capture calls this function before it commits the shot. A later take of the
+ * shot replaces the value. */
 gboolean outputs_store(Session *session, gint64 shot, const char *camera, double output,
                        double output_error, GError **error);
 
-/* Returns the output of each shot: the mean over all cameras weighted by the standard errors. For a
- * shot without a measurement, the output is interpolated linearly, by shot number, between the
- * nearest measured shots of its lamp before and after it. It is 1 for a lamp without measured
- * shots, and in sessions without fiducials. */
+/* outputs_load() computes the output of each shot, which outputs_of() returns: the mean over all
+ * cameras weighted by 1/σ² (outputs.c). For a shot without a measurement, the output is
+ * interpolated linearly, by shot number, between the nearest measured shots of its lamp before and
+ * after it. It is 1 for a lamp without measured shots, and in sessions without fiducials. */
 struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
 void outputs_free(struct outputs *outputs); /* NULL is ignored */

@@ -27,7 +27,8 @@ int session_lock(const char *path, GError **error) {
     if (fd >= 0 && errno == EWOULDBLOCK) {
         if (pread(fd, who, sizeof who - 1, 0) < 0)
             *who = 0;
-        const long pid = strtol(who, NULL, 10); /* 0 if that process has not written it yet */
+        /* 0 if the other process has not written its id yet */
+        const long pid = strtol(who, NULL, 10);
         g_autofree char *named = pid > 0 ? g_strdup_printf(" (process %ld)", pid) : g_strdup("");
         session_fail(error, SESSION_ERROR_LOCKED,
                      "%s: another process captures into it%s; end that process first", path, named);
@@ -41,8 +42,8 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Syncs the names in a folder. A folder that may not be read cannot be synced, nor can folders of
- * some file systems. */
+/* Syncs the names in a folder. Also succeeds if the folder may not be read, or if its file system
+ * cannot sync folders. */
 static gboolean session_sync_folder(const char *folder, GError **error) {
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const gboolean ok = fd < 0 ? errno == EACCES : fsync(fd) == 0 || errno == EINVAL;
@@ -54,8 +55,8 @@ static gboolean session_sync_folder(const char *folder, GError **error) {
                               folder, g_strerror(saved));
 }
 
-/* The program that made the session may have ended before it synced the session's name. A power cut
- * would then lose the session with all its frames. */
+/* Syncs the folder that contains the session. The program that made the session may have ended
+ * before it did so. A power cut would then lose the session with all its frames. */
 static gboolean session_sync_name(const Session *session, GError **error) {
     g_autofree char *parent = g_path_get_dirname(session->path);
 
@@ -71,7 +72,8 @@ static gboolean session_start(Session *session, GError **error) {
                             g_file_test(session->path, G_FILE_TEST_EXISTS)
                                 ? "it is a file; give the directory of a session"
                                 : "there is no such directory");
-    /* The check comes first, so that other directories do not get a lock file. */
+    /* Only a directory with session.db is locked, so that other directories do not get a lock file.
+     * */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);
@@ -141,7 +143,8 @@ char *session_file(const Session *session, const char *relative) {
     return g_build_filename(session->path, relative, NULL);
 }
 
-/* Returns whether a path is neither absolute nor has a component "..". */
+/* Returns whether a path is relative and valid UTF-8, and has no component that is empty, "." or
+ * "..". */
 gboolean session_is_relative(const char *path) {
     g_auto(GStrv) parts = NULL;
 
@@ -220,7 +223,7 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
     return rc == 0 ? g_steal_pointer(&values) : NULL;
 }
 
-/* NULL deletes the value. */
+/* If value is NULL, the row is deleted. */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error) {
     g_autofree char *valid = value ? g_utf8_make_valid(value, -1) : NULL;
 

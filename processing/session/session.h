@@ -55,7 +55,7 @@ struct session_grid {  /* the texels of the reference plane, in the sample frame
 struct session_direction {
     int index;  /* 0 … n−1 */
     int device; /* index of the camera, lamp or laser in the calibration */
-    /* as planned; the direction of a view holds with its turntable angle */
+    /* planned angles; for a view, with the turntable at turntable_deg */
     double theta_deg, phi_deg;
     double turntable_deg; /* for views: the turntable angle that shows the view */
     char *note;           /* what was changed in the plan, or NULL */
@@ -70,14 +70,15 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 struct session_pass {
     /* number of the pass; the shots of a pass follow each other; 0 if the turntable stands still */
     int number;
-    double from_deg, by_deg, speed_deg_s; /* of the turntable */
+    /* of the turntable: angle at the beginning, signed angle of the turn, speed */
+    double from_deg, by_deg, speed_deg_s;
 };
 
 struct session_shot {
     gint64 id; /* 1 … n, in planned order; also the tag that the cameras are given */
     enum session_shot_kind kind;
     int pose;                      /* number of the pose in planned order */
-    double turntable_deg, arc_deg; /* commanded */
+    double turntable_deg, arc_deg; /* commanded angles */
     /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
     int device;                          /* lamp or laser of the calibration; −1 for dark */
@@ -107,8 +108,8 @@ struct session_frame {
     gint64 bytes;
     int retakes;
     double captured_s; /* on the session's clock */
-    /* whether the turntable turned during the exposure; stored as the session's value
-     * "turned/SHOT/CAMERA", which is turntable_deg */
+    /* whether the turntable turned during the exposure; if it did, the session's value
+     * "turned/SHOT/CAMERA" stores turntable_deg */
     gboolean turned;
     /* if turned, the angle of the turntable in the middle of the exposure; otherwise 0 */
     double turntable_deg;
@@ -186,8 +187,8 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
  * g_free(). */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
-/* The same for values that are only shown to people. Returns NULL if the value is not set or cannot
- * be read; g_free(). */
+/* Reads a value that is only shown to people, without an error. Returns NULL if the value is not
+ * set or cannot be read; g_free(). */
 char *session_value(Session *session, const char *key);
 
 /* Suspicions are sentences about something that looks wrong in the input of a session. They are
@@ -208,7 +209,8 @@ gboolean session_add_product(Session *session, const char *relative, const char 
  * are ignored. made_by contains the arguments with which mesorig makes the file again: "compress …"
  * or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
-GHashTable *session_products(Session *session, GError **error); /* the set of their paths */
+/* set of the paths of all products */
+GHashTable *session_products(Session *session, GError **error);
 
 struct session_product {
     char *path; /* relative */
@@ -238,7 +240,8 @@ enum session_files { SESSION_FRAMES, SESSION_PRODUCTS_MADE };
 /* Hashes all frames (including sweeps), or the products whose names begin with prefix, and compares
  * the checksums with the database. Uses one thread per processor. A file that this process has
  * already hashed is not hashed again while its size, times and inode are unchanged. Returns an
- * array of struct session_damage. The progress stage is "verify"; work may be NULL. */
+ * array of struct session_damage, or NULL on error. *ret_examined (may be NULL) is the number of
+ * files. The progress stage is "verify"; work may be NULL. */
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error);
 
@@ -255,7 +258,7 @@ struct session_damage *session_examine(const Session *session, const char *relat
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error);
 
-/* The same for a file by its path. Files outside of sessions pass. */
+/* Checks a file by its path as session_check_products() does. Files outside of sessions pass. */
 gboolean session_check_product(const char *path, GError **error);
 
 /* Returns the paths of the BTF, one file for each view that has one, in the order of
@@ -278,8 +281,8 @@ void session_remove_unfinished(const Session *session);
 /* Compares the size of every committed frame with its file. The checksum is also compared for dark
  * frames, on which other frames depend, for frames recorded as damaged, and with thorough for all
  * frames. Frames that fail are removed from the database, and their shots are planned again with
- * all their frames. Each is reported as an event. If the disk fails to read a frame, the function
- * fails and nothing is planned again, because the frame may be readable later. Unfinished files of
- * killed captures are deleted. For capture only. ret_lost is the number of failed frames; it may be
- * NULL. */
+ * all their frames. Each failed frame is reported as an event. If the disk fails to read a frame,
+ * the function fails and nothing is planned again, because the frame may be readable later.
+ * Unfinished files of killed captures are deleted. For capture only. ret_lost is the number of
+ * failed frames; it may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

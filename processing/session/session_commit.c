@@ -15,8 +15,8 @@ static gboolean refuse(const struct session_frame *frame, const char *what, GErr
                         frame->camera, frame->path ? frame->path : "", what);
 }
 
-/* Returns −1 if there is no such file, or if it is not a regular file. Returns −2, with errno, if
- * it cannot be examined. */
+/* Returns the size of a file in bytes. Returns −1 if the file is missing or not a regular file.
+ * Returns −2, with errno, if the file cannot be examined. */
 static gint64 size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
@@ -71,10 +71,11 @@ static gboolean store_turned(Session *session, const struct session_frame *frame
                              error);
 }
 
-/* Runs within the caller's transaction. */
+/* Replaces the frames of a shot in the database, with their angles. The caller has begun a
+ * transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
-    /* All names from the first up to the second: '0' follows '/'. */
+    /* Names between these two begin with "turned/SHOT/", because '0' follows '/' in ASCII. */
     g_autofree char *from = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/", shot);
     g_autofree char *to = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "0", shot);
     gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot) &&
@@ -89,7 +90,8 @@ static gboolean replace_frames(Session *session, gint64 shot, const struct sessi
     return ok;
 }
 
-/* The checks come before the transaction, so that a reader never sees half of a shot. */
+/* Writes all rows in one transaction, so that a reader never sees half of a shot. The frames are
+ * checked before. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error) {
@@ -115,8 +117,9 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
 }
 
 /* Removes all frames of every shot that has lost a frame, because a shot is captured as a whole.
- * why is the reason for each frame, or NULL. Uses one short transaction; the files were checked
- * before. */
+ * The shot is planned again, and an event says why. Also deletes the notes of
+ * session_note_damage(). why has the reason for each frame that is lost, and NULL for the others.
+ * Uses one short transaction; the files were checked before. */
 static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
                              GError **error) {
     g_autofree char *clock = session_value(session, "clock_s");
@@ -145,7 +148,8 @@ static gboolean forget_shots(Session *session, const GPtrArray *frames, const GP
     return FALSE;
 }
 
-/* Returns the set of the frames whose checksums are compared if not all are compared. */
+/* Returns the set of the paths of dark frames and of frames that were noted as damaged.
+ * session_verify() always compares their checksums. */
 static GHashTable *suspects(Session *session, GError **error) {
     g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
     g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
@@ -174,7 +178,8 @@ void session_remove_unfinished(const Session *session) {
     new_file_remove_left(session->path, "laser", "");
 }
 
-/* A disk that does not answer has lost nothing; otherwise all shots would be planned again. */
+/* Sets the error for a frame that the disk fails to read, and returns FALSE. Such a frame does not
+ * count as lost. Otherwise all shots would be planned again when a disk fails. */
 static gboolean unreadable(const Session *session, const char *relative, const char *why,
                            GError **error) {
     return session_fail(error, SESSION_ERROR_IO,
@@ -183,8 +188,9 @@ static gboolean unreadable(const Session *session, const char *relative, const c
                         session->path, relative, why);
 }
 
-/* Describes the damage of a committed frame, or returns NULL if it is intact. ret_ok is FALSE if
- * the disk cannot be read. */
+/* Returns a description of the damage of a committed frame, or NULL if the frame is intact.
+ * Compares the checksum only if hashed is TRUE. If the disk fails to read the frame, *ret_ok is
+ * FALSE, the error is set, and the result is NULL. */
 static char *session_commit_damage(const Session *session, const struct session_frame *frame,
                                    gboolean hashed, gboolean *ret_ok, GError **error) {
     const gint64 size = size_of(session, frame->path);
@@ -206,7 +212,8 @@ static char *session_commit_damage(const Session *session, const struct session_
     return wrong;
 }
 
-/* Files are compared without a transaction, which would block readers for minutes. */
+/* Compares the files outside of a transaction, because a transaction would block other writers for
+ * minutes. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;

@@ -193,7 +193,8 @@ void session_rollback(Session *session) {
         session_db_run(session, NULL, "ROLLBACK", "");
 }
 
-/* For queries that always return a row unless the file is damaged. */
+/* Returns the text of a query that returns a row unless the file is damaged. Sets an error if there
+ * is no row. */
 static char *must_text(Session *session, const char *sql, const char *key, GError **error) {
     char *text = NULL;
 
@@ -261,7 +262,8 @@ static gboolean session_db_check(Session *session, GError **error) {
     return TRUE;
 }
 
-/* SQLite opens these files itself, and would block on a FIFO. */
+/* Checks that session.db exists, and that it and the files that SQLite opens beside it are regular
+ * files. SQLite would block on a FIFO. */
 static gboolean check_file(const Session *session, const char *file, GError **error) {
     static const char *const beside[] = {"", "-wal", "-shm", "-journal"};
     struct stat status;
@@ -283,8 +285,8 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
-/* If alone is TRUE, the index of the WAL is kept in memory, and only this process can use the
- * database. */
+/* Connects to the database. If alone is TRUE, the index of the WAL is kept in memory, and only this
+ * process can use the database. */
 static gboolean connect(Session *session, const char *name, int flags, gboolean alone,
                         GError **error) {
     int rc = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_URI, NULL);

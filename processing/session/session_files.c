@@ -39,8 +39,8 @@ static void keep_known(const char *identity, const char *sha256) {
     g_mutex_unlock(&known_mutex);
 }
 
-/* Returns the SHA-256 of a file, or NULL with the reason: it is missing, unreadable, or not a
- * regular file. */
+/* Returns the SHA-256 of a file. If the file is missing, unreadable, or not a regular file, returns
+ * NULL and gives the reason as a text in *ret_wrong. */
 static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_unreadable,
                        char **ret_wrong) {
     struct stat status;
@@ -65,7 +65,8 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
-    /* While none of these changes, the file is not hashed again. */
+    /* While device, inode, size and times of the file stay the same, the file is not hashed again.
+     * */
     const gint64 changed_ns = nanoseconds(&status.st_ctim);
     g_autofree char *identity =
         g_strdup_printf("%ju %ju %jd %" G_GINT64_FORMAT " %" G_GINT64_FORMAT,
@@ -267,7 +268,8 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
     }
 }
 
-/* Returns the session of a file in products/… or products/btf/…, or NULL if there is none. */
+/* Returns the session of a file in products/… or products/btf/…, or NULL if there is none.
+ * *ret_relative is the end of file: its path relative to the session. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"/products", "/products/btf"};
     g_autofree char *inner = g_path_get_dirname(file);

@@ -28,7 +28,7 @@ gboolean session_db_fail(const Session *session, int rc, GError **error);
  * d for double, s for const char * (NULL is stored as NULL). */
 gboolean session_db_run(Session *session, GError **error, const char *sql, const char *types, ...);
 
-/* Prepares a query, with arguments as above. Returns NULL on error. */
+/* Prepares a query, with arguments as for session_db_run(). Returns NULL on error. */
 sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql, const char *types,
                                ...);
 
@@ -49,7 +49,8 @@ gboolean session_db_open(Session *session, gboolean create, GError **error);
 /* Opens a session and takes ownership of lock. If lock is −1 and the mode is SESSION_CAPTURE, takes
  * the lock. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
-int session_lock(const char *path, GError **error); /* −1 if another process holds the lock */
+/* returns a descriptor; −1 with an error, such as a lock that another process holds */
+int session_lock(const char *path, GError **error);
 
 gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);

@@ -46,7 +46,8 @@ gboolean session_check_direction(const struct session_direction *direction, int 
            wrong(error, "the note is not UTF-8 in direction", index);
 }
 
-/* Ids are consecutive. Devices and sources must exist in the calibration. */
+/* Checks that the shot has this id, that its source is a planned light or laser position, and that
+ * its other numbers are in range. */
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error) {
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
@@ -67,7 +68,8 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
            wrong(error, "the note is not UTF-8 in shot", id);
 }
 
-/* Replaces values out of range by one that no check accepts. */
+/* Returns the integer in a column, or G_MININT, which no check accepts, if it is out of the range
+ * of int. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
@@ -128,10 +130,12 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
     return session_check_grid(ret, error);
 }
 
-/* Makes an element from a row and checks it. number is its position. */
+/* Returns a new element made from a row, or NULL with an error if the row is not valid. number is
+ * the position of the row, from 0. */
 typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
 
-/* key is ?1 of the query, and data of read_row; NULL if the query has none. */
+/* Returns an array with the element of each row of a query. key is ?1 of the query and data of
+ * read_row, or NULL if the query has no parameter. */
 static GPtrArray *session_read_rows(Session *session, const char *sql, const char *key,
                                     GDestroyNotify free_row, ReadRow read_row, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(free_row);
