@@ -7,13 +7,14 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
-#define CERTAIN 2e-5 /* relative to ‖X − mean‖²: smaller residuals are only rounding errors */
+#define CERTAIN 2e-5 /* residuals below this part of ‖X − mean‖² are only rounding errors */
 
-/* The run's texels of a block, sorted by cluster: those of cluster k are texels[starts[k]] … */
+/* The run's texels of a block, sorted by cluster: the texels of cluster k are texels[starts[k]] …
+ * texels[starts[k + 1] − 1]. */
 struct groups {
     int from, n;
     int texels[LPCA_BLOCK];
-    int indices[LPCA_BLOCK]; /* of from, from + 1, … among the texels */
+    int indices[LPCA_BLOCK]; /* positions of the texels from, from + 1, … in texels[] */
     int *starts;             /* clusters + 1 */
 };
 
@@ -23,14 +24,16 @@ struct refine {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when it is no longer needed */
     struct lpca *lpca;                  /* its weights are first P, then W */
-    gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; otherwise W follows from P */
+    /* if TRUE, W = X Eᵀ, for which the BTF is read once more; otherwise W follows from P */
+    gboolean weigh;
     double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
     double *rotations; /* c × c per cluster: PᵀP, then the matrix P → W; finally Σ w wᵀ, then Uᵀ */
-    double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its unchanged rows */
-    double *sums;     /* two per block: the same, of R, G, B */
+    /* two per cluster: ‖X − W E‖², and the squared norm of the rows without subtraction */
+    double *residual;
+    double *sums; /* two per block: ‖X − X̂‖² and ‖X‖², see compare_block() */
 };
 
-/* Counting sort of the block's texels by cluster. */
+/* Sorts the block's texels by cluster (counting sort). */
 static void group(const struct refine *refine, int block, struct groups *ret) {
     const int from = refine->run->first + block * LPCA_BLOCK, k = refine->lpca->n_clusters;
     const int *labels = refine->lpca->clusters + from;
@@ -133,9 +136,9 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* Computes the cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off.
- * For the cluster's n rows x:
- *   Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖²,   Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
+/* Computes the mean of cluster k, E_0 = a + off, where a is the run's mean and off = Σ (x − a) / n
+ * over the cluster's n rows x. Also computes the residual of the mean only, and Σ ‖x‖²: Σ ‖x −
+ * E_0‖² = Σ ‖x − a‖² − n ‖off‖², Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
 static void finish_mean(const struct refine *refine, int k) {
     const GArray *members = g_ptr_array_index(refine->reduced->members, k);
     const struct lpca_run *run = refine->run;
@@ -239,7 +242,7 @@ static void weigh_block(int block, gpointer data) {
     g_free(groups.starts);
 }
 
-/* Σ w wᵀ of each cluster. */
+/* Returns Σ w wᵀ of each cluster, c × c, over the weights w of its texels. g_free() */
 static double *covariances(const struct refine *refine) {
     const struct lpca *lpca = refine->lpca;
     const gsize c = (gsize)lpca->n_components, n = (gsize)lpca->n_clusters * c * c;
@@ -281,7 +284,8 @@ static void rotate_axes(int k, gpointer data) {
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
 }
 
-/* w ← T w with the c × c matrix T of the texel's cluster. */
+/* Replaces the weights w of each texel by T w, with the c × c matrix T of the texel's cluster in
+ * refine->rotations. */
 static void rotate_weights(int block, gpointer data) {
     const struct refine *refine = data;
     const struct lpca_run *run = refine->run;
@@ -327,7 +331,8 @@ static gboolean sum_views(struct refine *refine, GError **error) {
 }
 
 /* Computes the relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster. This
- * avoids reading everything once more, but a very small error is lost in rounding. */
+ * avoids reading everything once more, but a very small error is lost in rounding. The error is
+ * then −1. */
 static void sum_error(struct refine *refine) {
     double missing = 0, sum = 0, all = 0;
     for (int k = 0; k < refine->lpca->n_clusters; k++) {
@@ -394,7 +399,8 @@ struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduce
     return refine.lpca;
 }
 
-/* ‖X − X̂‖² and ‖X‖² of a block's texels, with X̂ = E_0 + W E cluster by cluster. */
+/* Adds ‖X − X̂‖² and ‖X‖² of a block's texels to its two sums, with X̂ = E_0 + W E of each texel's
+ * cluster. */
 static void compare_block(int block, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;
@@ -426,7 +432,8 @@ static void compare_block(int block, gpointer data) {
         gsize stride;
         const int from = run->first + block * LPCA_BLOCK;
         const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
-        double *sums = refine->sums + (gsize)(2 * block); /* of R, G, B: of errors, of values */
+        /* sums of squares of the errors, and of the values, in R, G, B */
+        double *sums = refine->sums + (gsize)(2 * block);
         for (int i = 0; i < groups.n; i++)
             for (gsize j = 0; j < columns; j++) {
                 const double should = rows[(gsize)(groups.texels[i] - from) * stride + j];

@@ -96,8 +96,8 @@ static void fill_weights(int n_grid, const float *theta_deg, const float *phi_de
     }
 }
 
-/* Computes Σ_a Σ_b v_a l_b G(a, b) over the four samples around the view and the four around the
- * light. */
+/* Computes Σ_a Σ_b v_a l_b G(a, b) of the grid G over the four samples a around the view and the
+ * four samples b around the light, with their weights v_a and l_b. */
 static void interpolate(const struct comparison *to, const float *grid, int view, int light,
                         float ret[COLOURS]) {
     const gsize samples = to->lpca->layout.lights.n;
@@ -113,7 +113,8 @@ static void interpolate(const struct comparison *to, const float *grid, int view
         }
 }
 
-/* Adds the squares of a texel in one view. grid is n² × n² × 3, truth is lights × 3. */
+/* Adds the squared errors of a texel in one view to sums[0], and its squared values to sums[1].
+ * grid is n² × n² × 3, truth is lights × 3. */
 static void compare_view(const struct comparison *to, const float *grid, const float *truth,
                          int view, double *sums) {
     for (gsize light = 0; light < to->btf->layout.lights.n; light++, truth += COLOURS) {

@@ -5,7 +5,7 @@
 #include "lpca.h"
 
 /* Returns a local PCA whose views and lights are the samples of such a grid (lpca->n_grid is set),
- * with the clusters and weights of the given one. Both are LPCA_FLOAT and LPCA_RGB. The resampled
+ * with the clusters and weights of lpca. Both are LPCA_FLOAT and LPCA_RGB. The resampled
  * eigen-BRDFs are no longer exactly orthonormal. The error of the result is 0 until
  * lpca_resample_error() has measured it. */
 struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error);

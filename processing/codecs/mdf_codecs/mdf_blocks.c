@@ -9,12 +9,12 @@
 #define MOST   255 /* maximum of an end */
 #define ROUNDS 4
 
-/* The indices by which a graphics card numbers the values from the first end to the second if the
- * first is larger. */
+/* codes[i] is the index in the format (BC4) of the value i steps from the first end, if the first
+ * end is larger. */
 static const guint8 codes[STEPS + 1] = {0, 2, 3, 4, 5, 6, 7, 1};
 
 struct block {
-    int ends[2]; /* from the first to the second in seven steps */
+    int ends[2]; /* the values of a block lead from the first end to the second in seven steps */
     guint8 at[TEXELS];
     double error;
 };
@@ -64,7 +64,8 @@ static gboolean fit_ends(struct block *block, const double *values) {
     return TRUE;
 }
 
-/* Lloyd's alternation from the maximum and the minimum depth, as long as the error decreases. */
+/* Finds ends and indices. Begins with the maximum and the minimum depth as ends. Then fits indices
+ * and ends alternately, for at most ROUNDS rounds, as long as the error decreases. */
 static void fit(struct block *best, const double *values) {
     double least = values[0], most = values[0];
     for (int i = 1; i < TEXELS; i++) {
@@ -73,7 +74,8 @@ static void fit(struct block *best, const double *values) {
     }
     best->ends[0] = whole_end(most);
     best->ends[1] = whole_end(least);
-    /* The seven steps between two consecutive whole numbers are smaller than one. */
+    /* Both ends were rounded to the same whole number. Two consecutive numbers have six further
+     * values between them. */
     if (best->ends[0] == best->ends[1] && most > least) {
         best->ends[0] = whole_end(ceil(most));
         best->ends[1] = whole_end(floor(least));
@@ -123,8 +125,8 @@ void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least
                        float *ret_depth) {
     for (int j = 0; j < height; j += SIDE)
         for (int i = 0; i < width; i += SIDE, blocks += MDF_BLOCK_BYTES) {
-            /* The eight values of a block according to the format. With equal or rising ends there
-             * are six, followed by 0 and 1. */
+            /* Computes the eight values of a block according to the format. If the first end is not
+             * larger, six values lead from end to end, and the last two are 0 and MOST. */
             const int steps = blocks[0] > blocks[1] ? STEPS : STEPS - 2;
             double values[STEPS + 1] = {blocks[0], blocks[1], [6] = 0, [7] = MOST};
             guint64 bits = 0;

@@ -24,8 +24,8 @@ int mdf_blocks_across(int n);
 /* Returns the bytes of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
-/* Encodes and decodes depth, height × width, between least and deepest. The ends and the indices
- * are optimised alternately, each with the other fixed. */
+/* Encode and decode depth (height × width), as values from 0 for the depth least to 255 for the
+ * depth deepest. The ends and the indices are optimised alternately, each with the other fixed. */
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret);
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,
@@ -36,7 +36,7 @@ struct mdf_blocks {
     double texel_mm, min_mm, deepest_mm;
     float *theta_deg, *phi_deg; /* of each view */
     guint8 *blocks;             /* n_views × mdf_blocks_bytes() */
-    double error_mm;            /* mdf_table_difference() */
+    double error_mm;            /* RMS error, see mdf_table_difference() */
 };
 
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table);

@@ -73,7 +73,7 @@ static char *maps_describe_file(const struct exr_file *file) {
                            PLURAL(measured, "view"), views->width - measured, error_mm);
 }
 
-/* --quantise of views. */
+/* Values of --quantise for --method=views. */
 enum mdf_codec_bits { MDF_CODEC_HALF, MDF_CODEC_8BIT, MDF_CODEC_4BIT };
 static const char *const mdf_codec_bits_choices[] = {"half", "8bit", "4bit", NULL};
 static const char *const mdf_codec_bits_names[] = {"half floats", "8 bit", "4 bit"};
@@ -123,7 +123,7 @@ static char *views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
-/* The size is the number of texels, not of blocks, which are the pixels of the file. */
+/* Describes the size in texels. A pixel of the file is a block of texels. */
 static char *blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;

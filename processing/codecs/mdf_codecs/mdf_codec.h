@@ -8,9 +8,10 @@
 #include "mdf/mdf_table.h"
 
 struct mdf_codec_job {
-    const char *from;        /* the file that table was read from */
-    const char *to;          /* the file to write */
-    struct mdf_table *table; /* its n_measured views; encode() may add views behind them */
+    const char *from; /* the file that table was read from */
+    const char *to;   /* the file to write */
+    /* the views of `from`; encode() may add views after the first n_measured */
+    struct mdf_table *table;
     int n_measured;
     gconstpointer options; /* the struct that the codec's option table describes */
     const struct work *work;
@@ -18,7 +19,8 @@ struct mdf_codec_job {
 
 struct mdf_codec_result {
     int n_terms,
-        /* number of maps and of views that were traced along the surface; 0 for other forms */
+        /* n_terms: number of maps; n_traced: number of views that were traced along the surface;
+         * both 0 if the file has no maps */
         n_traced;
     gint64 bytes;    /* bytes in the memory of a renderer */
     double error_mm; /* RMS over the measured, visible texels */
@@ -26,7 +28,7 @@ struct mdf_codec_result {
 };
 
 struct mdf_codec {
-    const char *name;             /* of --method */
+    const char *name;             /* argument of --method */
     const char *help;             /* one sentence without a full stop that describes the method */
     const char *kind;             /* mesorig.kind of files that describe_file() takes */
     const struct option *options; /* as in struct codec */

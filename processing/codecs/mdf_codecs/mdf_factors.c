@@ -8,7 +8,9 @@
 #include <string.h>
 
 #define MAX_MAP 255
-#define ROUNDS  6 /* number of rounds in which unseen texels are estimated from the factors */
+/* number of rounds, of which all but the first take unseen texels from the factors of the round
+ * before */
+#define ROUNDS 6
 /* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
 #define LEAST 1e-9
 #define WIDER 1.25 /* factor between the numbers of maps that are tried on the way to a target */
@@ -23,18 +25,19 @@ void mdf_factors_free(struct mdf_factors *factors) {
     g_free(factors);
 }
 
-/* The rows D (views × texels, minus the mean of each view) and their SVD, computed from the Gram
- * matrix D Dᵀ = Vᵀ diag (λ) V: the maps are V D, row i of which holds λ_i of ‖D‖². */
+/* The rows D (views × texels, minus the mean of each view) and their SVD. The SVD is computed from
+ * the Gram matrix D Dᵀ = Vᵀ diag (λ) V. The maps are V D. Row i of the maps has the squared norm
+ * λ_i, and ‖D‖² = Σ λ_i. */
 struct factoring {
     const struct mdf_table *table;
     int n_measured, n_views, n_texels;
     float *rows;    /* n_views × n_texels, minus the mean of each view */
     double *means;  /* n_views */
     double *values; /* n_views: eigenvalues, descending */
-    float *vectors; /* n_views × n_views: those of the Gram matrix, one per row */
+    float *vectors; /* n_views × n_views: eigenvectors of the Gram matrix, one per row */
 };
 
-/* Eigenvalues and eigenvectors of the Gram matrix. */
+/* Finds the eigenvalues and eigenvectors of the Gram matrix. */
 static gboolean solve(struct factoring *f, GError **error) {
     const int v = f->n_views;
     g_autofree float *gram = g_new0(float, (gsize)v *(gsize)v);
@@ -66,7 +69,7 @@ static int useful(const struct factoring *f, int n) {
     return n;
 }
 
-/* n × n_texels: products of the texels' columns with the first eigenvectors. */
+/* Returns the first n rows of V D: n × n_texels. g_free() */
 static float *project(const struct factoring *f, int n) {
     float *maps = g_new(float, (gsize)n *(gsize)f->n_texels);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n, f->n_texels, f->n_views, 1,
@@ -120,8 +123,8 @@ static gboolean prepare(struct factoring *f, int n_terms, GCancellable *cancella
 }
 
 /* Fits the weights of all views to the rounded maps m by least squares. With A = [m / 255 − ½; 1]
- * of c + 1 rows, whose numbers are about 1, W = D Aᵀ (A Aᵀ)⁻¹. The weights in the file are those of
- * m. */
+ * of c + 1 rows, whose numbers are about 1, W = D Aᵀ (A Aᵀ)⁻¹. The weights are then converted to
+ * the weights of m, as the file has them. */
 static gboolean fit_weights(struct mdf_factors *factors, const struct factoring *f,
                             GError **error) {
     const int n = f->n_texels, c = factors->n_terms, m = c + 1;
@@ -259,7 +262,7 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     return factors;
 }
 
-/* depth(x, v) = W_0(v) + Σ_i W_i(v) M_i(x), within 0 … deepest_mm. */
+/* Computes depth(x, v) = W_0(v) + Σ_i W_i(v) M_i(x), clamped to 0 … deepest_mm. */
 struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     const gsize n = (gsize)factors->width * (gsize)factors->height, c = (gsize)factors->n_terms;
     struct mdf_table *table =

@@ -7,7 +7,7 @@
 #define MAX_MAP 255
 #define MAX_MM  6e4
 
-/* Returns "M01" …, so that the channels of a part are in alphabetical order. */
+/* Returns "M01", "M02", …. Two digits keep the channels of a part in alphabetical order. */
 static char *channel_name(int term) {
     return g_strdup_printf("M%02d", term + 1);
 }

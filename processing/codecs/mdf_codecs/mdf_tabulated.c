@@ -4,8 +4,8 @@ int mdf_factors_layers(int n_terms) {
     return (n_terms + MDF_TABULATED_MAPS - 1) / MDF_TABULATED_MAPS;
 }
 
-/* Returns W_factor(v) of mdf_factors.h in the direction of the sample at, interpolated between
- * views. */
+/* Returns W_factor(v) of mdf_factors.h in a direction, interpolated between views. at has the views
+ * around the direction and their weights. */
 static double mdf_tabulated_at(const struct mdf_factors *f, const Directions *views, int factor,
                                const struct direction_weights *at) {
     double sum = 0.0;
