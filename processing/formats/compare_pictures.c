@@ -15,7 +15,7 @@
 
 #define COLOURS 3
 
-/* Sets pixels that are masked, or have no number, to black. */
+/* Sets values that are not finite, and so masked pixels, to 0. */
 static void hide_unknown(struct import_picture *picture) {
     const gsize n = COLOURS * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)

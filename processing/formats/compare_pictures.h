@@ -10,8 +10,9 @@ struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
     double delta_e_different; /* mean over differing pixels only; 0 if there are none */
-    double p95, largest;      /* percentile and maximum of CIEDE2000 over the differing pixels */
-    double different;         /* share of the differing pixels */
+    /* 95th percentile and maximum of CIEDE2000 over the differing pixels */
+    double p95, largest;
+    double different; /* share of the differing pixels */
     /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */
     double psnr_db, ssim, flip;
     double flip_hdr; /* metrics/flip.h; NaN if A has no values above 1 */

@@ -117,7 +117,8 @@ static gboolean write_views(const struct source *source, const char *file, const
     return bonn_writer_finish(writer, error);
 }
 
-/* The channels of one factorisation share its weights. */
+/* Writes a DFMF. All three of its matrices have the same S V, the weights of the texels, because
+ * the channels were factored together. */
 static gboolean write_split(const char *file, const struct bonn_header *header,
                             const struct bonn_factors *all, GError **error) {
     const gsize k = (gsize)all->n_components, rows = (gsize)all->n_rows / COLOURS;

@@ -157,7 +157,7 @@ static guint *sort_columns(const struct surface *surface, guint **ret_order) {
 }
 
 /* Returns the number of points in the upper layer of a column. A single point above a gap is an
- * outlier, and is dropped. ret_stacked is whether there is a lower layer. */
+ * outlier, and is dropped. *ret_stacked is whether there is a lower layer. */
 static guint upper_layer(const struct surface *surface, struct column *column,
                          gboolean *ret_stacked) {
     const struct surface_point *points =

@@ -205,8 +205,8 @@ static gboolean fill_picture(struct exr_part *part, gpointer data, GError **erro
            m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
 }
 
-/* The same as write_view(), with only one picture in memory. A part states its number of holes
- * before its pixels. Pictures that may have holes are therefore read twice. */
+/* Writes a view as write_view() does, but with only one picture in memory. A part states its number
+ * of holes before its pixels. Pictures that may have holes are therefore read twice. */
 static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
     const struct import_material *m = import->material;
     g_autofree char *relative = view_relative(view);
@@ -227,7 +227,8 @@ static gboolean write_view_by_pictures(struct import *import, int view, GError *
            session_add_product(import->session, relative, m->source, error);
 }
 
-/* With a single view, the eigen-map of a light is the picture of the BTF. */
+/* Fills the eigen-map of a light. With a single view, it is the picture of the BTF under this
+ * light. */
 static gboolean fill_map(struct exr_part *part, gpointer data, GError **error) {
     struct import *import = data;
     const int n_lights = import->material->n_lights;

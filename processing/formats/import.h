@@ -16,12 +16,12 @@
 #include "pictures/picture_says.h"
 #include "session/session.h"
 
-struct import_region { /* range of texels; all 0: everything */
+struct import_region { /* range of texels; if all members are 0, all texels */
     int x, y, width, height;
 };
 
 /* Callback that reads one view. It fills ret_rgb, n_lights × height × width × 3 (R, G, B), and
- * ret_holes, the number of holes of each light. A hole is a texel of 0. */
+ * ret_holes, the number of holes of each light. A hole is a texel whose values are 0. */
 typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                GError **error);
 
@@ -61,7 +61,7 @@ struct import_material {
 
 struct import_result {
     int n_views, n_lights, width, height;
-    gint64 holes; /* texels of all pictures */
+    gint64 holes; /* number of texels without a value in all pictures together */
     double eigenmaps_error;
 };
 

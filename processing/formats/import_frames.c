@@ -10,9 +10,9 @@
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
-#define SATURATION  0.98    /* relative to white */
+#define SATURATION  0.98    /* part of white from which on a pixel counts as saturated */
 #define MAX_DN_MS   65504.0 /* the largest half */
-#define UNEVEN      0.05    /* tolerance of an angle, in steps */
+#define UNEVEN      0.05    /* maximum deviation of a picture's angle from its step, in steps */
 #define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
 /* A peak is invalid if a missing picture is within BESIDE steps, or within PULSE standard
  * deviations of its pulse. The larger distance counts. */
@@ -111,8 +111,8 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
     return saturated;
 }
 
-/* Called before the flat field is applied, because it decides from the undivided values which
- * pixels are saturated. */
+/* Counts and looks at the values of a lamp picture (import_look.c). Called before the flat field is
+ * applied, because the undivided values decide which pixels are saturated. */
 static void look_at_lamp(const struct import_set *set, const struct import_row *row,
                          const struct import_picture *picture) {
     const struct rig *rig = &set->known->rig;
@@ -297,7 +297,7 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
     return TRUE;
 }
 
-/* Makes peaks invalid whose pulse includes a missing picture. */
+/* Sets peaks whose pulse includes a missing picture to −1 (invalid). */
 static void forget_missing(const struct run *run, gsize n, const struct sweep_pulses *pulses) {
     float *peak = pulses->peak;
     for (int k = 0; k < run->steps; k++)
@@ -328,8 +328,9 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
     return part;
 }
 
-/* Compares the sweep with the sweep of its shot. The plan has one sweep for all cameras of a shot.
- * The first camera determines the sweep. */
+/* Compares the sweep of a camera with the sweep of its shot, which the first camera determines. The
+ * plan has one sweep for all cameras of a shot. Returns FALSE with an error if the sweeps differ.
+ * */
 static gboolean agree(const struct import_set *set, const struct run *run,
                       struct session_shot *shot, GError **error) {
     if (shot->sweep_steps == 0) {
@@ -357,7 +358,8 @@ static int run_length(const struct import_set *set, guint first) {
     return n;
 }
 
-/* Called before anything is written, because the plan never changes. */
+/* Sets the sweeps of all shots. Called before anything is written, because the plan of a session
+ * never changes. */
 gboolean import_frames_plan(struct import_set *set, GError **error) {
     for (guint i = 0; i < set->rows->len;) {
         const struct import_row *row = row_at(set, i);

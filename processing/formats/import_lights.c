@@ -21,7 +21,8 @@
 #define DEG       (180 / G_PI)
 #define EXPECTED  "a picture's name and x, y, z of the direction to its light"
 
-/* Indices of the columns of a table. −1 means that there is no such column. */
+/* Indices of the columns of a table, or −1 if there is no such column. most is the largest of them.
+ * */
 struct columns {
     char separator[2];
     int name, x, y, z, theta, phi, most;
@@ -32,7 +33,7 @@ struct list {
     const char *path;
     GArray *lights; /* of struct import_light */
     struct columns columns;
-    gint64 count; /* number of pictures that the list states; 0 means none */
+    gint64 count; /* number of pictures that the list states; 0 if it states none */
     int count_line;
 };
 
@@ -94,8 +95,8 @@ static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     return n == 3;
 }
 
-/* Parses "name x y z" or "x y z". The name may contain blanks. If the text ends with three numbers
- * with decimal commas, it is read so. Otherwise commas separate. */
+/* Parses "name x y z" or "x y z". The name may contain blanks. If the last three words, separated
+ * by blanks, are numbers, their commas are decimal commas. Otherwise commas separate words. */
 static gboolean parse_words(struct list *list, int line, const char *text, GError **error) {
     g_autofree char *copy = g_strdelimit(g_strdup(text), "\t;", ' ');
     char *words[3] = {NULL};
@@ -157,8 +158,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
     return add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
 }
 
-/* Finds a column whose name is not known but resembles a known name. Returns a sentence about it,
- * or NULL. */
+/* Finds a column whose name is not known but resembles a known name. Returns a sentence that
+ * suggests the known name (g_free()), or NULL if there is no such column. */
 static char *misspelt(const char *text, const struct columns *c) {
     static const char *const known[] = {"name",  "filename", "file",      "image",   "picture",
                                         "theta", "phi",      "theta_deg", "phi_deg", NULL};
@@ -179,8 +180,8 @@ static char *misspelt(const char *text, const struct columns *c) {
     return NULL;
 }
 
-/* Returns whether a line names columns: theta and phi, or x, y and z. A column of names is
- * optional. */
+/* Returns whether a line names the columns theta and phi, or x, y and z, and sets their indices. A
+ * column of names is optional. */
 static gboolean parse_head(const char *text, struct columns *ret) {
     static const char separators[] = ",;\t";
     for (const char *s = separators; *s; s++) {

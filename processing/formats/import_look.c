@@ -19,19 +19,20 @@
 #include "base/robust.h"
 #include "base/srgb.h"
 
-#define SAMPLES    400 /* number of texels */
+#define SAMPLES    400 /* number of texels to which g is fitted */
 #define MIN_LIGHTS 6
 #define WHITE      0.98 /* values from WHITE on are saturated */
 /* a light is dark below this share of the upper quartile of all lights */
-#define DARK       0.02
-#define MIN_COS    0.1
-#define MIN_VALUE  0.02 /* relative to the largest value; darker texels are not used */
-#define STEPS      10   /* iterations of the weights */
+#define DARK    0.02
+#define MIN_COS 0.1
+/* relative to the largest value; texels whose values are all smaller are not used */
+#define MIN_VALUE  0.02
+#define STEPS      10 /* number of fits of a texel, each with the weights of the fit before */
 #define MIN_MISFIT 0.05
 /* minimum misfit for which a level is reported. It is smaller than MIN_MISFIT because the weights
  * already reject most values that a level raises, as if they were shadows. */
 #define MIN_LIFTED 0.015
-#define BETTER     3.0  /* another candidate must reduce the misfit by this factor */
+#define BETTER     3.0  /* factor by which another candidate must reduce the misfit */
 #define MIN_LEVEL  0.02 /* relative to the largest value */
 /* minimum standard deviation of cos θ over the lights; below it, a level cannot be determined */
 #define MIN_SPREAD 0.08
@@ -43,11 +44,11 @@ struct import_look {
     GHashTable *tones; /* description of the tone curve that was used → number of pictures */
     int n_views, n_lights;
     float *theta_deg, *phi_deg; /* of the lights */
-    double *light;              /* light × (x, y, z) */
-    double *means;              /* view × light; NaN means no picture */
-    int view;                   /* the view to which g is fitted */
-    float *values;              /* texel × light of that view; NaN means unknown */
-    float *gains;               /* irradiance E of the lights of that view */
+    double *light;              /* unit vector (x, y, z) of each light */
+    double *means; /* mean of each picture, view × light; NaN if there is no picture */
+    int view;      /* the view to which g is fitted */
+    float *values; /* texel × light of that view; NaN means unknown */
+    float *gains;  /* irradiance E_l of each light in that view */
 };
 
 struct import_look *import_look_new(enum picture_tones transfer, int n_views, int n_lights,
@@ -156,7 +157,8 @@ struct texel {
     double value[256], gain[256];
 };
 
-/* Fits g, and b if there is a level. Returns the misfit. */
+/* Fits g, and with the candidate WITH_LEVEL also b, which *ret_level receives. Returns the misfit.
+ * */
 static double fit_texel(const struct texel *t, int candidate, double *ret_level) {
     const int n = candidate == WITH_LEVEL ? 4 : 3;
     double p[4] = {0}, weight[256], residual[256], square = 0;
@@ -183,7 +185,7 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
             residual[i] = fabs(back(candidate, z) - t->value[i]);
             weight[i] = residual[i];
         }
-        /* robust_median() has sorted residual */
+        /* robust_median() sorts residual, which the misfit below uses */
         const double scale = MAX(1.5 * robust_median(residual, t->n), 1e-9);
         for (int i = 0; i < t->n; i++)
             weight[i] = 1 / (1 + weight[i] * weight[i] / (scale * scale));
@@ -198,8 +200,8 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
     return square > 0 ? sqrt(all / most / (square / t->n)) : 0;
 }
 
-/* Collects the known values of a texel. Returns FALSE if there are too few, or if none is above
- * least. */
+/* Collects the known values of a texel. Returns FALSE if there are fewer than MIN_LIGHTS, or if
+ * none is above least. */
 static gboolean take_texel(const struct import_look *look, int k, double least, struct texel *ret) {
     double most = 0;
     ret->n = 0;
@@ -272,8 +274,8 @@ static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
                      best == DECODED_WRONGLY ? "linear" : "srgb"));
 }
 
-/* Adds the lights under which the sample is dark. They are compared with the upper quartile of all
- * lights, so that up to half of the lamps may be dead. */
+/* Adds a sentence about the lights under which the sample is dark. The means of the pictures are
+ * compared with the upper quartile over all lights, so that up to half of the lamps may be dead. */
 static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
     g_autofree double *shown = g_new(double, look->n_lights);
     g_autofree guint8 *dark = g_new0(guint8, look->n_lights);

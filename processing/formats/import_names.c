@@ -17,7 +17,7 @@
 #define MAX_LIST_BYTES (64 << 20)
 
 struct direction {
-    gint64 theta, phi; /* in steps */
+    gint64 theta, phi; /* in steps of 1/STEPS_A_DEG degree */
 };
 
 struct named {
@@ -31,7 +31,7 @@ struct pictures {
     const char *source;
     GPtrArray *all;         /* all pictures, of struct named */
     GArray *views, *lights; /* of struct direction, in order */
-    GPtrArray *of;          /* of struct named, view × light */
+    GPtrArray *of;          /* of struct named: the picture of each view and light, view × light */
     const struct import_wish *wish;
     /* the first picture without its pixels, whose size all pictures must have */
     struct import_picture *first;
@@ -43,7 +43,7 @@ static void named_free(gpointer data) {
     g_free(data);
 }
 
-/* Finds the number after a key, as in "tl045.0". A key is not the end of a longer word. Returns
+/* Finds the number after a key, as in "tl045.0". The end of a longer word is not a key. Returns
  * FALSE if the key is missing or occurs twice. */
 static gboolean find_key(const char *name, const char *key, double *ret_deg) {
     const gsize n = strlen(key);
@@ -190,8 +190,8 @@ static char *find_picture(const char *folder, const char *name) {
     return g_build_filename(folder, base, NULL);
 }
 
-/* Returns the last number in a name and its number of digits. Returns FALSE if the name has no
- * number. */
+/* Gives the last number in a name and its number of digits, of which at most the last nine are
+ * read. Returns FALSE if the name has no number. */
 static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
     const char *end = strrchr(name, '.');
     end = end ? end : name + strlen(name);
@@ -237,8 +237,8 @@ static int by_time(gconstpointer a, gconstpointer b) {
                           : (x->order > y->order) - (x->order < y->order);
 }
 
-/* Sorts pictures by the time at which they were taken, if all files state it. names is sorted by
- * name. */
+/* Sorts pictures by the time at which they were taken, if all files state this time. names is
+ * sorted by name. */
 static gboolean order_by_time(const char *list, const char *folder, GPtrArray *names,
                               GPtrArray *notes, GError **error) {
     g_autofree struct taken *taken = g_new0(struct taken, MAX(names->len, 1));
@@ -349,8 +349,8 @@ static gboolean read_list(struct pictures *pictures, const char *list, GError **
     return TRUE;
 }
 
-/* Returns whether a file may have masked pixels or values that are not numbers. This is an EXR, a
- * TIFF, or a PNG with opacity. */
+/* Returns whether a file may have masked pixels or values that are not numbers. Such files are EXR,
+ * TIFF, and PNG with opacity. */
 static gboolean may_have_holes(const char *path) {
     const char *dot = strrchr(path, '.');
     if (dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||

@@ -47,7 +47,7 @@ static void take_mosaic(struct import_picture *to, const struct picture *from, c
         to->rgb[i] = from->values[i / 3];
 }
 
-/* Makes one pixel of each 2 × 2 cell of a mosaic. */
+/* Makes one pixel of each 2 × 2 cell of a mosaic, with the mean of its two green values. */
 static void take_cells(struct import_picture *to, const struct picture *from, const char *cfa) {
     to->width = from->width / 2;
     to->height = from->height / 2;
@@ -154,7 +154,8 @@ static struct import_picture *read_exr(const char *path, GError **error) {
     return take_exr(part, planes, plane_of(part, layer ? layer : "", "A"), grey != NULL);
 }
 
-/* part NULL means the whole picture. */
+/* Reads a JPEG, PNG or TIFF. If part is not NULL and a part of the file can be read, reads only the
+ * part; otherwise reads the whole picture. */
 static struct import_picture *read_other(const char *path, const struct import_region *part,
                                          GError **error) {
     struct picture_codes codes;
@@ -180,8 +181,8 @@ static struct import_picture *read_other(const char *path, const struct import_r
     return picture;
 }
 
-/* codes asks for the numbers in the file, and for the mosaic of camera raw. part is used only for
- * files of which a part can be read. */
+/* Reads a picture. With codes, camera raw is read as its mosaic. part is used only for files of
+ * which a part can be read. */
 static struct import_picture *read_any(const char *path, gboolean codes,
                                        const struct import_region *part, GError **error) {
     g_autoptr(GError) found = NULL;

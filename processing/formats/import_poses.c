@@ -152,16 +152,17 @@ static double radians(double deg) {
     return deg * G_PI / 180;
 }
 
-/* Returns the direction of a device at at_mm in the rig frame. It is seen from the centre of the
- * reference plane, in the sample frame. */
+/* Returns the direction, in the sample frame, from the centre of the reference plane to a device.
+ * at_mm is the position of the device in the rig frame. */
 static struct vec3 import_poses_direction(const struct import_set *set, struct vec3 at_mm,
                                           double turntable_deg) {
     at_mm.z -= set->wish->grid.reference_mm;
     return vec3_unit(rig_turn(at_mm, -radians(turntable_deg)));
 }
 
-/* Returns the index of a view, light or laser position in the list. It is the entry of the same
- * device at the same angle, or one whose direction is at most within_deg away, or a new one. */
+/* Returns the index of a view, light or laser position in the list. Takes an entry of the same
+ * device at the same angle, or an entry whose direction is at most within_deg away (if within_deg
+ * is above 0). If there is none, appends a new entry. */
 static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
                            double within_deg) {
     const double least = cos(radians(within_deg));
@@ -184,7 +185,8 @@ static int direction_index(GArray *list, int device, double turntable_deg, struc
     return added.index;
 }
 
-/* Lights and laser positions are distinguished by their angle relative to the sample. */
+/* Returns the index of the light or laser position of a row. They are distinguished by the device
+ * and by its angle relative to the sample. */
 static int source_of(struct import_set *set, const struct import_row *row) {
     const struct rig *rig = &set->known->rig;
     const double arc_rad = radians(row->arc_deg);
@@ -237,8 +239,8 @@ static gboolean check_double(const struct import_set *set, GError **error) {
 }
 
 /* Adds a skipped shot for a picture that is missing in the table. Returns FALSE if it is not known
- * which lamp would have lit the picture. It is known if the lamp turns with the arc, or from a
- * picture of another camera. */
+ * which lamp would have lit the picture. The lamp is known if it turns with the arc, or if another
+ * camera has a picture of the same pose under this light. */
 static gboolean add_missing(struct import_set *set, int view_index, int light_index) {
     const struct session_direction *view =
         &g_array_index(set->views, struct session_direction, view_index);
@@ -288,8 +290,8 @@ static gboolean fail_missing(const struct import_set *set, const struct session_
         remainder(light->turntable_deg + view->turntable_deg, 360), n_missing, set->lights->len);
 }
 
-/* Checks that each view with pictures for the BTF has one picture under every light, and not two.
- * As in a captured session, a few may be missing. */
+/* Checks that no view has two pictures for the BTF under one light, and that each view has a
+ * picture under nearly every light. Adds skipped shots for the few pictures that are missing. */
 static gboolean check_lights(struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
     if (set->wish->target)
@@ -343,7 +345,8 @@ static gboolean check_lights(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Fits the view that is nearest to the normal. */
+/* Returns a new look at the pictures (import_look.c), whose fit uses the view that is nearest to
+ * the normal. */
 static struct import_look *new_look(const struct import_set *set) {
     const guint n = set->lights->len;
     g_autofree float *theta = g_new(float, MAX(n, 1)), *phi = g_new(float, MAX(n, 1));
@@ -420,7 +423,8 @@ static void tell_downward(const struct import_set *set) {
     }
 }
 
-/* Dark frames show offsets of columns and pixels, which a black level does not contain. */
+/* Adds a note if no picture has a dark frame. Only dark frames show offsets of columns and pixels;
+ * a black level does not. */
 static void tell_dark_frames(const struct import_set *set) {
     for (guint i = 0; i < set->rows->len; i++)
         if (g_array_index(set->rows, struct import_row, i).coding.dark_path)

@@ -51,11 +51,12 @@ enum import_edge {
 
 struct import_poses {
     const char *table, *calibration; /* paths */
-    const char *cfa;                 /* of grey pictures: "mono", "rggb" … */
+    const char *cfa;                 /* colour filter of grey pictures: "mono", "rggb" … */
     struct session_grid grid;
     enum import_edge edge;
     double threshold_dn; /* minimum height of a peak */
-    /* lamps whose directions differ by at most this are one light; 0 joins no lamps */
+    /* lamps whose directions from the sample differ by at most this angle are one light; 0 joins no
+     * lamps */
     double same_light_deg;
     /* for rows without a value; PICTURE_TONES_UNSAID means as each file states */
     enum picture_tones transfer;
@@ -65,7 +66,7 @@ struct import_poses {
 
 struct import_poses_result {
     int n_views, n_lights, n_lasers, n_shots, n_frames;
-    int n_missing;      /* missing pictures of sweeps and under lamps */
+    int n_missing;      /* number of missing pictures, of sweeps and under lamps */
     gint64 not_numbers; /* number of pixels that are not numbers */
 };
 

@@ -4,8 +4,9 @@
 #include "import.h"
 #include "pictures/picture_says.h"
 
-#define IMPORT_MAX_HOLES  0.5  /* maximum share of the pixels that are not masked */
-#define IMPORT_MAX_MASKED 0.98 /* maximum share of all pixels */
+/* maximum share of pixels without a number among the pixels that are not masked */
+#define IMPORT_MAX_HOLES  0.5
+#define IMPORT_MAX_MASKED 0.98 /* maximum share of masked pixels among all pixels */
 #define IMPORT_NO_TEXT    "# none: imported\n"
 
 typedef struct import_picture {
@@ -28,9 +29,10 @@ typedef struct import_picture {
  * data window are NaN. Returns NULL with DATA_ERROR_INVALID. */
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error);
-/* Reads a part like import_picture_read(). NULL means the whole picture. A part is only decoded
- * from a PNG that is not interlaced. This PNG may be too large to be read as a whole. From other
- * files the whole picture is read, and ret->part says so. The part must lie within the picture. */
+/* Reads a part of a picture as import_picture_read() does; NULL means the whole picture. Only the
+ * part is decoded if the file is a PNG that is not interlaced, which may then be too large to be
+ * read as a whole. Of other files the whole picture is read. The member part of the result says
+ * what was read. The part must lie within the picture. */
 struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
                                                 enum picture_tones wanted, GError **error);
 /* Reads the numbers in the file, without a conversion to linear light. Camera raw becomes a grey

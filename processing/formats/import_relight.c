@@ -1,8 +1,8 @@
 /*
  * Reads the format that Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of
  * coefficients as pictures plane_0, plane_1, … next to it. The values are computed like those of
- * OpenLIME's ShaderRTI. c is byte / 255. Each channel of a plane has a scale and a bias. b_j (l)
- * are the terms of a PTM or of HSH.
+ * OpenLIME's ShaderRTI. c is byte / 255 of a channel. Each channel of a plane has a scale and a
+ * bias. b_j (l) are the terms of a PTM or of HSH.
  *
  *   rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j
  *         Plane j has term j of R, G and B.
@@ -35,7 +35,7 @@ struct relight {
     const struct import_wish *wish;
     JsonObject *info; /* owned by the parser */
     gboolean hsh, lrgb;
-    int n_terms, n_planes; /* number of terms, and of planes; a plane is one picture */
+    int n_terms, n_planes; /* n_planes: number of planes, each of which is one picture */
     int width, height, n_lights;
     double *lights, *scale, *bias; /* lights: n_lights × 3; scale and bias: n_planes × 3 each */
     guint8 *planes[MAX_PLANES];    /* height × width × 3 */
@@ -65,7 +65,8 @@ static gboolean relight_number(JsonNode *node, double *ret) {
     return isfinite(*ret);
 }
 
-/* Reads an array of n numbers. n = 0 allows any multiple of three. */
+/* Reads an array of n numbers. n = 0 allows any multiple of three, up to MAX_LIGHTS × 3. Returns
+ * NULL with an error if there is no such array. g_free() */
 static double *relight_numbers(const struct relight *relight, JsonObject *of, const char *key,
                                guint n, guint *ret_n, GError **error) {
     JsonNode *node = json_object_get_member(of, key);

@@ -12,7 +12,9 @@
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
-#define STEEP_DEG  1.0 /* a camera that looks down within this angle has no level direction */
+/* maximum angle between a camera's axis and straight down at which the camera counts as looking
+ * down */
+#define STEEP_DEG 1.0
 
 struct nominal_place {
     double width, height, focal_px, cx_px, cy_px, k1, k2, k3, p1, p2, vignetting, response,
@@ -23,7 +25,7 @@ struct nominal_place {
 struct nominal_key {
     const char *name;
     gsize offset;
-    int n; /* how many numbers the value has */
+    int n; /* number of numbers in the value */
     double min, max;
     const char *otherwise; /* default value; NULL means that the key is required */
     const char *help;
@@ -141,7 +143,7 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                   .response = p->response};
     g_strlcpy(camera->name, section->name, RIG_NAME);
     rig_camera_look_at(camera, eye, target);
-    /* no direction is level; the picture is oriented like a map */
+    /* Without a horizon, the picture is oriented like a map: x to the right, y to the top. */
     if (nominal_looks_down(camera)) {
         const struct vec3 forward = vec3_unit(vec3_sub(target, eye));
         const struct vec3 right = vec3_unit(
@@ -151,7 +153,7 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                           {down.x, down.y, down.z},
                                           {forward.x, forward.y, forward.z}}};
     }
-    /* Clockwise seen from behind: the camera's right turns towards its down. */
+    /* Turns the camera clockwise, seen from behind: its right axis turns towards its down axis. */
     const double c = cos(p->turn_deg * G_PI / 180), s = sin(p->turn_deg * G_PI / 180);
     const struct mat3 level = camera->rotation;
     for (int i = 0; i < 3; i++) {
@@ -177,7 +179,8 @@ static gboolean nominal_lamp(const struct config_section *section, const struct 
     return TRUE;
 }
 
-/* The sheet contains the axis and, at sweep_deg = 0, the origin. Its normal is position × axis. */
+/* Adds a laser. Its sheet contains the axis through position_mm and, at sweep_deg = 0, the origin.
+ * Its normal is position × axis. */
 static gboolean nominal_laser(const struct config_section *section, const struct nominal_place *p,
                               struct rig *rig, GError **error) {
     struct rig_laser *laser = &rig->lasers[rig->n_lasers++];
@@ -229,7 +232,7 @@ static gboolean nominal_section(const struct config_section *section,
     if (kind->keys == camera_keys) {
         if (!nominal_camera(section, &place, rig, error))
             return FALSE;
-        /* Of the photon transfer only the gain is known: DN per electron, with white at 4095. */
+        /* The gain in DN per electron follows from the full well, with white at 4095 DN. */
         if (isfinite(place.full_well_e))
             to->noise[rig->n_cameras - 1] = (struct calibration_noise){
                 .known = TRUE,
@@ -280,8 +283,8 @@ struct calibration *nominal_read(const char *path, GError **error) {
     return config ? from_config(config, error) : NULL;
 }
 
-/* Appends a section with all keys. picture is a picture of the camera, or NULL for lamps and
- * lasers. */
+/* Appends a section with all keys of a device: with their defaults, or with UNFILLED if a key is
+ * required. picture is a picture of the camera, or NULL for lamps and lasers. */
 static void append(GString *text, const struct nominal_kind *kind, const char *name,
                    const struct import_picture *picture) {
     g_string_append_printf(text, "\n[%s %s]\n", kind->class_name, name);

@@ -8,14 +8,15 @@
 
 #include "calibration/calibration.h"
 
-#define NOMINAL_RESPONSE 1000 /* of a camera whose section does not state it */
+#define NOMINAL_RESPONSE 1000 /* response of a camera whose section does not state one */
 
 /* Reads a file of nominal values or a calibration file. Returns NULL with CONFIG_ERROR, which names
  * file, line and key, or with the error of calibration_read(). */
 struct calibration *nominal_read(const char *path, GError **error);
 
-/* Returns whether a camera looks straight down, within a degree. Its pictures are level if x points
- * to their right and y to their top. The pictures of other cameras are level if the horizon is. */
+/* Returns whether a camera looks straight down, within a degree. The pictures of such a camera
+ * count as level if x points to their right and y to their top, because they have no horizon. The
+ * pictures of other cameras are level if the horizon is level. */
 gboolean nominal_looks_down(const struct rig_camera *camera);
 
 /* Returns a file to fill in for the cameras, lamps and lasers in a table of pictures

@@ -1,6 +1,6 @@
-/* A texel's point is c + (x − c)(1 + d / |x − c|), c: camera, x: texel on the reference plane, d:
- * MDF value; its normal is the cross product of the tangents to its neighbours on the same
- * surface. */
+/* A texel's point is c + (x − c)(1 + d / |x − c|), where c is the camera, x the texel on the
+ * reference plane, and d the MDF value. The normal of the point is the cross product of the
+ * tangents to its neighbours on the same surface. */
 #include "surface_points.h"
 
 #include <math.h>
@@ -11,10 +11,12 @@
 #include "frames/rectify.h"
 #include "mdf/mdf_views.h"
 
-#define CONNECTED 3.0  /* in texels: largest distance between neighbours on one surface */
-#define MIN_ERROR 0.02 /* of a texel: lower bound of a standard error from few sweeps */
-#define UNKNOWN   0.5  /* of a texel: error of a point measured by a single sweep */
-/* lower bound in the weight for the cosine between normal and camera */
+#define CONNECTED 3.0 /* in texels: largest distance between neighbours on one surface */
+/* in texels: minimum standard error of a point, because an error from few sweeps may be too
+ * small */
+#define MIN_ERROR 0.02
+#define UNKNOWN   0.5 /* in texels: standard error of a point that a single sweep has measured */
+/* minimum of the cosine between normal and camera in the weight of a point */
 #define MIN_FACE 0.05
 
 void surface_clear(struct surface *surface) {
@@ -30,8 +32,9 @@ struct view {
     int index;
 };
 
-/* Computes the tangent between the two neighbours, or between the texel and its only neighbour.
- * Returns FALSE if neither neighbour is on the surface of the texel. */
+/* Computes the tangent at texel i: from the neighbour before to the neighbour after, or between the
+ * texel and its only neighbour. −1 means that there is no neighbour. Returns FALSE if neither
+ * neighbour is on the surface of the texel. */
 static gboolean along(const struct view *view, int i, int before, int after, struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
     int from = before >= 0 && view->distance[before] >= 0 ? before : i;
@@ -45,7 +48,7 @@ static gboolean along(const struct view *view, int i, int before, int after, str
 }
 
 /* Computes the normal: the cross product of the tangents along columns and rows, towards the
- * camera. */
+ * camera. Returns FALSE if a tangent is missing. */
 static gboolean normal_at(const struct view *view, int column, int row, struct vec3 *ret) {
     const int width = view->surface->grid.width, height = view->surface->grid.height;
     const int i = row * width + column;

@@ -7,7 +7,7 @@
 #include "session/session.h"
 
 struct surface_point {
-    struct vec3 at_mm, normal; /* unit, towards the camera */
+    struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
     float weight;
     int view; /* 0 … n_views − 1 */
 };

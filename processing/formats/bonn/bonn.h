@@ -80,14 +80,15 @@ const struct bonn_header *bonn_header(const BonnFile *file);
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
-/* Writes a BDI view by view, in any order. The file appears, synced, when it is finished. */
+/* Writes a BDI view by view, in any order. bonn_writer_finish() syncs the file and gives it its
+ * name. */
 typedef struct BonnWriter BonnWriter;
 
 /* header->kind is BONN_BDI or BONN_BDI_SPARSE. The necessary parts of the header are copied. mask
  * has one byte per texel, 0 if there is no texel. NULL means that all texels exist. */
 BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
                             GError **error);
-/* removes a file that is not finished; NULL is ignored */
+/* deletes the data of a file that is not finished; NULL is ignored */
 void bonn_writer_free(BonnWriter *writer);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 

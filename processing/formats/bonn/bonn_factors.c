@@ -12,7 +12,7 @@
 #define MAX_COMPONENTS 65536
 /* Offset of logarithms: ln(value + EPSILON). */
 #define EPSILON 1e-5f
-#define BLOCK   ((gsize)1024) /* how many numbers are converted together */
+#define BLOCK   ((gsize)1024) /* number of numbers that are converted together */
 
 void bonn_matrix_clear(struct bonn_matrix *matrix) {
     g_clear_pointer(&matrix->u, g_free);
@@ -98,8 +98,9 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
                        error);
 }
 
-/* product = U (S V)ᵀ for one view. Rows are texels or (texel, channel). Columns are (light,
- * channel) or lights. */
+/* Computes product, the block of M ≈ U (S V)ᵀ for one view and n texels. With of_images its rows
+ * are (texel, channel) and its columns lights. Otherwise its rows are texels and its columns
+ * (light, channel). */
 void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to) {

@@ -10,7 +10,7 @@
 #define MAX_TEXELS     8192 /* maximum along a side, as in a session's grid */
 #define MAX_DIRECTIONS 65536
 #define TEXT           80
-#define SAME_RAD       1e-4f /* tolerance of the lights of two views */
+#define SAME_RAD       1e-4f /* maximum difference of the angles of a light between two views */
 
 G_DEFINE_QUARK(bonn_error, bonn_error)
 
@@ -101,7 +101,7 @@ static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *r
     return TRUE;
 }
 
-/* Returns the text up to the first 0. */
+/* Returns the text up to the first 0, but at most n bytes, as valid UTF-8. g_free() */
 static char *bonn_header_text_of(const char *at, gsize n) {
     return g_utf8_make_valid(at, (gssize)strnlen(at, n));
 }
@@ -120,8 +120,8 @@ static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret
     return TRUE;
 }
 
-/* Sets ret_order by the channels' names. Three channels with other names are assumed to be R, G,
- * B. */
+/* Sets ret_order, the positions of R, G, B, by the channels' names. Channels with other names are
+ * assumed to be in the order R, G, B. */
 static gboolean take_channels(struct bonn_bytes *bytes, int ret_order[BONN_CHANNELS],
                               GError **error) {
     static const char rgb[] = "RGB";
@@ -238,7 +238,8 @@ static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret,
     return TRUE;
 }
 
-/* Signatures have nine or ten bytes. The byte after a short signature belongs to the metadata. */
+/* Signatures have nine or ten bytes. After a short signature, the tenth byte already belongs to the
+ * metadata. *ret_extra is whether the file is an FMF with a version. */
 static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gboolean *ret_extra,
                                GError **error) {
     static const struct {

@@ -33,13 +33,13 @@ gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
 /* Skips the rotations of local frames. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
-/* Write the header, and a number. size is the number of bytes. */
+/* Append the header of a file, or one number, to the bytes. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
 void bonn_put_float(GByteArray *to, double value);
 
-/* Index of each texel among the stored ones, or −1 if it is not stored. A full file stores all
- * texels. */
+/* Index of each texel among the stored texels, or −1 if the texel is not stored. A full file stores
+ * all texels. */
 struct bonn_index {
     gint32 *of_texel;
     int n_stored;
@@ -49,7 +49,7 @@ struct bonn_index {
 struct bonn_matrix {
     gsize n_components, n_rows, n_columns;
     float *u, *sv;
-    gboolean of_images; /* whether rows are texels instead of directions */
+    gboolean of_images; /* whether rows are (texel, channel) instead of (view, light, channel) */
 };
 void bonn_matrix_clear(struct bonn_matrix *matrix);
 
@@ -63,11 +63,11 @@ void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to);
 
-/* Inverts the transformation of a pixel's channels. */
+/* The transformation of a pixel's channels, which bonn_colours_undo() inverts. */
 struct bonn_colours {
     guint32 model;
     float mean[3], matrix[9];
-    gboolean logarithm; /* of all values */
+    gboolean logarithm; /* whether logarithms of all values are stored */
 };
 gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_colours *colours,
                             GError **error);

@@ -9,7 +9,7 @@
 #include "base/input_file.h"
 #include "exr/exr_half.h"
 
-/* Number of pixels of a view that are decoded together. They are some texels under all lights. */
+/* Number of pixels of a view that are decoded together: some texels under all lights. */
 #define BLOCK ((gsize)1 << 20)
 
 struct BonnFile {
@@ -18,7 +18,7 @@ struct BonnFile {
     struct bonn_header header;
     int order[BONN_CHANNELS]; /* positions of R, G, B among the channels */
 
-    guint32 per_chunk; /* number of texels; for BDI */
+    guint32 per_chunk; /* number of texels in a chunk; only for BDI */
     gsize chunks_at;
     struct bonn_index index;
 
@@ -96,7 +96,7 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     return check_chunks(file, bytes, error);
 }
 
-/* Parses a version, and skips a height map. */
+/* Parses the version of an FMF and the fields that it implies. Skips a height map. */
 static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     guint32 method = 0, width = 0, height = 0;
     guint8 version;
@@ -206,7 +206,8 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
     return TRUE;
 }
 
-/* Copies a block to its place, with R, G, B in order. Returns the number of holes. */
+/* Copies n pixels, with their channels in the order R, G, B. A pixel with a value that is not
+ * finite becomes 0. Returns the number of such pixels. */
 static int store(const BonnFile *file, const float *from, gsize n, float *to) {
     int holes = 0;
     for (gsize i = 0; i < n; i++, from += BONN_CHANNELS, to += BONN_CHANNELS) {

@@ -16,8 +16,8 @@
 static const double scales[3] = {1 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0};
 
 struct merl {
-    int n_phi;     /* PHI_D or twice that */
-    float *values; /* 3 × THETA_H × THETA_D × n_phi, f_r or below 0 */
+    int n_phi;     /* PHI_D, or 2 · PHI_D if the BRDF is not reciprocal */
+    float *values; /* 3 × THETA_H × THETA_D × n_phi: f_r, or a negative number */
 };
 
 /* Converts the numbers of one colour before it reads the next, so that memory holds the doubles of
@@ -95,7 +95,7 @@ void merl_evaluate(const struct merl *merl, const float light[3], const float vi
     const double flat = hypot(h[0], h[1]);
     const double theta_h = atan2(flat, h[2]), sine = flat / length, cosine = h[2] / length;
     const double cos_phi = flat > 0 ? h[0] / flat : 1, sin_phi = flat > 0 ? h[1] / flat : 0;
-    /* R_z(−φ_h) l, then R_y(−θ_h) of it. */
+    /* Computes d = R_y(−θ_h) R_z(−φ_h) l (merl.h). */
     const double x = cos_phi * (double)light[0] + sin_phi * (double)light[1];
     const double y = cos_phi * (double)light[1] - sin_phi * (double)light[0];
     const double z = (double)light[2];
@@ -125,7 +125,7 @@ struct writing {
                                    of squared means */
 };
 
-/* Gives the directions at the centre of a bin for φ_h = 0. */
+/* Gives the directions at the centre of the bin (i of θ_h, j of θ_d, k of φ_d) for φ_h = 0. */
 static void directions(int i, int j, int k, double light[3], double view[3]) {
     const double root = (i + 0.5) / THETA_H, theta_h = root * root * G_PI / 2;
     const double theta_d = (j + 0.5) / THETA_D * G_PI / 2, phi_d = (k + 0.5) / PHI_D * G_PI;

@@ -11,12 +11,12 @@
 struct rgl {
     TensorFile *file;
     int n_phi, n_theta, n_channels;
-    const float *phi, *theta; /* the nodes in the file */
+    const float *phi, *theta; /* n_phi and n_theta nodes in the file, radians */
     struct warp_table ndf, sigma, values;
     Warp *vndf;
     double *colours; /* n_channels × 3: R, G, B of each channel */
     gboolean isotropic, jacobian;
-    int reduction; /* 1 for all azimuths; 2 for a half, 4 for a quarter */
+    int reduction; /* 1 if the file has all azimuths, 2 if it has a half, 4 if it has a quarter */
 };
 
 void rgl_free(struct rgl *rgl) {
@@ -169,7 +169,8 @@ static double elevation(const double d[3]) {
     return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
 }
 
-/* Mirrors directions into the azimuths of the file: directions of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
+/* Mirrors both directions so that in lies in the azimuths of the file: y ≤ 0 for a half, x ≤ 0 and
+ * y ≤ 0 for a quarter. For a half, x and y change their signs together. */
 static void mirror(const struct rgl *rgl, double in[3], double out[3]) {
     if (rgl->reduction < 2)
         return;
@@ -179,7 +180,8 @@ static void mirror(const struct rgl *rgl, double in[3], double out[3]) {
     in[1] *= sy, out[1] *= sy;
 }
 
-/* Returns the slices of the directions of incidence around a direction. */
+/* Returns the slices of the directions of incidence around the direction (phi, theta), with their
+ * weights. */
 static struct warp_slices rgl_slices(const struct rgl *rgl, double phi, double theta) {
     struct warp_slices ret = {.n = 0};
     int i, j;

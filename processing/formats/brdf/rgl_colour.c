@@ -6,13 +6,13 @@
 /* Blue, green and red, each at two wavelengths. */
 const float rgl_wavelengths_nm[RGL_WAVELENGTHS] = {360, 475, 505, 575, 605, 830};
 
-/* Wyman et al. 2013: a Gaussian with different widths on the two sides of its peak. */
+/* Returns a Gaussian with different widths on the two sides of its peak (Wyman et al. 2013). */
 static double lobe(double nm, double peak, double below, double above) {
     const double x = (nm - peak) / (nm < peak ? below : above);
     return exp(-0.5 * x * x);
 }
 
-/* Wyman et al. 2013 eq. 4. */
+/* Gives the functions x, y and z of the CIE's 1931 observer (Wyman et al. 2013 eq. 4). */
 static void rgl_observer(double nm, double ret[3]) {
     ret[0] = 1.056 * lobe(nm, 599.8, 37.9, 31.0) + 0.362 * lobe(nm, 442.0, 16.0, 26.7) -
              0.065 * lobe(nm, 501.1, 20.4, 26.2);
@@ -20,7 +20,8 @@ static void rgl_observer(double nm, double ret[3]) {
     ret[2] = 1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8);
 }
 
-/* IEC 61966-2-1; its rows, times the white of D65, sum to 1. */
+/* Matrix from X, Y, Z to linear R, G, B (IEC 61966-2-1). It converts the white of D65 to (1, 1, 1).
+ * */
 static const double rgb_of_xyz[3][3] = {{3.2404542, -1.5371385, -0.4985314},
                                         {-0.9692660, 1.8760108, 0.0415560},
                                         {0.0556434, -0.2040259, 1.0572252}};
@@ -57,7 +58,7 @@ void rgl_colour_weights(const float *wavelengths_nm, int n, double *ret) {
         }
 }
 
-/* Solves a x = b of three unknowns for three right-hand sides by Cramer's rule. */
+/* Inverts a 3 × 3 matrix by Cramer's rule. */
 static void rgl_inverse(const double a[3][3], double ret[3][3]) {
     double det = 0;
     for (int i = 0; i < 3; i++)

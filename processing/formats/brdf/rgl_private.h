@@ -11,7 +11,7 @@ static inline double rgl_u_of_theta(double theta) {
 static inline double rgl_theta_of_u(double u) {
     return u * u * G_PI / 2;
 }
-/* Returns 0 … 1 for any φ. */
+/* Returns u_φ (rgl.h) from 0 up to, but not including, 1 for any φ. */
 static inline double rgl_u_of_phi(double phi) {
     const double u = (phi + G_PI) / (2 * G_PI);
     return u - floor(u);
@@ -25,8 +25,8 @@ static inline double rgl_phi_of_u(double u) {
  * the colour of a spectrum of ones, (1, 1, 1). */
 void rgl_colour_weights(const float *wavelengths_nm, int n, double *ret);
 
-/* The wavelengths of the spectra that rgl_write() writes, and the spectrum of each colour. ret is
- * RGL_WAVELENGTHS × 3, to be multiplied by (R, G, B). */
+/* The wavelengths of the spectra that rgl_write() writes. rgl_colour_spectra() gives the matrix,
+ * RGL_WAVELENGTHS × 3, that converts (R, G, B) to such a spectrum. */
 #define RGL_WAVELENGTHS 6
 extern const float rgl_wavelengths_nm[RGL_WAVELENGTHS];
 void rgl_colour_spectra(double ret[RGL_WAVELENGTHS][3]);

@@ -9,17 +9,17 @@
 
 #define N_THETA  18 /* number of directions of incidence: 0°, 5° … 85° */
 #define STEP_DEG 5.0
-#define N_PHI    25 /* number for an anisotropic file: −180° … 180° */
+#define N_PHI    25 /* number of azimuths of incidence in an anisotropic file: −180° … 180° */
 #define N_A      64 /* columns of ndf, sigma and vndf */
 /* number of azimuths of ndf, sigma and vndf; the tables have one more row, because the last row
  * repeats the first */
 #define N_B        48
 #define ROWS       (N_B + 1)
 #define SIDE       32   /* number of nodes of the sample space along an axis */
-#define ITERATIONS 8    /* Dupuy et al. 2015 need 4 */
-#define MIN_D      0.3  /* relative to D of the uniform hemisphere, which is 1/π */
+#define ITERATIONS 8    /* number of steps of the power iteration; Dupuy et al. 2015 need 4 */
+#define MIN_D      0.3  /* minimum of D, relative to D of the uniform hemisphere, which is 1/π */
 #define UNIFORM    0.5  /* share of a constant in vndf, so that the whole square is sampled */
-#define MIN_SHARE  1e-4 /* minimum for sampling, relative to the mean of luminance */
+#define MIN_SHARE  1e-4 /* minimum of the table luminance, relative to its mean */
 #define HORIZON    0.01 /* cos θ of the direction that replaces directions below the surface */
 
 static const struct warp_slices only = {1, {0}, {1}};
@@ -69,7 +69,8 @@ static double rgl_luminance(const double rgb[3]) {
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
 }
 
-/* dm = sin θ dθ dφ with dθ = π u du, by the trapezoidal rule in u. */
+/* Sets the direction of each node and its solid angle: dm = sin θ dθ dφ with dθ = π u du, by the
+ * trapezoidal rule in u. */
 static void place_nodes(struct rgl_writing *writing) {
     for (int b = 0; b < N_B; b++)
         for (int a = 0; a < N_A; a++) {

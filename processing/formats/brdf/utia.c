@@ -50,7 +50,8 @@ static gboolean read_bin(struct utia *utia, const char *path, GError **error) {
     return TRUE;
 }
 
-/* Measures the difference of neighbouring rows among the 48 rows from first on. */
+/* Returns the sum of the differences of neighbouring rows among the 48 rows from first on. Larger
+ * is less alike. */
 static double unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
@@ -106,8 +107,8 @@ static float decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Replaces the 48 directions of θ = 0 by their mean: rows if step is UTIA_SIDE, otherwise
- * columns. */
+/* Replaces the 48 directions of θ = 0 by their mean: the 48 rows (lights) if step is UTIA_SIDE and
+ * other is 1, the 48 columns (views) if step is 1 and other is UTIA_SIDE. */
 static void join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
         double sum = 0;

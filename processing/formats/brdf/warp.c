@@ -5,7 +5,8 @@
 
 struct warp {
     int width, height, n_slices;
-    float *values;      /* n_slices × height × width, in units of a cell: they sum to 1 */
+    /* n_slices × height × width, densities per cell, whose integral over a slice is 1 */
+    float *values;
     float *conditional; /* same shape as values: sums from the left within each row */
     float *marginal;    /* n_slices × height: sums of rows from the first on */
 };
@@ -145,7 +146,8 @@ double warp_invert(const Warp *warp, const struct warp_slices *slices, double x,
     return ((1 - fx) * left + fx * right) * (double)((width - 1) * (height - 1));
 }
 
-/* Returns f of 0 … 1 with f (a + ½ f (b − a)) = area, for a, b ≥ 0. */
+/* Solves f (a + ½ f (b − a)) = area for f, where a, b ≥ 0. Returns f, clamped to 0 … 1, or 0.5 if a
+ * and b are 0. */
 static double solve(double a, double b, double area) {
     if (!(a + b > 0))
         return 0.5;
@@ -154,8 +156,9 @@ static double solve(double a, double b, double area) {
     return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
 }
 
-/* Returns the index of the last of n ascending sums that is below area. The sum i is at first + i ·
- * next. The index is at most n − 2. */
+/* Returns the index of the last of n ascending sums that is below area, at least 0 and at most n −
+ * 2. Sum i of a slice is at first + i. If next > 0, it is mixed with the sum at first + next + i,
+ * whose weight is part. */
 static gsize find(const float *sums, gsize stride, gsize first, gsize n, gsize next, double part,
                   const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;

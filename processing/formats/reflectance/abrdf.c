@@ -14,7 +14,7 @@
 #define GRID    DIRECTION_GRID_MAX
 #define SAMPLES (GRID * GRID)
 
-/* The cosine of a lower light is replaced by this, because f_r = B / (π cos θ) would be noise. */
+/* minimum of cos θ in f_r = B / (π cos θ), which would otherwise be noise for low lights */
 #define MIN_COSINE 0.05
 
 struct Abrdf {
@@ -39,7 +39,8 @@ const struct abrdf_info *abrdf_info(const Abrdf *abrdf) {
     return &abrdf->info;
 }
 
-/* Checks sizes, directions and region, before values are read. */
+/* Stores sizes, directions and region, and checks them before values are read. Returns FALSE with
+ * an error if they are not valid. */
 static gboolean begin(Abrdf *abrdf, const char *path, int width, int height,
                       const struct direction_list *views, const struct direction_list *lights,
                       const struct import_region *region, GError **error) {
@@ -171,7 +172,8 @@ static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
     return g_steal_pointer(&f);
 }
 
-/* Computes the samples of colour c, V · f · Lᵀ, with the operators of views and lights. */
+/* Computes the samples of each colour, V · f · Lᵀ, with the operators V of views and L of lights
+ * (direction_grid.h). */
 static gboolean resample(Abrdf *abrdf, const float *f, GError **error) {
     const int n_views = (int)abrdf->info.views.n, n_lights = (int)abrdf->info.lights.n;
     const gsize pairs = abrdf->info.views.n * abrdf->info.lights.n;
@@ -211,7 +213,7 @@ void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpo
         ret[c] = MAX(sum[c], 0);
 }
 
-/* Compares the interpolated B with the measured one. */
+/* Sets info.error: the relative RMS difference between the interpolated B and the measured B. */
 static void compare(Abrdf *abrdf, const float *f) {
     struct abrdf_info *info = &abrdf->info;
     const gsize n = info->lights.n, pairs = info->views.n * n;

@@ -15,14 +15,15 @@
 typedef struct Abrdf Abrdf;
 
 struct abrdf_info {
-    int width, height;           /* of the material */
+    int width, height;           /* texels of the material */
     struct import_region region; /* region over which the mean was taken */
     struct direction_list views, lights;
     gint64 holes; /* number of values that were left out */
     /* number of pairs of directions without any value, which have the value of the nearest light */
     int filled;
-    double error;      /* error of the interpolant at the measured pairs, relative RMS of B */
-    double lowest_deg; /* the lowest measured direction, beyond which nothing is known */
+    double error; /* error of the interpolant at the measured pairs, relative RMS of B */
+    /* angle from the normal of the lowest measured direction, beyond which nothing is known */
+    double lowest_deg;
 };
 
 /* Reads a session, or a file that “mesorig compress” made from a session. A region of zeros means

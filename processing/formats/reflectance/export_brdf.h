@@ -16,7 +16,7 @@ struct export_brdf_options {
 };
 
 struct export_brdf_result {
-    int n_views, n_lights, width, height; /* of the region */
+    int n_views, n_lights, width, height; /* width, height: texels of the region */
     gint64 holes;
     int filled; /* see struct abrdf_info */
     double error, lowest_deg;
@@ -33,8 +33,10 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    gboolean rgb; /* six terms for each colour; otherwise one brightness and a colour (LRGB) */
-    int view;     /* index; −1 means the view nearest to the normal */
+    /* TRUE: six terms for each colour; FALSE: six terms for the brightness, and a colour (LRGB)
+     * */
+    gboolean rgb;
+    int view; /* index; −1 means the view nearest to the normal */
     /* replaces the files of an existing folder; otherwise an existing folder is an error */
     gboolean replace;
 };
@@ -42,7 +44,7 @@ struct export_rti_options {
 struct export_rti_result {
     int width, height, n_lights;
     int view;
-    double theta_deg;      /* of the view */
+    double theta_deg;      /* angle of the view from the normal */
     double error;          /* RMS, sRGB, see struct rti_fit_result */
     gint64 clipped, holes; /* numbers of values that were clipped, and of holes */
 };

@@ -15,7 +15,7 @@ struct import_brdf_wish {
     const char *directions;
 };
 
-/* Imports a file. The values are B = π f_r cos θ_l at the directions. */
+/* Imports a file. The values are B = π f_r cos θ_l at the directions of the wish. */
 gboolean import_brdf(const char *path, const char *file, const struct import_brdf_wish *wish,
                      const struct work *work, struct import_result *ret, GError **error);
 

@@ -26,7 +26,7 @@ void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]) {
     memcpy(ret, basis, sizeof basis);
 }
 
-/* A file in memory, of which the first at bytes have been read. */
+/* A file in memory. at is the number of bytes that have been read. */
 struct head {
     const char *path;
     const guint8 *bytes;
@@ -37,7 +37,7 @@ static gboolean is_blank(guint8 c) {
     return c == ' ' || c == '\t' || c == '\r' || c == '\n';
 }
 
-/* Reads the next word of the text before the bytes. Returns FALSE if there is none. */
+/* Reads the next word of the header. Returns FALSE if there is none, or if it is too long. */
 static gboolean rti_word(struct head *head, char ret[MAX_NUMBER + 1]) {
     gsize length = 0;
     while (head->at < head->n && head->at < MAX_HEAD && is_blank(head->bytes[head->at]))
@@ -62,7 +62,7 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
     return TRUE;
 }
 
-/* Skips blanks up to the end of the line, after which the bytes begin. */
+/* Skips blanks and the end of the header's last line, after which the bytes of the texels begin. */
 static gboolean line_end(struct head *head, GError **error) {
     while (head->at < head->n && head->bytes[head->at] != '\n' && is_blank(head->bytes[head->at]))
         head->at++;
@@ -92,7 +92,8 @@ static gboolean read_size(struct head *head, struct rti *rti, GError **error) {
     return TRUE;
 }
 
-/* Allocates memory for the texels, whose bytes must be in the file. */
+/* Allocates memory for the texels. Returns FALSE with an error if the file is too short for them.
+ * */
 static gboolean make_bytes(const struct head *head, struct rti *rti, GError **error) {
     const gsize texels = (gsize)rti->width * (gsize)rti->height;
     const gsize each = (gsize)rti->n_terms * (rti->lrgb ? 1 : 3);

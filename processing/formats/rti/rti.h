@@ -54,8 +54,8 @@ void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float 
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
 /* Writes a PTM as a new folder for OpenLIME: info.json and plane_0.png … in the same folder. lights
- * (n × 3) are the lights from which it was made. The folder must not exist, and appears complete or
- * not at all. */
+ * (n × 3) are the lights from which it was made. The folder appears complete or not at all. It must
+ * not exist unless replace is set. */
 gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
                            const float *lights, int n, double texel_mm, GError **error);
 

@@ -6,14 +6,15 @@
 #include "base/data_error.h"
 
 #define TERMS RTI_PTM_TERMS
-/* relative to the largest pivot; smaller ones mean that the lights do not determine all terms */
+/* minimum of a pivot, relative to the largest diagonal element; below it, the lights do not
+ * determine all terms */
 #define MIN_PIVOT 1e-6
 
 struct normal {
     double a[TERMS][TERMS], b[TERMS];
 };
 
-/* Cholesky's method. Returns FALSE if a is not positive definite. */
+/* Solves the normal equations by Cholesky's method. Returns FALSE if a is not positive definite. */
 static gboolean solve(const struct normal *normal, double ret[TERMS]) {
     double l[TERMS][TERMS] = {{0}}, largest = 0;
     for (int i = 0; i < TERMS; i++)
@@ -51,7 +52,8 @@ struct fitting {
     struct normal *whole; /* the normal equations of all lights */
 };
 
-/* Fits one number per light, at values + light · stride, by least squares. NaN is left out. */
+/* Fits the terms to one value per light by least squares. Values that are NaN are left out. Returns
+ * FALSE if the other lights do not determine the terms. */
 static gboolean rti_fit_terms(const struct fitting *fitting, const double *values,
                               double ret[TERMS]) {
     struct normal normal = {.b = {0}};
@@ -88,8 +90,8 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* Gives the values to be fitted: the values of channel c, or the brightness that best explains R, G
- * and B as a multiple of the colour C: Σ C s / Σ C². */
+/* Gives the values to be fitted: the values of channel c, or, if colour is not NULL, the brightness
+ * s for which s C is nearest to R, G, B, with the colour C: s = Σ C_k RGB_k / Σ C_k². */
 static void observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                      double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {

@@ -15,7 +15,8 @@
 /* The index in .ptm files of each term in Relight's order 1, lx, ly, lx², lx ly, ly². */
 static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
 
-/* Returns the source of channel k among all planes: −1 for the texel's colour, otherwise a term. */
+/* Returns what channel k, counted over all planes, contains: −1 for the texel's colour, otherwise
+ * the index of a term in .ptm files. */
 static int rti_term(const struct rti *rti, int k) {
     if (!rti->lrgb)
         return (int)order[k / 3];
@@ -46,8 +47,8 @@ static void append(GString *text, gboolean first, double value) {
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
 }
 
-/* OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255 times the scale of
- * struct rti, and its bias is the bias of struct rti divided by 255. */
+/* Writes info.json. OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255
+ * times the scale of struct rti, and its bias is the bias of struct rti divided by 255. */
 static gboolean write_info(const char *folder, const struct rti *rti, const float *lights, int n,
                            double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;
@@ -95,7 +96,7 @@ static gboolean fail_folder(const char *folder, GError **error) {
     return FALSE;
 }
 
-/* Removes only files that this process has written. */
+/* Removes a folder and the files in it. Only for folders that this process has made. */
 static void remove_folder(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     const char *name;
