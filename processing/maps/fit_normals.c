@@ -16,9 +16,10 @@
 
 #define LIGHTS 128
 /* minimum z of lights; lower lights, where fits are least certain, are left out */
-#define MIN_Z       0.15
-#define FACES       0.15 /* minimum cosine between normal and light */
-#define TOLERANCE   0.1  /* tolerance relative to the value of a light along the normal */
+#define MIN_Z 0.15
+#define FACES 0.15 /* minimum cosine between normal and light */
+/* maximum difference from Lambert's law of a light that counts, relative to |b| */
+#define TOLERANCE   0.1
 #define ROUNDS      8
 #define SHADOWED    0.25
 #define PTM_TERMS   6
@@ -83,7 +84,8 @@ static gboolean fit_normals_open(struct fit *fit, const char *path, GError **err
                 "an hsh has no polynomial with a maximum; leave out --maximum, or make a ptm"));
 }
 
-/* Fibonacci's spiral over the cap above the lowest light, which gives equal areas. */
+/* Chooses the view nearest to the normal, and places LIGHTS lights on Fibonacci's spiral over the
+ * cap above the lowest measured light, each with an equal area. */
 static void choose_lights(struct fit *fit) {
     const struct direction_list *views = &fit->layout->views;
     g_autofree float *lights = direction_list_vectors(&fit->layout->lights);
@@ -147,7 +149,8 @@ static struct vec3 least_squares(const struct fit *fit, const double *f, const g
                       1 / volume);
 }
 
-/* Begins with all lights, including dark ones, and repeats with the lights that count. */
+/* Finds the normal by Lambert's law (fit_normals.h). Begins with all lights, including dark ones,
+ * and repeats the fit with the lights that count. Returns 0 if there is no normal. */
 static struct vec3 lambert(const struct fit *fit, const double *c, gboolean *ret_shadowed) {
     double f[LIGHTS];
     gboolean counts[LIGHTS];

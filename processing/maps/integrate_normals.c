@@ -27,7 +27,8 @@ static gboolean joined(const struct grid *grid, gsize i, gsize j) {
     return isfinite(grid->p[i] + grid->q[i] + grid->p[j] + grid->q[j]);
 }
 
-/* Computes L z (slopes FALSE), or b (slopes TRUE; z may be NULL), as sums over a texel's pairs. */
+/* Computes L z (slopes FALSE), or b (slopes TRUE; z may be NULL), as sums over the pairs of each
+ * texel. The normal equations are those at the top of this file. */
 static void apply(const struct grid *grid, const double *z, gboolean slopes, double *ret) {
     const gsize width = (gsize)grid->width, n = width * (gsize)grid->height;
     memset(ret, 0, sizeof(double) * n);
@@ -54,7 +55,8 @@ static double dot(const double *a, const double *b, gsize n) {
     return sum;
 }
 
-/* Conjugate gradients, beginning with z. L is singular, but b has no part in its kernel. */
+/* Solves L z = b by conjugate gradients, beginning with z. L is singular, but b has no part in its
+ * kernel. */
 static void relax(const struct grid *grid, double *z) {
     const gsize n = (gsize)grid->width * (gsize)grid->height;
     g_autofree double *r = g_new0(double, n), *along = g_new0(double, n), *l = g_new0(double, n);
@@ -80,7 +82,8 @@ static void relax(const struct grid *grid, double *z) {
     }
 }
 
-/* Averages 2 × 2 texels, without those that have no slopes. */
+/* Averages the slopes of 2 × 2 texels, without texels that have no slopes. The result has NaN if
+ * all four have none. */
 static struct grid halve(const struct grid *grid, float *p, float *q) {
     const struct grid half = {p, q, (grid->width + 1) / 2, (grid->height + 1) / 2, 2 * grid->step};
     for (int i = 0; i < half.width * half.height; i++) {
@@ -111,7 +114,8 @@ static void integrate_grid(const struct grid *grid, double *z) {
         integrate_grid(&half, coarse);
         for (int y = 0; y < grid->height; y++)
             for (int x = 0; x < grid->width; x++) {
-                /* The centre of a coarse texel is between four fine texels. */
+                /* The centre of a coarse texel is between four fine texels, a quarter of its width
+                 * from each in x and y. */
                 const int i = y / 2 * width + x / 2;
                 const double dx = (x % 2 ? 0.25 : -0.25) * half.step;
                 const double dy = (y % 2 ? -0.25 : 0.25) * half.step;

@@ -25,7 +25,8 @@ gboolean light_normals_applies(const char *path) {
     return g_file_test(btf, G_FILE_TEST_IS_DIR) && !g_file_test(mdf, G_FILE_TEST_EXISTS);
 }
 
-/* Saturated values are lower bounds. Holes and predicted values are not measurements. */
+/* Gives the values and lights of a texel. Values that are no measurements (lower bounds of
+ * saturated pixels, holes, predictions) become NaN. */
 static void read_texel(int texel, float *ret_rgb, struct vec3 *ret_lights, gpointer data) {
     const struct pictures *pictures = data;
     const int n = (int)pictures->near_field->lights.n;
@@ -133,7 +134,7 @@ static gboolean write_maps(const struct photometric_texel *found, const struct s
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-/* Returns the cause of the largest number of holes. */
+/* Returns the cause that the largest number of holes has. */
 static enum photometric_cause usual_cause(const struct light_normals_result *result) {
     int usual = PHOTOMETRIC_DARK;
     for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++)

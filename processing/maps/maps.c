@@ -27,7 +27,7 @@ static float eight(float value) {
     return rintf(255 * CLAMP(value, 0, 1)) / 255;
 }
 
-/* Encodes a component of a vector for a normal map. */
+/* Rounds a component of a vector to the 8 bits of a normal map. */
 static float eight_signed(float value) {
     return 2 * eight(value / 2 + 0.5F) - 1;
 }
@@ -67,8 +67,8 @@ static char *plain_name(const char *name) {
     return ret;
 }
 
-/* If anisotropy is left out, the roughness of both directions is their geometric mean. A second
- * call changes nothing. */
+/* Sets max_specular and anisotropic. If the mean anisotropy is below ISOTROPIC, removes it; the
+ * roughness of both directions is then their geometric mean. A second call changes nothing. */
 static void summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;

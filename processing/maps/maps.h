@@ -21,9 +21,9 @@ struct maps_errors {
     int n_views, n_lights;
     double delta_e;        /* mean CIEDE2000, relative to the white diffuser */
     double relative_error; /* ‖A − Â‖ / ‖A‖ of R, G and B */
-    /* n_views × n_lights: the mean over texels; NaN if no texel was compared */
+    /* n_views × n_lights: mean CIEDE2000 over texels; NaN if no texel was compared */
     float *pairs;
-    float *texels; /* height × width: the mean over pairs */
+    float *texels; /* height × width: mean CIEDE2000 over pairs */
     int every;     /* each every-th pair of a texel was compared; 1 means all pairs */
 };
 
@@ -61,7 +61,7 @@ struct maps {
  * "occlusion" is left. */
 struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
                       const struct work *work, GError **error);
-/* For tests: the same without a session, from a BTF. Heights are computed from normals. */
+/* For tests: makes the maps of a BTF without a session. Heights are computed from normals. */
 struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
                          const struct work *work, GError **error);
 void maps_free(struct maps *maps); /* NULL is ignored */
@@ -79,7 +79,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
  * NAME_errors.csv, NAME_errors_directions.png and NAME_errors_texels.png. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
 /* Adds the errors as a table of views and lights, as a picture with a row for each view and a
- * column for each light, and as a picture of the texels. Black is 0, white is 10 or more. */
+ * column for each light, and as a picture of the texels. In the pictures, black is a CIEDE2000 of
+ * 0, and white is 10 or more. */
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };

@@ -5,7 +5,7 @@
 #include "maps_private.h"
 #include "metrics/delta_e.h"
 
-/* maximum number of comparisons of a texel in a view under a light */
+/* maximum number of comparisons, each of one texel in one view under one light */
 #define MAX_COMPARED 8000000
 
 struct maps_errors_run {
@@ -14,7 +14,7 @@ struct maps_errors_run {
     const struct btf_matrix *btf; /* of->btf */
     const float *views, *lights;
     GMutex mutex;
-    double *sums, *counts; /* of pairs */
+    double *sums, *counts; /* of each pair: sum of CIEDE2000, and number of texels */
     double residual, all, delta_e, n;
     GError *error;
 };

@@ -97,7 +97,8 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
     }
 }
 
-/* Writes files into an existing folder. If there is no such folder, errno is set. */
+/* Writes all files into an existing folder, and replaces files of the same names. Returns FALSE
+ * with an error at the first file that cannot be written. */
 static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
     for (guint i = 0; i < files->len; i++)
         if (!write_output(files->pdata[i], path, TRUE, error))

@@ -1,5 +1,5 @@
 /* The mean of all texels is fitted first, from many shapes. The fit of each texel begins with the
- * result. */
+ * shape of the mean. */
 #include "maps_fit_private.h"
 
 #include <math.h>
@@ -8,12 +8,13 @@
 #include "base/data_error.h"
 #include "base/direction.h"
 
-#define BLOCK         16   /* number of texels that a thread takes at a time */
-#define SOME          96   /* number of texels with which the layers are chosen */
-#define MEAN          1024 /* number of texels over which the mean is taken */
-#define BETTER        0.95 /* a layer is used if it reduces the cost to at most this share */
-#define WORTH         3e-4 /* minimum decrease of a texel's cost, which is relative to Σ u² Y² */
-#define STARTS        5    /* number of starts of a texel */
+#define BLOCK  16   /* number of texels that a thread takes at a time */
+#define SOME   96   /* number of texels with which the layers are chosen */
+#define MEAN   1024 /* number of texels over which the mean is taken */
+#define BETTER 0.95 /* a layer is used if it reduces the cost to at most this share */
+/* minimum decrease of the cost by a layer. The cost is relative to Σ u² Y² */
+#define WORTH         3e-4
+#define STARTS        5 /* number of starts of a texel */
 #define LAMBERT_LIMIT 0.7
 
 struct maps_fit_run {
@@ -149,7 +150,7 @@ static gboolean blocks(struct maps_fit_run *run, const struct work *work, int n,
     return FALSE;
 }
 
-/* Finds the shape of the mean of some texels, beginning from several shapes. */
+/* Fits the mean of about MEAN texels, beginning from several shapes, and keeps the best. */
 static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
     static const float widths[] = {-4, -3, -2, -1.2F, -0.4F};
     static const float spreads[3][2] = {{0, 0}, {0.5F, 0}, {-0.5F, 0}};
@@ -187,7 +188,8 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
     return TRUE;
 }
 
-/* Tries sheen and clear coats of some roughnesses on some texels. */
+/* Chooses the layers: fits about SOME texels without layers, with sheen and with clear coats of
+ * some roughnesses, and takes the layers with the smallest cost. */
 static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const struct work *work,
                        GError **error) {
     static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};

@@ -8,7 +8,8 @@
  * and t at ½ atan2(r, q); and w. */
 #define MAPS_SHAPE 6
 
-/* Planes of n pairs: unit vectors of view, light and the half vector between them, f5, and E. */
+/* The planes of struct maps_pairs, each of n numbers: x, y, z of the unit vectors of view (V),
+ * light (L) and half vector (H), f5, and E. */
 enum maps_plane {
     MAPS_VX,
     MAPS_VY,
@@ -31,7 +32,8 @@ struct maps_pairs {
     enum maps_model model;
 };
 
-/* Returns the pairs of directions above the plane, at most MAPS_MAX_PAIRS of them. */
+/* Returns the pairs of a view and a light that are both above the plane. If the BTF has more than
+ * MAPS_MAX_PAIRS pairs, takes every second, third, … pair. */
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
 /* Sets E for the layers and for the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);

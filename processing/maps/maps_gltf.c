@@ -7,11 +7,12 @@
 #include "maps.h"
 #include "maps_png.h"
 
-#define AROUND   96 /* number of the sphere's quads */
-#define DOWN     48
-#define TILES_U  6 /* as on mesorig-view's sphere */
-#define TILES_V  3
-#define VERTEX   12 /* number of floats: position, normal, tangent, texture coordinates */
+#define AROUND  96 /* number of the sphere's quads around its axis, and from pole to pole (DOWN) */
+#define DOWN    48
+#define TILES_U 6 /* as on mesorig-view's sphere */
+#define TILES_V 3
+/* number of floats of a vertex: position, normal, tangent, texture coordinates */
+#define VERTEX   12
 #define GLB_JSON 0x4e4f534a
 #define GLB_BIN  0x004e4942
 
@@ -33,7 +34,8 @@ static void mesh_vertex(struct maps_mesh *mesh, const double p[3], const double 
     g_array_append_vals(mesh->vertices, all, VERTEX);
 }
 
-/* +x of the sample is +x, and +y of the sample is −z, so that its top row is at the back. */
+/* Makes a plane. +x of the sample is +x of glTF, and +y of the sample is −z, so that its top row is
+ * at the back. */
 static struct maps_mesh mesh_plane(double width, double depth) {
     static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
     static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
@@ -47,7 +49,7 @@ static struct maps_mesh mesh_plane(double width, double depth) {
     return mesh;
 }
 
-/* A sphere around the y axis. At its equator the material has its true size. */
+/* Makes a sphere around the y axis. At its equator the material has its true size. */
 static struct maps_mesh mesh_sphere(double radius) {
     struct maps_mesh mesh = mesh_new();
     for (int j = 0; j <= DOWN; j++)
@@ -127,8 +129,8 @@ static void accessor(struct maps_gltf *to, int view, gsize offset, int type, gui
     to->n_accessors++;
 }
 
-/* Bytes are written in the byte order of this machine, which is the same on all machines that run
- * Debian's Blender. */
+/* Adds a mesh. Numbers are written in the byte order of this machine. glTF requires little-endian,
+ * as all machines that run Debian's Blender are. */
 static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};
@@ -174,7 +176,7 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
 
 typedef void (*MapsGltfFill)(const struct maps *maps, gsize texel, float *ret);
 
-/* Returns the index of the texture, or −1 on error. */
+/* Adds a texture whose texels fill() gives. Returns its index, or −1 with an error. */
 static int texture(struct maps_gltf *to, const char *name, int channels, gboolean srgb,
                    MapsGltfFill fill, GError **error) {
     const struct maps *maps = to->maps;
@@ -233,7 +235,7 @@ static void coat(const struct maps *maps, gsize i, float *ret) {
     ret[0] = ret[1] = ret[2] = maps->fit->texels[i].coat;
 }
 
-/* Adds the extensions at the end of a material. */
+/* Adds the extensions to the end of a material, and their names to the list extensions. */
 static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GString *extensions,
                                      GError **error) {
     const struct maps *maps = to->maps;

@@ -11,12 +11,12 @@
 #include "maps_private.h"
 
 #define DIRECTIONS 16
-#define REACH      48    /* maximum distance in texels */
+#define REACH      48    /* maximum distance in texels at which the horizon is searched */
 #define MAX_HOLES  0.5   /* share of texels without a height above which an MDF is not used */
 #define TAIL       0.002 /* share of the heights at each end that are assumed to be wrong */
 #define STEEPEST   0.1F  /* minimum z of a normal whose slope is integrated */
 
-/* Reads the map that `mesorig export height` writes. */
+/* Sets the heights from the map that `mesorig export height` writes. */
 static gboolean maps_heights_mdf(struct maps *maps, const char *session, const struct work *work,
                                  GError **error) {
     const struct export_surface_options options = {.what = EXPORT_HEIGHT, .layered = TRUE};
@@ -51,7 +51,7 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
     return TRUE;
 }
 
-/* Clamps heights to a quantile at either end, and shifts them so that the lowest is 0. */
+/* Clamps heights to the quantiles TAIL and 1 − TAIL, and shifts them so that the lowest is 0. */
 static void limit(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree double *sorted = g_new(double, n);

@@ -125,8 +125,8 @@ static double maps_materialx_most(const struct maps *maps) {
     return ret;
 }
 
-/* Returns the index of refraction of the most specular texel. The map of the weight is relative to
- * it. */
+/* Returns the index of refraction of the most specular texel. The map of the specular weight is
+ * relative to its reflectance. */
 static double maps_materialx_ior(const struct maps *maps) {
     const double root = sqrt(MIN((double)MAPS_DIELECTRIC * maps_materialx_most(maps), 0.9));
     return (1 + root) / (1 - root);
@@ -173,8 +173,9 @@ static GString *document(const struct maps *maps, const struct maps_materialx_na
     return to;
 }
 
-/* OpenPBR's roughness r: αt = r² √(2 / (1 + (1 − a)²)), with a the level of anisotropy (ASWF 2024).
- * The specular weight is relative to the index of refraction of the document. */
+/* Adds the map of roughness, or of the specular weight. OpenPBR's roughness r follows from αt = r²
+ * √(2 / (1 + (1 − a)²)), with a the level of anisotropy (ASWF 2024). The specular weight is
+ * relative to the index of refraction of the document. */
 static gboolean add_map(const struct maps *maps, gboolean roughness, MapsFiles *files,
                         GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;

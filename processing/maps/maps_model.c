@@ -15,7 +15,8 @@ double maps_lobe(double alpha, double nl, double nv, double nh) {
     return d * 0.5 / MAX(lv + ll, MIN_COSINE * MIN_COSINE);
 }
 
-/* Λ of Estevez & Kulla 2017, eq. 3 and its table, interpolated between the roughnesses 0 and 1. */
+/* Returns L(x), of which sheen_lambda() makes Λ (Estevez & Kulla 2017, eq. 3), with the
+ * coefficients of their table interpolated between the roughnesses 0 and 1. */
 static double sheen_curve(double x, double alpha) {
     const double k = (1 - alpha) * (1 - alpha);
     const double a = 21.5473 + k * (25.3245 - 21.5473), b = 3.82987 + k * (3.32435 - 3.82987);
@@ -37,7 +38,8 @@ double maps_sheen(double roughness, double nl, double nv, double nh) {
     return d * CLAMP(g / (4 * MAX(nl * nv, MIN_COSINE)), 0, 1);
 }
 
-/* ∫ D_s V_s n·l dl over the hemisphere, by the midpoint rule in cos θ and φ. */
+/* Returns ∫ D_s V_s n·l dl over the hemisphere of lights, by the midpoint rule in cos θ and φ.
+ * cosine is n·v. */
 static double sheen_integral(double roughness, double cosine) {
     enum { STEPS = 48 };
     const double nv = CLAMP(cosine, 0.02, 1), sv = sqrt(1 - nv * nv);
@@ -99,7 +101,7 @@ static gboolean angles(const struct maps_texel *texel, const double v[3], const 
     return TRUE;
 }
 
-/* Computes f_0 of each colour. */
+/* Computes f_0 (maps_model.h) of each colour. */
 static void maps_model_base(const struct maps_texel *texel, const struct angles *at,
                             double ret[3]) {
     const double m = texel->metallic, w = texel->specular, f5 = pow(MAX(1 - at->vh, 0), 5);

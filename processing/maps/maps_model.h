@@ -25,9 +25,9 @@
 
 #define MAPS_DIELECTRIC    0.04F /* reflectance of an index of refraction of 1.5 */
 #define MAPS_MIN_ROUGHNESS 0.1F
-#define MAPS_MAX_SPECULAR  25.0F /* of specular_colour: a reflectance of 1 */
+#define MAPS_MAX_SPECULAR  25.0F /* maximum of specular_colour, which gives a reflectance of 1 */
 
-/* Of one texel. Vectors are in the sample frame. */
+/* The parameters of one texel. Vectors are in the sample frame. */
 struct maps_texel {
     float base[3], metallic, roughness;
     float specular, specular_colour[3]; /* s: 0 … MAPS_MAX_SPECULAR */

@@ -8,10 +8,12 @@
 #include "base/direction.h"
 
 /* number of texels in each dimension, in the middle of the BTF, that are compared */
-#define WINDOW   96
-#define MARGIN   4      /* share of the window's texels that shifted pictures may lack */
+#define WINDOW 96
+/* number of texels at each side of the window that are not compared, because shifted pictures
+ * may lack them */
+#define MARGIN   4
 #define STEEPEST 0.45F  /* minimum z of a view that is compared */
-#define LEAST    (-1.0) /* range of depths in texels that are tried */
+#define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */
 #define MOST     4.0
 #define STEP     0.125
 #define BETTER   0.9
@@ -32,7 +34,8 @@ void maps_register_free(struct maps_register *registered) {
     g_free(registered);
 }
 
-/* Gives four texels and their weights at a position. Returns FALSE outside of the picture. */
+/* Gives the four texels around a position and their bilinear weights. Returns FALSE if the position
+ * is outside of the picture. */
 static gboolean corners(double x, double y, int width, int height, gsize ret_at[4],
                         float ret_share[4]) {
     const int x0 = CLAMP((int)floor(x), 0, MAX(width - 2, 0));
@@ -127,7 +130,8 @@ static void maps_register_try(int i, gpointer data) {
     run->differ[i] = maps_register_differ(run->search, LEAST + i * STEP);
 }
 
-/* The result is in texels. */
+/* Finds the depth *ret, in texels, at which the views agree best. It is 0 if no depth is clearly
+ * better than the reference plane. Returns FALSE with an error when cancelled. */
 static gboolean maps_register_search(const struct maps_register_search *search,
                                      const struct work *work, double *ret, GError **error) {
     enum { TRIES = (int)((MOST - LEAST) / STEP) + 1 };

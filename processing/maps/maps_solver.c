@@ -8,9 +8,10 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define EXPONENT      0.6F
-#define DARK          0.05F /* y0, relative to the mean */
-#define HUBER         1.345 /* standard deviations; Huber 1981 */
+#define EXPONENT 0.6F
+#define DARK     0.05F /* y0, relative to the mean */
+/* residuals beyond this number of standard deviations count less (Huber 1981) */
+#define HUBER         1.345
 #define STEPS         6
 #define ROUNDS        3
 #define ENOUGH        1e-4 /* relative decrease of the cost below which a round ends */
@@ -25,9 +26,9 @@
 #define COLOUR_HUBER 0.3
 #define SHRINK       0.1 /* weight by which the specular colour is drawn towards grey */
 
-/* The usual deviations of a shape's values. */
+/* The standard deviations of a shape's values in their priors. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
-static const float min_log = -4.60517F; /* logarithm of the minimum α, MAPS_LEAST_ROUGHNESS² */
+static const float min_log = -4.60517F; /* logarithm of the minimum α, MAPS_MIN_ROUGHNESS² */
 
 struct maps_solver {
     const struct maps_pairs *pairs;
@@ -36,7 +37,7 @@ struct maps_solver {
     float dark; /* y0 */
     float *diffuse, *lobe, *residuals, *trial, *slopes[MAPS_SHAPE];
     double *sorted;
-    double energy, weak; /* Σ w² Y²; the weight of the factors' priors */
+    double energy, weak; /* energy: Σ w² Y²; weak: weight of the priors of the factors */
     double n_valid;
 };
 
@@ -66,7 +67,7 @@ void maps_solver_free(struct maps_solver *solver) {
     g_free(solver);
 }
 
-/* The frame of a shape, and α along t and b. */
+/* The frame of a shape, and α along t (at) and along b (ab). */
 struct maps_frame {
     float n[3], t[3], b[3], direction[2], at, ab;
 };
@@ -96,7 +97,8 @@ static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
     return ret;
 }
 
-/* Computes the lobes of a frame for all pairs: n·l, and π D V n·l. */
+/* Computes the lobes of a frame for all pairs: solver->diffuse is n·l, solver->lobe is π D V n·l.
+ * */
 static void maps_solver_columns(struct maps_solver *solver, const struct maps_frame *frame) {
     const float *const *p = (const float *const *)solver->pairs->planes;
     const struct maps_frame f = *frame;
@@ -254,7 +256,8 @@ static int free_values(const struct maps_solver *solver) {
     return solver->pairs->model == MAPS_MODEL_CORE ? 3 : MAPS_SHAPE;
 }
 
-/* Computes Jᵀ J and −Jᵀ r by differences, including the priors. */
+/* Computes Jᵀ J and −Jᵀ r including the priors. J are the derivatives of the residuals r with
+ * respect to the shape, by finite differences. */
 static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAPS_SHAPE],
                                double normal[MAPS_SHAPE][MAPS_SHAPE], double right[MAPS_SHAPE]) {
 
@@ -439,8 +442,8 @@ static double metallic(double d, double s, double least) {
     return low;
 }
 
-/* The known values of a texel when its colours are computed: metallic m, specular w, a dielectric's
- * reflectance, and the amount of a layer. */
+/* The known values of a texel when its colours are computed: metallic m, specular w, the
+ * dielectric's reflectance f0, and the amount of sheen or clear coat (layer). */
 struct maps_colours {
     double m, w, f0, layer;
     const struct maps_layers *layers;

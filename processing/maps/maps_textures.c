@@ -7,7 +7,8 @@
 #include "maps.h"
 #include "maps_png.h"
 
-#define CELL   8 /* pixels of a pair of directions in the picture */
+/* side of the square, in pixels, that shows a pair of directions in the picture of errors */
+#define CELL   8
 #define MAX_DE 10.0F
 
 static void widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
@@ -151,7 +152,8 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
     return TRUE;
 }
 
-/* A scale from black over violet and orange to white. Texels that were not compared are grey. */
+/* Gives the colour of a CIEDE2000: from black (0) over violet and orange to white (MAX_DE or more).
+ * NaN, which was not compared, is grey. */
 static void heat(float delta_e, float ret[3]) {
     static const float stops[5][3] = {
         {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};
@@ -162,7 +164,7 @@ static void heat(float delta_e, float ret[3]) {
             isnan(delta_e) ? 0.5F : stops[i][c] + (at - (float)i) * (stops[i + 1][c] - stops[i][c]);
 }
 
-/* Draws each value as a square of cell pixels. */
+/* Returns a PNG that shows each value as a square of cell × cell pixels. */
 static GBytes *picture(const float *values, int width, int height, int cell, GError **error) {
     const gsize row = (gsize)width * (gsize)cell;
     g_autofree float *rgb = g_new(float, row *(gsize)height *(gsize)cell * 3);

@@ -11,14 +11,15 @@
 #define SAMPLES     1536 /* number of texels from which σ is estimated */
 #define BINS        8    /* number of ranges of |b|, with the same number of samples each */
 #define TRIPLES     160  /* maximum number of triples that are tried */
-#define TRUNCATED   3.0  /* in σ: larger differences all count the same */
+#define TRUNCATED   3.0  /* in σ: all larger differences count as much as this one */
 #define SHADOW      0.35 /* share of the expected value below which a light is in shadow */
 #define IMPLAUSIBLE 3.0  /* weight of a light that is dimmer without a cause, relative to others */
 #define AGREES      3.5  /* in σ: maximum difference of a light that agrees */
 #define ROUNDS      12
 /* iterations of least squares over the lights that the surface faces */
-#define TURNS    3
-#define PRIOR    4.0  /* degrees of freedom with which σ counts in a texel's own scale */
+#define TURNS 3
+/* number of degrees of freedom with which σ counts in the scale of a texel's own residuals */
+#define PRIOR    4.0
 #define LIT      5.0  /* in σ: minimum value of a texel that is not dark */
 #define FLATTEST 20.0 /* degrees: maximum error of a normal */
 #define MIN_REAL 1e-4 /* relative to |b|: minimum σ, for pictures without noise */
@@ -36,13 +37,13 @@ struct lit {
     int n;
     double *values; /* luminance */
     struct vec3 *lights;
-    int *index; /* of the light */
+    int *index; /* index of each light */
 };
 
 struct solver {
     const struct photometric_input *input;
     struct photometric_texel *ret;
-    double at[BINS], sigma[BINS]; /* σ at |b|, rising */
+    double at[BINS], sigma[BINS]; /* at: values of |b|, ascending; sigma: σ at each of them */
 };
 
 static struct lit lit_new(int n) {
@@ -86,8 +87,8 @@ static gboolean solve(struct vec3 x, struct vec3 y, struct vec3 z, struct vec3 s
     return TRUE;
 }
 
-/* Weighted least squares over the lights that b faces. With sigma 0 all weights are 1. With b = 0
- * all lights count. */
+/* Makes one step of weighted least squares over the lights that b faces. With sigma 0 all weights
+ * are 1. With b = 0 all lights count. Returns FALSE if the lights do not determine the result. */
 static gboolean step(const struct lit *lit, struct vec3 b, double sigma, struct vec3 *ret) {
     struct vec3 x = vec3(0, 0, 0), y = x, z = x, sum = x;
     const gboolean any = !(vec3_dot(b, b) > 0);
@@ -109,7 +110,8 @@ static double residual(const struct lit *lit, int i, struct vec3 b) {
     return lit->values[i] - MAX(vec3_dot(b, lit->lights[i]), 0);
 }
 
-/* Least squares over the lights that the surface faces, beginning with all lights. */
+/* Finds b by least squares over the lights that the surface faces, beginning with all lights.
+ * Returns FALSE if there is no b. */
 static gboolean plain(const struct lit *lit, struct vec3 *ret) {
     struct vec3 b = vec3(0, 0, 0), next;
     for (int turn = 0; turn < TURNS && step(lit, b, 0, &next); turn++)
@@ -121,8 +123,9 @@ static gboolean plain(const struct lit *lit, struct vec3 *ret) {
 /* Rates how well a solution explains all lights; smaller is better. */
 typedef double (*Score)(const struct lit *lit, struct vec3 b, double sigma, double *buffer);
 
-/* Highlights add light, and shadows remove almost all of it. A light that is only slightly dimmer
- * than Lambert's law predicts is therefore evidence against the solution. */
+/* Returns Σ min((r/σ)², TRUNCATED²), with a larger limit for dimmed lights. Highlights add light,
+ * and shadows remove almost all of it. A light that is only slightly dimmer than Lambert's law
+ * predicts is therefore evidence against the solution. */
 static double truncated(const struct lit *lit, struct vec3 b, double sigma, double *buffer) {
     double sum = 0;
     for (int i = 0; i < lit->n; i++) {
@@ -154,8 +157,9 @@ static double median_of(const struct lit *lit, struct vec3 b, double sigma, doub
     return buffer[MAX(n / 2, 3)];
 }
 
-/* Returns the best of the solutions of triples of lights and of plain least squares. The triples
- * are all triples, or a fixed sequence of them if there are many. */
+/* Finds the solution with the lowest score among those of triples of lights and of plain least
+ * squares. Returns FALSE if there is none. The triples are all triples, or a fixed sequence of them
+ * if there are many. */
 static gboolean best_triple(const struct lit *lit, Score score, double sigma, double *buffer,
                             struct vec3 *ret) {
     double least = HUGE_VAL;
@@ -200,7 +204,7 @@ static gboolean best_triple(const struct lit *lit, Score score, double sigma, do
     return least < HUGE_VAL;
 }
 
-/* Returns σ by linear interpolation. */
+/* Returns σ at |b| = length by linear interpolation, multiplied by times. */
 static double sigma_at(const struct solver *solver, double length, double times) {
     int k = 1;
     while (k < BINS - 1 && solver->at[k] < length)
@@ -244,8 +248,9 @@ static void find_albedo(const struct lit *lit, const float *rgb, struct vec3 b, 
         ret->albedo[c] = squares > 0 ? (float)(sums[c] / squares) : 0;
 }
 
-/* A light whose value is only noise does not count. If only two lights count, there is always a
- * solution that a third one just grazes. */
+/* Decides whether b is a valid solution, and sets used and sigma_deg. Returns PHOTOMETRIC_FOUND or
+ * the cause why there is no normal. A light whose value is only noise does not count, because for
+ * any two lights there is a solution that a third light just grazes. */
 static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double sigma,
                                     struct photometric_texel *ret) {
     int facing = 0;
