@@ -6,15 +6,16 @@
 #include "webgl_page.h"
 #include "webgl_source.h"
 
-#define HEADER 4096 /* maximum header of a material's file */
+#define HEADER 4096 /* maximum number of bytes of the header of a material's file */
 
 static gboolean is_page(const char *output) {
     g_autofree char *lower = g_ascii_strdown(output, -1);
     return g_str_has_suffix(lower, ".html");
 }
 
-/* Returns the finest grid whose sections fit even if they do not compress at all, or 0 with an
- * error. */
+/* Returns the finest grid with which the output fits into the size even if its sections do not
+ * compress at all. A local PCA on a grid has only its own grid. Returns 0 with an error if no grid
+ * fits. */
 static int grid(const struct webgl_export *asked, const struct webgl_pack *pack, GError **error) {
     const gboolean page = is_page(asked->output);
     const int own = pack->levels[0]->n_grid;

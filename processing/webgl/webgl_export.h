@@ -9,12 +9,12 @@ struct webgl_export {
     const char *path;   /* a session or a compressed material, see webgl_source.h */
     const char *mdf;    /* NULL means the mdf.exr in the same folder, if there is one */
     const char *output; /* NAME.html for a page, NAME.mesoweb for the material without a page */
-    gint64 size;        /* maximum size of the output */
+    gint64 size;        /* maximum size of the output in bytes */
 };
 
 struct webgl_export_result {
     int width, height, clusters, components, levels, grid;
-    int mdf_terms;       /* 0 if there is no MDF */
+    int mdf_terms;       /* number of maps of the MDF; 0 if there is no MDF */
     gboolean compressed; /* whether the material was compressed for this export */
     gint64 bytes;
 };

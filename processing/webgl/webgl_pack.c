@@ -10,7 +10,7 @@
 
 #define HALF_MAX 65504.0F
 
-/* Sums over all mip levels. */
+/* Totals over all mip levels: sums of clusters and of texels, and the maximum of components. */
 struct totals {
     int clusters, components;
     gsize texels;
@@ -45,7 +45,7 @@ gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
     return (gint64)bytes;
 }
 
-/* Adds the clusters, counted through all levels, and the weights. */
+/* Adds the sections "clusters" (indices counted through all levels) and "weights". */
 static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack,
                                   const struct totals *all, GError **error) {
     const gsize components = (gsize)all->components;
@@ -81,13 +81,13 @@ static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack
                           error);
 }
 
-/* The destination of the tables of all levels. */
+/* The arrays that receive the tables of all levels. */
 struct volumes {
     int n;
     gsize components, block;
     guint16 *means;
     gint8 *brdfs;
-    float *scales, *values; /* values has those of one block */
+    float *scales, *values; /* values: buffer for one block */
 };
 
 /* Adds all tables of one cluster. */

@@ -9,7 +9,7 @@
 #define TITLE "<!--TITLE-->"
 #define DATA  "<!--DATA-->" /* occurs once in the page, after the elements of the progress */
 
-/* Generated: the page as a resource of the program. */
+/* Returns the resource that contains the page. The build generates this function. */
 GResource *webgl_resource_get_resource(void);
 
 static const char *webgl_page_template(GBytes **ret_owner) {
@@ -31,8 +31,8 @@ gint64 webgl_page_bytes(gint64 material) {
            chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
 }
 
-/* Each piece of the data is a separate script. The browser runs a script while it still reads the
- * next one, so that the page can show its progress. */
+/* Appends the material. Each piece of its data is a separate script. The browser runs a script
+ * while it still reads the next one, so that the page can show its progress. */
 static void append_data(GString *page, GBytes *material) {
     gsize size;
     const guint8 *data = g_bytes_get_data(material, &size);

@@ -11,7 +11,8 @@
 #define COMPONENTS 8
 #define TERMS      8
 
-/* Converts the values of a material that was compressed with another codec to a BTF. */
+/* Returns the BTF that a material of another codec reconstructs. Returns NULL with an error if it
+ * does not fit into memory. */
 static struct btf_matrix *matrix(const Material *material, const char *path, GError **error) {
     const struct material_info *info = material_info(material);
     const gsize texels = btf_layout_texels(info->layout), row = btf_layout_values(info->layout);
@@ -58,7 +59,8 @@ static gboolean convert(struct webgl_source *source, const char *path, const str
     return ok;
 }
 
-/* A packed local PCA has one cluster with too many components for drawing. */
+/* Replaces a packed local PCA, whose one cluster may have too many components for drawing, by one
+ * of CLUSTERS clusters. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -93,7 +95,7 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     return source->n_levels > 0;
 }
 
-/* Reads an MDF in any form as factors. */
+/* Reads an MDF in any form and converts it to factors (TERMS maps if they are computed). */
 static gboolean read_mdf(struct webgl_source *source, const char *file, const struct work *work,
                          GError **error) {
     const enum mdf_kind kind = mdf_kind(file);
