@@ -12,7 +12,8 @@
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
 #define WIDTH     4096 /* pixels per line */
-#define SHARE     20   /* minimum ratio of the time of work to the time of saving */
+/* minimum ratio of the time since the last save to the time that the last save took */
+#define SHARE 20
 
 struct array {
     char *name;
@@ -26,7 +27,7 @@ struct Checkpoint {
     GPtrArray *kept;   /* of struct array */
     GHashTable *found; /* name → GBytes */
     gint64 period_us, saved_us, took_us;
-    gboolean own; /* the existing file belongs to this computation */
+    gboolean own; /* whether the existing file belongs to this computation */
 };
 
 static void free_array(gpointer data) {
@@ -85,7 +86,7 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
     return part;
 }
 
-/* Takes the arrays of a file. Returns a description of the defect, or NULL if there is none. */
+/* Takes the arrays of a file. Returns NULL, or a text that says why the file cannot be used. */
 static const char *take(Checkpoint *checkpoint, const struct exr_file *file) {
     const struct exr_part *head = exr_file_part(file, HEAD);
     const char *of = NULL, *kind = NULL;
@@ -169,8 +170,8 @@ void checkpoint_drop(Checkpoint *checkpoint, const char *name) {
         g_hash_table_remove_all(checkpoint->found);
 }
 
-/* Flags are copied first, so that values written afterwards do not count as done. Returns NULL if
- * an array is too large for a file. */
+/* Copies the arrays into a file. Flags are copied first, so that a value that a thread writes
+ * during the copy does not count as done. Returns NULL if an array is too large for a file. */
 static struct exr_file *to_file(const Checkpoint *checkpoint) {
     g_autoptr(ExrFile) file = exr_file_new();
     struct exr_part *head = to_part(HEAD, "", 0);
@@ -208,7 +209,7 @@ void checkpoint_save(Checkpoint *checkpoint) {
 
 void checkpoint_save_if_due(Checkpoint *checkpoint) {
     const gint64 since_us = g_get_monotonic_time() - checkpoint->saved_us;
-    /* Saves less often if saving takes long. */
+    /* A save that takes long is followed by a longer pause. */
     if (since_us >= checkpoint->period_us &&
         (checkpoint->period_us == 0 || since_us > SHARE * checkpoint->took_us))
         checkpoint_save(checkpoint);

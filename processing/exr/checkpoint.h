@@ -3,9 +3,9 @@
  *
  * The file is one EXR. The part "checkpoint" is 1 × 1 with the channel "BITS". Its attributes are
  * mesorig.kind = "checkpoint" and mesorig.inputs, a hash of everything that the result depends on.
- * Each array is one more part with the channel "BITS", float. A pixel holds four bytes, which are
- * not a number. mesorig.bytes (string) is the number of bytes, mesorig.hash their XXH3 (64 bits,
- * hexadecimal).
+ * Each array is one more part with the channel "BITS", float. A pixel holds four bytes of the
+ * array, whose value as a float has no meaning. mesorig.bytes (string) is the number of bytes,
+ * mesorig.hash their XXH3 (64 bits, hexadecimal).
  *
  * A checkpoint belongs to the thread that computes. checkpoint_keep() says what other threads may
  * do at the same time. */

@@ -98,7 +98,8 @@ static struct exr_attribute *find(const struct exr_part *part, const char *name)
     return NULL;
 }
 
-/* Replaces an attribute, or adds it. */
+/* Returns the attribute of that name, which is added if it is missing. Its value is cleared, and
+ * its type becomes kind. */
 static struct exr_attribute *set(struct exr_part *part, const char *name, enum exr_kind kind) {
     struct exr_attribute *attribute = find(part, name);
 
@@ -139,7 +140,8 @@ void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, do
     attribute->v[2] = z;
 }
 
-/* Finds an attribute and checks its type. */
+/* Returns an attribute of a type. Returns NULL with an error if it is missing or has another
+ * type. */
 static const struct exr_attribute *get(const struct exr_part *part, const char *name,
                                        enum exr_kind kind, const char *type, GError **error) {
     const struct exr_attribute *attribute = find(part, name);

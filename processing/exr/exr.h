@@ -33,15 +33,16 @@ struct exr_attribute {
     enum exr_kind kind;
     char *string;
     int integer;
-    double v[3]; /* EXR_DOUBLE uses v[0] */
+    double v[3]; /* EXR_KIND_DOUBLE uses only v[0] */
 };
 
 typedef struct exr_part {
     char *name; /* unique in the file */
     int width, height;
-    int left_px, top_px; /* in exr_read_picture() the corner of the display window, otherwise 0 */
-    /* in exr_read_picture() the pixels that the file does not hold, NaN in all channels; otherwise
-     * 0 */
+    /* after exr_read_picture() the upper left corner of the display window, otherwise 0 */
+    int left_px, top_px;
+    /* after exr_read_picture() the number of pixels that the file does not hold, which are NaN in
+     * all channels; otherwise 0 */
     gint64 outside;
     int n_channels;
     char **channels; /* names in alphabetical order, as EXR requires: "B","G","R" */
@@ -60,7 +61,7 @@ struct exr_part *exr_part_new(const char *name, int width, int height, const cha
                               enum exr_type type);
 void exr_part_free(struct exr_part *part); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
-/* NULL if there is no such channel */
+/* Returns NULL if there is no such channel. */
 float *exr_part_plane(const struct exr_part *part, const char *channel);
 gboolean exr_all_finite(const float *values, gsize n);
 
@@ -78,7 +79,7 @@ struct exr_file *exr_file_new(void);
 void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
 void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrFile, exr_file_free)
-/* NULL if there is no such part */
+/* Returns NULL if there is no such part. */
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name);
 
 /* Writes a file. In half parts, values beyond ±65504 are written as ±65504 and NaN as NaN. With
@@ -91,16 +92,16 @@ gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compr
  * stops the writing. */
 typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
 
-/* The same as exr_write(), for parts that do not fit into memory together. If the planes of a part
- * are NULL, they are allocated when the part is written, filled by the callback, and freed
- * afterwards. The callback may be called twice for a part. */
+/* Writes a file as exr_write() does, for parts that do not fit into memory together. If the planes
+ * of a part are NULL, they are allocated when the part is written, filled by the callback, and
+ * freed afterwards. The callback may be called twice for a part. */
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);
 /* Frees the planes of a part. exr_write_filled() allocates them again. */
 void exr_part_drop_planes(struct exr_part *part);
 
-/* The same as exr_write(), for a file below a directory. Symbolic links among the folders of the
+/* Writes a file below a directory as exr_write() does. Symbolic links among the folders of the
  * relative name are not followed. */
 gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
                          enum exr_compression compression, gboolean sync, GError **error);

@@ -33,7 +33,7 @@ static inline guint16 half_of(float value) {
     if (magnitude > FLOAT_INF) {
         half = 0x7c00 | (magnitude >> 13 & 0x3ff);
         half |=
-            /* all bits that were set are cut off, and the half would become infinity */
+            /* a NaN whose upper fraction bits are all 0 would become infinity */
             half == 0x7c00 ? 0x200 : 0;
     } else if (magnitude >= FLOAT_TOO_BIG) {
         half = HALF_MAX;
@@ -46,8 +46,9 @@ static inline guint16 half_of(float value) {
     return (guint16)(sign | half);
 }
 
-/* Without branches, so that compilers can vectorise it. A multiplication shifts the exponent,
- * exactly, and normalises subnormal halves. */
+/* Converts a half. There are no branches, so that compilers can vectorise the loop. The
+ * multiplication by 2¹¹² corrects the bias of the exponent, without rounding, and normalises
+ * subnormal halves. */
 static inline float float_of_half(guint16 half) {
     guint32 sign = (guint32)(half & 0x8000) << 16, rest = (guint32)(half & 0x7fff) << 13;
     guint32 bits = bits_of(float_of(rest) * 0x1p112f);
@@ -60,8 +61,9 @@ void exr_half_from_floats(guint16 *to, const float *from, gsize n) {
         to[i] = GUINT16_TO_LE(half_of(from[i]));
 }
 
-/* Converts groups of eight values with F16C. Returns the number of converted values. The scalar
- * code is needed to preserve the bits of NaN. */
+/* Converts groups of eight values with F16C. Stops before a group with infinity or NaN, because
+ * F16C would change the bits of a signalling NaN; float_of_half() converts such a group. Returns
+ * the number of converted values. */
 #ifdef __x86_64__
 __attribute__((target("avx,f16c"))) static gsize convert_eights(float *to, const guint16 *from,
                                                                 gsize n) {

@@ -31,7 +31,7 @@ struct source {
     char message[256]; /* last error message of the library */
     gint64 reached;    /* the farthest offset that was read */
     gboolean cancelled, failed;
-    gboolean placed; /* the size of a part is that of its display window */
+    gboolean placed; /* TRUE if a part gets the size of its display window (exr_read_picture()) */
     struct exr_scratch scratch;
 };
 
@@ -117,8 +117,8 @@ static void source_close(struct source *source) {
     exr_scratch_clear(&source->scratch);
 }
 
-/* The library keeps a pointer to source, which must not move until it is closed. Opens only regular
- * files; FIFOs and devices are refused. */
+/* Opens a file. Only regular files are opened; FIFOs and devices are refused. The library keeps a
+ * pointer to source, which must not move until source is closed. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     GError *why = NULL;
@@ -144,7 +144,8 @@ static gboolean source_open(struct source *source, const char *path, GError **er
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* The pixels of a file, and the pixels of the picture. */
+/* The data window (pixels that the file holds) and the display window (pixels of the picture) of a
+ * part. */
 struct windows {
     exr_attr_box2i_t data, display;
 };
@@ -278,7 +279,7 @@ static gboolean check_compression(struct source *source, int index, const struct
     return TRUE;
 }
 
-/* Counts the pixels in the file. */
+/* Returns the bytes of a part's pixels in the file, before compression. */
 static gsize pixel_bytes(const struct exr_part *part, const struct windows *windows) {
     return (gsize)window_width(&windows->data) * (gsize)window_height(&windows->data) *
            (gsize)part->n_channels * (part->type == EXR_HALF ? 2 : 4);
@@ -364,7 +365,8 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
                                   (left - display->min.x)
                             : NULL;
             float *line = unpack->line ? unpack->line : to;
-            if (!line) /* lines outside of the display window use a buffer */
+            /* a line outside of the display window is only skipped, which needs the buffer */
+            if (!line)
                 return EXR_ERR_BAD_CHUNK_LEADER;
             from = unpack_line(from, decode->channels[c].data_type, line, width);
             if (to && to != line)
@@ -471,8 +473,9 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* Reads a part's header, and its pixels unless left is NULL. left is the number of bytes of the
- * file that may hold pixels of parts not yet read. */
+/* Reads a part's header, and its pixels unless left is NULL. *left is the number of bytes of the
+ * file that may hold pixels of parts not yet read, and is reduced by those of this part. Returns
+ * NULL with an error. */
 static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};

@@ -156,7 +156,8 @@ static exr_result_t declare_attribute(exr_context_t context, int index,
     return EXR_ERR_INVALID_ATTR;
 }
 
-/* display is a window common to all parts, as the standard requires for multi-part files. */
+/* Declares a part with its channels and attributes. display is the display window of all parts,
+ * which must be the same in a multi-part file. */
 static exr_result_t declare_part(exr_context_t context, const struct exr_part *part,
                                  const exr_attr_box2i_t *display, exr_compression_t compression) {
     exr_attr_box2i_t window = {.max = {.x = part->width - 1, .y = part->height - 1}};
@@ -185,7 +186,7 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
     };
     exr_attr_box2i_t display = {0};
     exr_result_t rc = EXR_ERR_SUCCESS;
-    gsize longest = 0; /* name of an attribute or a channel */
+    gsize longest = 0; /* length of the longest name of an attribute or a channel */
 
     for (guint i = 0; i < file->parts->len; i++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, i);
@@ -212,9 +213,9 @@ struct encoding {
     exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function */
 };
 
-/* A chunk whose compressed size is exactly its own size cannot be distinguished from an
- * uncompressed one. OpenEXRCore 3.1 writes such a chunk compressed and reads it as uncompressed. It
- * is therefore written uncompressed. */
+/* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed chunk, a
+ * reader cannot distinguish them. OpenEXRCore 3.1 writes such a chunk compressed and reads it as
+ * uncompressed. It is therefore written uncompressed. */
 static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const exr_result_t rc = encoding->compress(encode);
@@ -370,9 +371,10 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
     return rc == EXR_ERR_SUCCESS;
 }
 
-#define MAX_LINES 32 /* per chunk */
+#define MAX_LINES 32 /* maximum number of lines in a chunk */
 
-/* Uniform pixels may compress so well that the limit of the reader would refuse the file. */
+/* Returns whether exr_read() will accept the file. Its limit of memory depends on the size of the
+ * file, and uniform pixels may compress so well that the file is too small for its pixels. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;

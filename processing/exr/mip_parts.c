@@ -18,7 +18,8 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     exr_file_free(level);
 }
 
-/* Level of a part, from its name. */
+/* Returns the level of a part, which follows from its name. Names without "mip<n>." are of level
+ * 0. */
 static gint64 level_of(const struct exr_part *part) {
     char *end = NULL;
     if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))
