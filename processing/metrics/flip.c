@@ -11,7 +11,7 @@
 #define PLANES 3
 #define Q_C    0.7F  /* sec. 4.1.4: exponent of the colour difference */
 #define P_C    0.4F  /* sec. 4.1.4: share of the maximum that is mapped to P_T */
-#define P_T    0.95F /* sec. 4.1.4 */
+#define P_T    0.95F /* sec. 4.1.4: value to which the part P_C of the maximum is mapped */
 #define W      0.082 /* sec. 4.2.1: width of an edge, degrees */
 #define Q_F    0.5F  /* eq. 9 of sec. 4.2.3: exponent of the feature difference */
 
@@ -51,14 +51,15 @@ static void planes_clear(struct planes *planes) {
         g_free(planes->plane[c]);
 }
 
-/* XYZ relative to white. */
+/* Computes X, Y, Z relative to white. */
 static void relative_xyz(const float rgb[3], float ret[3]) {
     for (int i = 0; i < 3; i++)
         ret[i] = (float)(to_xyz[i][0] * rgb[0] + to_xyz[i][1] * rgb[1] + to_xyz[i][2] * rgb[2]) /
                  white[i];
 }
 
-/* Sec. 4.1.1, eq. 1. This linear form of L*a*b* has opponent channels. */
+/* Converts linear sRGB to Y Cx Cz, a linear form of L*a*b* with opponent channels (sec. 4.1.1, eq.
+ * 1). */
 static void to_ycxcz(const float rgb[3], float ret[3]) {
     float xyz[3];
     relative_xyz(rgb, xyz);
@@ -67,7 +68,7 @@ static void to_ycxcz(const float rgb[3], float ret[3]) {
     ret[2] = 200 * (xyz[1] - xyz[2]);
 }
 
-/* The inverse of to_xyz, by Cramer's rule. */
+/* Computes the inverse of to_xyz by Cramer's rule. */
 static void invert(double ret[3][3]) {
     const double(*m)[3] = to_xyz;
     double determinant = 0;
@@ -94,7 +95,8 @@ static float lab_curve(float t) {
     return t > 216.0F / 24389 ? cbrtf(t) : 841.0F / 108 * t + 4.0F / 29;
 }
 
-/* L*a*b* with the Hunt effect (eq. 3): colours of dark pixels differ less. */
+/* Converts linear sRGB to L*a*b* with the Hunt effect (eq. 3): colours of dark pixels differ
+ * less. */
 static void to_lab(const float rgb[3], float ret[3]) {
     float xyz[3];
     relative_xyz(rgb, xyz);
@@ -104,14 +106,14 @@ static void to_lab(const float rgb[3], float ret[3]) {
     ret[2] = 0.01F * ret[0] * (200 * (y - z));
 }
 
-/* HyAB (eq. 4) to the power of Q_C. */
+/* Returns the distance HyAB (eq. 4) of two colours to the power of Q_C. */
 static float colour_difference(const float a[3], const float b[3]) {
     const float distance = fabsf(a[0] - b[0]) + hypotf(a[1] - b[1], a[2] - b[2]);
     return powf(distance, Q_C);
 }
 
-/* The difference of green and blue is the largest. Differences of up to P_C of it are mapped to
- * 0 … P_T (eq. 5). */
+/* Returns the largest difference of two colours, that of green and blue. redistribute() maps
+ * differences of up to P_C of it to 0 … P_T, and larger ones to P_T … 1 (eq. 5). */
 static float largest_difference(void) {
     static const float green[3] = {0, 1, 0}, blue[3] = {0, 0, 1};
     float a[3], b[3];
@@ -126,8 +128,8 @@ static float redistribute(float difference, float largest) {
                              : P_T + (difference - knee) / (largest - knee) * (1 - P_T);
 }
 
-/* ret = in * (rows ⊗ columns), where the kernels have 2 · radius + 1 values. Pixels at the border
- * are repeated. */
+/* Convolves a plane with the kernel `across` along rows and the kernel `down` along columns. The
+ * kernels have 2 · radius + 1 values. Pixels at the border are repeated. */
 static void convolve(const float *in, int width, int height, const float *across, const float *down,
                      int radius, float *ret) {
     g_autofree float *line = g_new0(float, (gsize)MAX(width, height) + 2 * (gsize)radius);
@@ -185,8 +187,8 @@ static void blur(struct planes *planes, double pixels_per_degree) {
     }
 }
 
-/* Sec. 4.2.1: a Gaussian and its first and second derivative. The positive weights of each sum to
- * 1, and the negative ones to −1. */
+/* Sec. 4.2.1: a Gaussian and its first and second derivative. The positive weights of each kernel
+ * sum to 1, and the negative weights, if there are any, to −1. */
 struct feature_kernels {
     int radius;
     float *gaussian, *edge, *point;
@@ -223,8 +225,8 @@ static void feature_kernels_clear(struct feature_kernels *kernels) {
     g_free(kernels->point);
 }
 
-/* Strength of an edge or of a point at each pixel of a luminance: the length of the gradient, or of
- * the two second derivatives. */
+/* Returns the strength of edges or of points at each pixel of a luminance: the length of the vector
+ * of its two first, or its two second, derivatives. g_free() */
 static float *strength(const float *luminance, int width, int height,
                        const struct feature_kernels *kernels, const float *derivative) {
     const gsize n = (gsize)width * (gsize)height;
@@ -237,7 +239,8 @@ static float *strength(const float *luminance, int width, int height,
     return ret;
 }
 
-/* Sec. 4.2: the difference of edges and points of two luminances, 0 … 1 (eq. 9). */
+/* Returns the difference of edges and points of two luminances at each pixel, 0 … 1 (sec. 4.2, eq.
+ * 9). g_free() */
 static float *features(const float *const luminances[2], int width, int height,
                        double pixels_per_degree) {
     const gsize n = (gsize)width * (gsize)height;
@@ -256,7 +259,7 @@ static float *features(const float *const luminances[2], int width, int height,
     return ret;
 }
 
-/* The picture in Y Cx Cz, and its luminance of 0 … 1. */
+/* Converts a picture, clipped to 0 … 1, to Y Cx Cz. ret_luminance gets its luminance of 0 … 1. */
 static struct planes load(const float *rgb, int width, int height, float *ret_luminance) {
     const gsize n = (gsize)width * (gsize)height;
     struct planes ret = planes_new(width, height);
@@ -272,7 +275,7 @@ static struct planes load(const float *rgb, int width, int height, float *ret_lu
     return ret;
 }
 
-/* The colour that the eye sees at pixel i, as L*a*b* with the Hunt effect. */
+/* Gives the colour of pixel i of the blurred picture, as L*a*b* with the Hunt effect. */
 static void seen(const struct planes *planes, gsize i, const double inverse[3][3], float ret[3]) {
     const float ycxcz[3] = {planes->plane[0][i], planes->plane[1][i], planes->plane[2][i]};
     float rgb[3];
@@ -325,8 +328,8 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Exposures (powers of 2) from the one that shows the brightest pixel to the one that shows the
- * median, where the tone curve reaches 0.85 (2021, sec. 3). */
+/* Gives the first and the last exposure, as exponents of 2. At the first, the tone curve maps the
+ * brightest pixel to 0.85; at the last, the median (2021, sec. 3). */
 static void exposures(const float *reference, gsize n, double *ret_first, double *ret_last) {
     const double level = 0.85;
     const double a = above[2] - level * below[2], b = above[1] - level * below[1],

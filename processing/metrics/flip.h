@@ -20,8 +20,8 @@
 double flip_ldr(const float *reference, const float *test, int width, int height,
                 double pixels_per_degree, float *ret_map);
 
-/* Returns the same for pictures with values above 1. FLIP is the maximum over a range of
- * exposures, which the reference decides, after the tone curve of ACES. Negative values count as 0.
- */
+/* Returns the mean FLIP of two pictures with values above 1. The FLIP of a pixel is the maximum
+ * over a range of exposures, which follows from the reference, after the tone curve of ACES.
+ * Negative values count as 0. */
 double flip_hdr(const float *reference, const float *test, int width, int height,
                 double pixels_per_degree, float *ret_map);

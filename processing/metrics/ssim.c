@@ -11,7 +11,7 @@
 
 enum { X, Y, XX, YY, XY, MEANS };
 
-/* Wang et al. 2004 eq. 13, from the local means. */
+/* Returns the SSIM of one window from its five means (Wang et al. 2004 eq. 13). */
 static double similarity(const double m[MEANS]) {
     const double var_x = m[XX] - m[X] * m[X], var_y = m[YY] - m[Y] * m[Y];
     const double covariance = m[XY] - m[X] * m[Y];
@@ -30,7 +30,8 @@ static void make_window(double ret[SSIM_WINDOW]) {
         ret[k] /= sum;
 }
 
-/* Weighted means of the columns of SSIM_WINDOW rows, from row y on. */
+/* Computes, for each column and channel, the weighted means over the SSIM_WINDOW rows from row
+ * on. */
 static void average_rows(const float *x, const float *y, int width, int row,
                          const double window[SSIM_WINDOW], double (*ret)[MEANS]) {
     for (int i = 0; i < 3 * width; i++) {
