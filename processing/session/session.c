@@ -72,8 +72,8 @@ static gboolean session_start(Session *session, GError **error) {
                             g_file_test(session->path, G_FILE_TEST_EXISTS)
                                 ? "it is a file; give the directory of a session"
                                 : "there is no such directory");
-    /* Only a directory with session.db is locked, so that other directories do not get a lock file.
-     * */
+    /* Only a directory with session.db is locked, so that other directories do not get a lock
+     * file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);

@@ -38,7 +38,8 @@ enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
 struct session_texts {
     const char *rig_conf, *session_conf; /* as the user wrote them */
     const char *calibration;             /* rig_to_text() */
-    const char *rig_path; /* absolute path, stored as the value "rig_path"; NULL if unknown */
+    /* absolute path of the rig's file, stored as the value "rig_path"; NULL if unknown */
+    const char *rig_path;
     const char *const (
         *values)[2]; /* further values, each a name and a value; a value of NULL is not stored */
     int n_values;

@@ -65,8 +65,8 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
-    /* While device, inode, size and times of the file stay the same, the file is not hashed again.
-     * */
+    /* While device, inode, size and times of the file stay the same, the file is not hashed
+     * again. */
     const gint64 changed_ns = nanoseconds(&status.st_ctim);
     g_autofree char *identity =
         g_strdup_printf("%ju %ju %jd %" G_GINT64_FORMAT " %" G_GINT64_FORMAT,
