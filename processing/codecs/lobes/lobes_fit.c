@@ -21,7 +21,7 @@ struct normal {
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* What depends on the parameters only, and is computed once for all samples: a lobe s ⟨d · w⟩^n. */
+/* A lobe s ⟨d · w⟩^n. It depends only on the parameters, and is computed once for all samples. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };
@@ -191,8 +191,8 @@ LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, 
 }
 
 /* Computes the factor by which scale and distribution are multiplied: √(n·l / n·v) for Ward, n·l /
- * (h·l · max(n·l, n·v)) for Ashikhmin, with n·v at least MIN_VIEW. Also computes and the
- * derivatives of its logarithm with respect to n·l and n·v. */
+ * (h·l · max(n·l, n·v)) for Ashikhmin, with n·v at least MIN_VIEW. Also computes the derivatives of
+ * the logarithm of this factor with respect to n·l and n·v. */
 LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl, lanes *ret_nl,
                             lanes *ret_nv) {
     const lanes least = lanes_all(MIN_VIEW), seen = lanes_max(nv, least);

@@ -170,8 +170,8 @@ static void start_facet(const struct lobes_start *start, int variant, const floa
 
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters) {
-    /* (X, Y, Z, N) of a mirror reflection, of a reflection back to the light, and of a broad lobe.
-     * */
+    /* (X, Y, Z, N) of a mirror reflection, of a reflection back to the light, and of a broad
+     * lobe. */
     static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
     const struct lobes_fit *fit = start->fit;
     const int parameters = lobes_fit_parameters(fit), k = fit->n_lobes;

@@ -67,8 +67,8 @@ static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *r
     team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
 }
 
-/* Updates nearest[x] for a new seed: the minimum of ‖r_x − s‖² of row r_x over all seeds s so far.
- * */
+/* Updates nearest[x] for a new seed: the minimum of ‖r_x − s‖² of row r_x over all seeds s so
+ * far. */
 struct seeding {
     const struct lpca_reduced *reduced;
     const float *seed; /* the newest seed */

@@ -203,8 +203,8 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     return TRUE;
 }
 
-/* Reads the scales that scales_part() wrote. Returns NULL if they are missing or damaged. g_free()
- * */
+/* Reads the scales that scales_part() wrote. Returns NULL if they are missing or damaged.
+ * g_free() */
 static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
     const float *scales = plane(file, name, "S", clusters, n);
     float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;

@@ -19,8 +19,8 @@ struct lpca_packed {
 
 struct lpca_packed *lpca_packed_new(void);
 
-/* Returns the matrix of the orthonormal cosine transform, n × n. Row i is the i-th cosine. g_free()
- * */
+/* Returns the matrix of the orthonormal cosine transform, n × n. Row i is the i-th cosine.
+ * g_free() */
 float *lpca_cosines(int n);
 
 /* Computes brdfs and weights from lpca->packed. */
