@@ -12,7 +12,7 @@
 #define SOME   96   /* number of texels with which the layers are chosen */
 #define MEAN   1024 /* number of texels over which the mean is taken */
 #define BETTER 0.95 /* a layer is used if it reduces the cost to at most this share */
-/* minimum decrease of the cost by a layer. The cost is relative to Σ u² Y² */
+/* minimum decrease of the mean cost of a texel by a layer; the cost is relative to Σ u² Y² */
 #define WORTH         3e-4
 #define STARTS        5 /* number of starts of a texel */
 #define LAMBERT_LIMIT 0.7
@@ -189,7 +189,8 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
 }
 
 /* Chooses the layers: fits about SOME texels without layers, with sheen and with clear coats of
- * some roughnesses, and takes the layers with the smallest cost. */
+ * some roughnesses, and keeps those with the smallest cost. The first layer must reduce the cost by
+ * the limits BETTER and WORTH. */
 static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const struct work *work,
                        GError **error) {
     static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};

@@ -130,7 +130,7 @@ static void accessor(struct maps_gltf *to, int view, gsize offset, int type, gui
 }
 
 /* Adds a mesh. Numbers are written in the byte order of this machine. glTF requires little-endian,
- * as all machines that run Debian's Blender are. */
+ * which is the order of all machines that run Debian's Blender. */
 static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};

@@ -97,8 +97,8 @@ static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
     return ret;
 }
 
-/* Computes the lobes of a frame for all pairs: solver->diffuse is n·l, solver->lobe is π D V n·l.
- * */
+/* Computes the lobes of a frame for all pairs: solver->diffuse is n·l, solver->lobe is π D V
+ * n·l. */
 static void maps_solver_columns(struct maps_solver *solver, const struct maps_frame *frame) {
     const float *const *p = (const float *const *)solver->pairs->planes;
     const struct maps_frame f = *frame;
