@@ -328,9 +328,9 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
     return part;
 }
 
-/* Compares the sweep of a camera with the sweep of its shot, which the first camera determines. The
- * plan has one sweep for all cameras of a shot. Returns FALSE with an error if the sweeps differ.
- * */
+/* Compares the sweep of a camera with the sweep of its shot, which the first camera determines.
+ * The plan has one sweep for all cameras of a shot. Returns FALSE with an error if the sweeps
+ * differ. */
 static gboolean agree(const struct import_set *set, const struct run *run,
                       struct session_shot *shot, GError **error) {
     if (shot->sweep_steps == 0) {

@@ -21,8 +21,8 @@
 #define DEG       (180 / G_PI)
 #define EXPECTED  "a picture's name and x, y, z of the direction to its light"
 
-/* Indices of the columns of a table, or −1 if there is no such column. most is the largest of them.
- * */
+/* Indices of the columns of a table, or −1 if there is no such column. most is the largest of
+ * them. */
 struct columns {
     char separator[2];
     int name, x, y, z, theta, phi, most;

@@ -25,7 +25,8 @@
 /* a light is dark below this share of the upper quartile of all lights */
 #define DARK    0.02
 #define MIN_COS 0.1
-/* relative to the largest value; texels whose values are all smaller are not used */
+/* minimum of a texel's largest value, relative to the largest value of all; darker texels are not
+ * used */
 #define MIN_VALUE  0.02
 #define STEPS      10 /* number of fits of a texel, each with the weights of the fit before */
 #define MIN_MISFIT 0.05
@@ -157,8 +158,8 @@ struct texel {
     double value[256], gain[256];
 };
 
-/* Fits g, and with the candidate WITH_LEVEL also b, which *ret_level receives. Returns the misfit.
- * */
+/* Fits g, and with the candidate WITH_LEVEL also b, which *ret_level receives. Returns the
+ * misfit. */
 static double fit_texel(const struct texel *t, int candidate, double *ret_level) {
     const int n = candidate == WITH_LEVEL ? 4 : 3;
     double p[4] = {0}, weight[256], residual[256], square = 0;

@@ -20,8 +20,8 @@ static void rgl_observer(double nm, double ret[3]) {
     ret[2] = 1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8);
 }
 
-/* Matrix from X, Y, Z to linear R, G, B (IEC 61966-2-1). It converts the white of D65 to (1, 1, 1).
- * */
+/* Matrix from X, Y, Z to linear R, G, B (IEC 61966-2-1). It converts the white of D65 to (1, 1,
+ * 1). */
 static const double rgb_of_xyz[3][3] = {{3.2404542, -1.5371385, -0.4985314},
                                         {-0.9692660, 1.8760108, 0.0415560},
                                         {0.0556434, -0.2040259, 1.0572252}};

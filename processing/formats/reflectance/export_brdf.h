@@ -33,8 +33,7 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    /* TRUE: six terms for each colour; FALSE: six terms for the brightness, and a colour (LRGB)
-     * */
+    /* TRUE: six terms for each colour; FALSE: six terms for the brightness, and a colour (LRGB) */
     gboolean rgb;
     int view; /* index; −1 means the view nearest to the normal */
     /* replaces the files of an existing folder; otherwise an existing folder is an error */

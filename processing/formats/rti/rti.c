@@ -92,8 +92,8 @@ static gboolean read_size(struct head *head, struct rti *rti, GError **error) {
     return TRUE;
 }
 
-/* Allocates memory for the texels. Returns FALSE with an error if the file is too short for them.
- * */
+/* Allocates memory for the texels. Returns FALSE with an error if the file is too short for
+ * them. */
 static gboolean make_bytes(const struct head *head, struct rti *rti, GError **error) {
     const gsize texels = (gsize)rti->width * (gsize)rti->height;
     const gsize each = (gsize)rti->n_terms * (rti->lrgb ? 1 : 3);
