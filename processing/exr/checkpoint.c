@@ -24,8 +24,8 @@ struct array {
 
 struct Checkpoint {
     char *path, *inputs, *note;
-    GPtrArray *kept;   /* of struct array */
-    GHashTable *found; /* name → GBytes */
+    GPtrArray *kept;   /* arrays to be saved, of struct array */
+    GHashTable *found; /* arrays of the file: name → GBytes */
     gint64 period_us, saved_us, took_us;
     gboolean own; /* whether the existing file belongs to this computation */
 };

@@ -12,7 +12,7 @@ struct picture_comparison {
     double delta_e_different; /* mean over differing pixels only; 0 if there are none */
     /* 95th percentile and maximum of CIEDE2000 over the differing pixels */
     double p95, largest;
-    double different; /* share of the differing pixels */
+    double different; /* share of the pixels that differ */
     /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */
     double psnr_db, ssim, flip;
     double flip_hdr; /* metrics/flip.h; NaN if A has no values above 1 */

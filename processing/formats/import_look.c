@@ -34,7 +34,7 @@
  * already reject most values that a level raises, as if they were shadows. */
 #define MIN_LIFTED 0.015
 #define BETTER     3.0  /* factor by which another candidate must reduce the misfit */
-#define MIN_LEVEL  0.02 /* relative to the largest value */
+#define MIN_LEVEL  0.02 /* minimum level that is reported, relative to the largest value */
 /* minimum standard deviation of cos θ over the lights; below it, a level cannot be determined */
 #define MIN_SPREAD 0.08
 
@@ -44,7 +44,7 @@ struct import_look {
     enum picture_tones transfer;
     GHashTable *tones; /* description of the tone curve that was used → number of pictures */
     int n_views, n_lights;
-    float *theta_deg, *phi_deg; /* of the lights */
+    float *theta_deg, *phi_deg; /* directions of the lights */
     double *light;              /* unit vector (x, y, z) of each light */
     double *means; /* mean of each picture, view × light; NaN if there is no picture */
     int view;      /* the view to which g is fitted */

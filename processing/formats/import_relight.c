@@ -38,7 +38,7 @@ struct relight {
     int n_terms, n_planes; /* n_planes: number of planes, each of which is one picture */
     int width, height, n_lights;
     double *lights, *scale, *bias; /* lights: n_lights × 3; scale and bias: n_planes × 3 each */
-    guint8 *planes[MAX_PLANES];    /* height × width × 3 */
+    guint8 *planes[MAX_PLANES];    /* pixels of each plane: height × width × 3 */
 };
 
 static void relight_clear(struct relight *relight) {

@@ -27,8 +27,8 @@ void surface_clear(struct surface *surface) {
 struct view {
     const struct surface *surface;
     struct vec3 eye_mm;
-    struct vec3 *at_mm;                     /* n_texels */
-    const float *distance, *error, *source; /* source may be NULL */
+    struct vec3 *at_mm;                     /* point of each texel: n_texels */
+    const float *distance, *error, *source; /* channels of the MDF; source may be NULL */
     int index;
 };
 

@@ -26,7 +26,7 @@ enum maps_plane {
 };
 struct maps_pairs {
     int n;
-    int *index; /* view · n_lights + light */
+    int *index; /* pair: view · n_lights + light */
     float *planes[MAPS_PLANES];
     gboolean extra; /* whether E is not 0 for some pair */
     enum maps_model model;

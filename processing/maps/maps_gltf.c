@@ -9,7 +9,7 @@
 
 #define AROUND  96 /* number of the sphere's quads around its axis, and from pole to pole (DOWN) */
 #define DOWN    48
-#define TILES_U 6 /* as on mesorig-view's sphere */
+#define TILES_U 6 /* repetitions of the material around the sphere, as in mesorig-view */
 #define TILES_V 3
 /* number of floats of a vertex: position, normal, tangent, texture coordinates */
 #define VERTEX   12

@@ -72,7 +72,7 @@ double maps_sheen_albedo(const struct maps_layers *layers, double cosine) {
 /* The cosines of the angles between a texel's normal, two directions and their half vector. */
 struct angles {
     double nl, nv, nh, vh;
-    double specular; /* D V */
+    double specular; /* D V of maps_model.h */
 };
 
 static gboolean angles(const struct maps_texel *texel, const double v[3], const double l[3],

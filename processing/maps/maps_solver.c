@@ -9,7 +9,7 @@
 #include "base/robust.h"
 
 #define EXPONENT 0.6F
-#define DARK     0.05F /* y0, relative to the mean */
+#define DARK     0.05F /* y0 of maps_fit.h, relative to the mean of Y */
 /* residuals beyond this number of standard deviations count less (Huber 1981) */
 #define HUBER         1.345
 #define STEPS         6
@@ -34,7 +34,7 @@ struct maps_solver {
     const struct maps_pairs *pairs;
     int n;
     float *y, *weights;
-    float dark; /* y0 */
+    float dark; /* y0 of maps_fit.h */
     float *diffuse, *lobe, *residuals, *trial, *slopes[MAPS_SHAPE];
     double *sorted;
     double energy, weak; /* energy: Σ w² Y²; weak: weight of the priors of the factors */

@@ -35,7 +35,7 @@
 /* The known values of a texel, and their lights. */
 struct lit {
     int n;
-    double *values; /* luminance */
+    double *values; /* luminance under each light */
     struct vec3 *lights;
     int *index; /* index of each light */
 };

@@ -10,7 +10,7 @@
  */
 #pragma once
 
-#define SSIM_WINDOW 11 /* pixels */
+#define SSIM_WINDOW 11 /* side of the window in pixels */
 
 /* Returns the mean SSIM over R, G and B and over all windows that lie within the picture (eq. 17).
  * The result is at most 1, which means that the pictures are equal. It is NaN if the width or the

@@ -17,7 +17,7 @@ struct output {
 };
 
 struct outputs {
-    struct output *of; /* by shot id, from 1 */
+    struct output *of; /* output of each shot; the index is the shot's id, from 1 */
     gint64 n;
 };
 

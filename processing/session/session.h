@@ -37,7 +37,7 @@ enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
 /* The texts that describe the session. They never change. */
 struct session_texts {
     const char *rig_conf, *session_conf; /* as the user wrote them */
-    const char *calibration;             /* rig_to_text() */
+    const char *calibration;             /* as rig_to_text() writes it */
     /* absolute path of the rig's file, stored as the value "rig_path"; NULL if unknown */
     const char *rig_path;
     const char *const (
@@ -82,9 +82,10 @@ struct session_shot {
     double turntable_deg, arc_deg; /* commanded angles */
     /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
-    int device;                          /* lamp or laser of the calibration; −1 for dark */
-    guint32 cameras;                     /* bit c is set if camera c takes part */
-    double sweep_from_deg, sweep_to_deg; /* for SHOT_SWEEP */
+    int device;      /* lamp or laser of the calibration; −1 for dark */
+    guint32 cameras; /* bit c is set if camera c takes part */
+    /* first and last angle of the laser; only for SHOT_SWEEP */
+    double sweep_from_deg, sweep_to_deg;
     int sweep_steps;
     enum session_shot_state state;
     char *note; /* why it was skipped or changed, or NULL */
@@ -108,7 +109,7 @@ struct session_frame {
     char *sha256;
     gint64 bytes;
     int retakes;
-    double captured_s; /* on the session's clock */
+    double captured_s; /* time of the exposure on the session's clock */
     /* whether the turntable turned during the exposure; if it did, the session's value
      * "turned/SHOT/CAMERA" stores turntable_deg */
     gboolean turned;
@@ -123,7 +124,8 @@ static inline double session_frame_turntable_deg(const struct session_frame *fra
     return frame->turned ? frame->turntable_deg : shot->turntable_deg;
 }
 
-/* Message of the event after which the captured frames of this run follow. */
+/* Message of the event that capture records each time the axes have been homed. “mesorig history”
+ * reads this event. */
 #define SESSION_EVENT_HOMED "homed"
 struct session_event {
     double time_s;
@@ -214,7 +216,7 @@ gboolean session_add_product_file(const char *path, const char *made_by, GError 
 GHashTable *session_products(Session *session, GError **error);
 
 struct session_product {
-    char *path; /* relative */
+    char *path; /* relative to the session directory */
     char *made_by, *sha256;
     gint64 bytes;
 };
@@ -224,7 +226,7 @@ GPtrArray *session_list_products(Session *session, GError **error);
 
 /* A committed file that differs from its row in the database. */
 struct session_damage {
-    char *path; /* relative */
+    char *path; /* relative to the session directory */
     char *what; /* a clause such as "it is gone" or "its SHA-256 is …, but the session has …" */
     char *sha256;
     /* the command that makes the file again; NULL if there is none and the file must be imported

@@ -107,7 +107,8 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
     return FALSE;
 }
 
-#define NOTED "damaged/" /* prefix of the value's name; the frame's path follows */
+/* beginning of the name of the value of a damaged frame; the path of the frame follows */
+#define NOTED "damaged/"
 
 gboolean session_note_damage(Session *session, const char *frame, const char *what,
                              GError **error) {
@@ -217,7 +218,8 @@ static char *session_commit_damage(const Session *session, const struct session_
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;
-    g_autoptr(GPtrArray) why = g_ptr_array_new_with_free_func(g_free); /* for each frame */
+    /* damage of each frame, or NULL */
+    g_autoptr(GPtrArray) why = g_ptr_array_new_with_free_func(g_free);
     int lost = 0;
 
     if (!session_may(session, SESSION_CAPTURE, error) ||

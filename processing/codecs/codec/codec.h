@@ -37,7 +37,7 @@ struct codec_result {
     /* models with a free function: that of the BTF, then those of its mip levels */
     GPtrArray *levels;
     int clusters, components, grid; /* the numbers that were used; components are terms, lobes, … */
-    /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file. Eigen-maps:
+    /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file; for eigen-maps
      * before */
     double error;
     double exact_error; /* the same ratio before the numbers were rounded */
@@ -47,7 +47,7 @@ struct codec_result {
 
 struct codec;
 
-/* One point of a curve of error against size. */
+/* One point of a curve that shows error against size. */
 struct codec_point {
     const char *series; /* name of the curve; a codec may have several curves */
     /* distinguishes the points of a curve, as in "8 clusters"; the CodecPoint function frees the

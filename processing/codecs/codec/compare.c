@@ -39,7 +39,7 @@ struct compare_block {
 /* A view and a light as a picture of the sample, in both forms of the material. */
 struct compare_picture {
     int pair;      /* view · n_lights + light */
-    float *rgb[2]; /* n_texels × 3 */
+    float *rgb[2]; /* n_texels × 3, in each form */
     double ssim, flip;
 };
 

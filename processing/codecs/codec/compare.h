@@ -24,8 +24,8 @@ struct comparison {
      * n_pictures is the number of all pairs of views and lights, but at most 64, and fewer if the
      * pictures are large. The pairs are drawn at random, and are the same for every B. */
     int n_pictures;
-    double ssim; /* metrics/ssim.h; NaN if the sample has less than 11 × 11 texels */
-    double flip; /* metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */
+    double ssim; /* mean of metrics/ssim.h; NaN if the sample has less than 11 × 11 texels */
+    double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */
 };
 
 /* Both materials must have the same texels and directions (to 0.01°); otherwise the error says what

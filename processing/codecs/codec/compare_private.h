@@ -5,7 +5,7 @@
 
 /* One of the two forms of a material. */
 struct compare_source {
-    const char *label; /* for errors */
+    const char *label; /* name of the form in errors */
     gconstpointer data;
     /* Gives the values of a texel: n_views × n_lights × 3. Any thread. */
     void (*values)(gconstpointer data, int texel, float *ret);

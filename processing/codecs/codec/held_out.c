@@ -111,8 +111,8 @@ struct held_out_pairs {
     const struct btf_matrix *btf;
     const Material *model;
     int n_views, n_lights;
-    int *views, *lights;        /* indices in btf */
-    struct codec_tables tables; /* of the model */
+    int *views, *lights;        /* indices in btf of the directions */
+    struct codec_tables tables; /* directions of the model (place.h) */
     int *indices;               /* lists of measured directions, to which all places point */
     float *weights;
     struct codec_place

@@ -11,7 +11,7 @@
  * second number is the number of pictures that a part has below each other, 1 for one picture. */
 struct texel_model_head {
     const char *kind, *name;
-    const char *names[2]; /* of the numbers: "mesorig.terms", … */
+    const char *names[2]; /* names of the attributes of the two numbers: "mesorig.terms", … */
     /* the second is the number of pictures of the texels that a part has below each other */
     int numbers[2];
     double error, luminance_error, exact_error;

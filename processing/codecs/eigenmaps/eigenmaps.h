@@ -16,8 +16,8 @@ struct eigenmaps {
     char *name;
     struct btf_layout layout;
     int n_terms;
-    float *weights; /* n_terms × n_views */
-    float *maps;    /* n_terms × n_lights × height × width × 3 (R, G, B) */
+    float *weights; /* W_i(v): n_terms × n_views */
+    float *maps;    /* E_i(x, y, l): n_terms × n_lights × height × width × 3 (R, G, B) */
 };
 
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */

@@ -6,7 +6,7 @@
 #include "eigenmaps_private.h"
 
 #define CHUNK    EIGENMAPS_CHUNK
-#define SKETCH   16384 /* rows of the sketch */
+#define SKETCH   16384 /* number of rows of the sketch S A */
 #define WORD     64    /* number of signs that are drawn at a time */
 #define LANES    8
 #define SEGMENTS 8 /* parts into which the rows are divided for threads */

@@ -109,7 +109,7 @@ double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
 struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;
-    float *design;  /* A: n_lights × n_terms */
+    float *design;  /* A, the basis H_i at each light: n_lights × n_terms */
     float *inverse; /* A⁺ᵀ: n_lights × n_terms, used if no light is left out */
 };
 

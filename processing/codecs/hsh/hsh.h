@@ -43,7 +43,7 @@ struct hsh {
     char *name;
     struct btf_layout layout;
     int n_terms;   /* 4, 9 or 16 */
-    float *values; /* n_views × height × width × n_terms × 3 (R G B) */
+    float *values; /* c_i: n_views × height × width × n_terms × 3 (R G B) */
     /* Errors against the encoded BTF as computed by hsh_error(): the relative RMS of R, G, B, and
      * the mean of |Y − Ŷ| (Y of rgb_luminance()). exact_error is the relative RMS before rounding
      * to halves. */

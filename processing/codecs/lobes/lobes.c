@@ -10,8 +10,8 @@
 #include "codecs/codec/texel_model.h"
 
 #define COLOURS       3
-#define POLYNOMIAL    6  /* coefficients of ptm */
-#define FACET         14 /* values of ward and ashikhmin */
+#define POLYNOMIAL    6  /* number of coefficients of ptm */
+#define FACET         14 /* number of values of a texel for ward and ashikhmin */
 #define BLOCK         16 /* number of texels that a thread fits at a time */
 #define DEFAULT_LOBES 2
 

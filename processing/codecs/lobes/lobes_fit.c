@@ -8,7 +8,7 @@
 #define MAX_STEPS 80
 /* a problem is solved when the relative gain of a step is less than this */
 #define ENOUGH   1e-5F
-#define MIN_VIEW 0.1F  /* see lobes.h */
+#define MIN_VIEW 0.1F  /* minimum of the divisor n·v, see lobes.h */
 #define SHALLOW  1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */
 #define LN2      0.69314718F
 #define TINY     1e-20F
@@ -26,7 +26,7 @@ struct prepared_lobe {
     lanes d[3], s, n;
 };
 struct prepared_facet {
-    lanes frame[3][3]; /* t, b, n */
+    lanes frame[3][3]; /* unit vectors t, b, n */
     /* [i]: derivatives of t, b, n with respect to parameter i: slope a, slope b, angle ψ */
     lanes turns[3][3][3];
     /* scale_u, scale_v: derivatives of log scale with respect to log U and log V */
@@ -93,7 +93,7 @@ LANES_INLINE void cross(const lanes a[3], const lanes b[3], lanes ret[3]) {
 LANES_INLINE void turn(lanes angle, lanes *ret_sin, lanes *ret_cos) {
     const lanes x = angle * (1.0F / 256), x2 = x * x;
     lanes s = x * (1.0F - x2 * (1.0F / 6) * (1.0F - x2 * (1.0F / 20)));
-    /* 1 − cos, computed without loss of digits */
+    /* 1 − cos of the angle; cos itself would lose digits of a small angle */
     lanes less = x2 * 0.5F * (1.0F - x2 * (1.0F / 12));
     for (int i = 0; i < 8; i++) {
         const lanes doubled = 2.0F * s * (1.0F - less);
@@ -344,7 +344,7 @@ LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret
                                 float *ret_high) {
     *ret_low = *ret_high = 0;
     if (model == LOBES_FIELDS || (model == LOBES_LAFORTUNE && i < 4 * k)) {
-        *ret_low = -0.69314718F; /* log LOBES_MIN_EXPONENT, log LOBES_MAX_EXPONENT */
+        *ret_low = -0.69314718F; /* ln LOBES_MIN_EXPONENT, and ln LOBES_MAX_EXPONENT below */
         *ret_high = 4.15888308F;
         return i % 4 == 3;
     }

@@ -12,7 +12,7 @@
 
 struct lobes_start {
     const struct lobes_fit *fit;
-    float spacing;    /* mean distance of lights, radians */
+    float spacing;    /* mean distance of a light from the nearest other one, radians */
     float *planes;    /* 3 × n_lights: pseudo-inverse of the lights' directions */
     float *high_pass; /* n_lights²: matrix of high_pass() */
 };

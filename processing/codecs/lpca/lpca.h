@@ -70,7 +70,7 @@ struct lpca {
      * directions */
     int n_grid;
     int *clusters;  /* height × width: k(x) */
-    float *weights; /* height × width × n_components */
+    float *weights; /* w_i(x): height × width × n_components */
     float *brdfs;   /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
     /* n_clusters × (n_components + 1): steps of brdfs if they have 8 bits, otherwise 1 */
     float *scales;
@@ -86,7 +86,7 @@ struct lpca {
 
 /* The result that came nearest to a target that was not reached. */
 struct lpca_nearest {
-    int n_clusters, n_components; /* 0 if there is none */
+    int n_clusters, n_components; /* 0 if there is no such result */
     double error;
 };
 
@@ -95,11 +95,11 @@ struct lpca_options {
     double target; /* 0, or the error to reach; n_components is then the maximum */
     struct work work;
     enum lpca_colours colours;
-    /* bytes that may be used in addition to the BTF's values; 0 if not limited */
+    /* maximum bytes of memory in addition to the BTF's values; 0 if not limited */
     gint64 memory;
     /* processes that share the work, or NULL if this process works without others */
     const struct team *team;
-    /* allows up to LPCA_MAX_PACKED components, which only lpca_pack.h accepts */
+    /* whether lpca_pack.h will pack the result, which may then have LPCA_MAX_PACKED components */
     gboolean to_pack;
     /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled or fails. The
      * same call continues from it, with the same result. Must be NULL with a team. */

@@ -73,8 +73,8 @@ struct seeding {
     const struct lpca_reduced *reduced;
     const float *seed; /* the newest seed */
     gboolean first;
-    int from;        /* block */
-    double *nearest; /* n */
+    int from;        /* index of the first block of this rank */
+    double *nearest; /* n values */
 };
 
 static void seed_block(int block, gpointer data) {
@@ -128,7 +128,7 @@ struct assignment {
     float *offsets; /* k × (c + 1): products of a cluster's mean with its factors */
     float *errors;  /* n: error of the nearest cluster */
     int *labels;
-    int from; /* block */
+    int from; /* index of the first block of this rank */
 };
 
 static void assign_row(const struct assignment *to, int row, const float *products) {
@@ -263,7 +263,7 @@ enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 struct update {
     struct lpca_reduced *reduced;
     enum axes axes;
-    int from; /* cluster */
+    int from; /* index of the first cluster of this rank */
 };
 
 static void update_cluster(int block, gpointer data) {
@@ -294,7 +294,7 @@ static void update_cluster(int block, gpointer data) {
 
 static void update(struct lpca_reduced *reduced, enum axes axes) {
     const struct team *team = reduced->options->team;
-    const gsize row = sizeof(float) * (gsize)reduced->r; /* bytes */
+    const gsize row = sizeof(float) * (gsize)reduced->r; /* bytes of a row */
     struct update all = {reduced, axes};
     int end;
     team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);

@@ -22,11 +22,11 @@
 
 struct lpca_codec_options {
     int clusters, components; /* 0 if not given */
-    int grid;                 /* 0 for measured directions */
+    int grid;                 /* samples along a side of the grid; 0 for the measured directions */
     int quantise;             /* enum lpca_quantise */
     int colours;              /* enum lpca_colours */
     double error;             /* 0 if not given */
-    gint64 size;              /* 0 if not limited */
+    gint64 size;              /* maximum bytes; 0 if not limited */
     gboolean mips;
 };
 

@@ -122,7 +122,7 @@ struct sample {
     struct lpca_run *run;
     int n;
     float *rows;    /* n × d, minus their mean */
-    float *gram;    /* n × n, lower half */
+    float *gram;    /* X Xᵀ of the rows X: n × n, lower half */
     int found;      /* number of axes */
     float *vectors; /* found × n: eigenvectors of the Gram matrix, see solve_gram() */
 };

@@ -18,7 +18,7 @@ struct rotations {
 };
 
 struct lpca_packer {
-    struct lpca *lpca; /* a copy */
+    struct lpca *lpca; /* copy of the local PCA that is packed */
     int n_threads;
     struct lpca_packed axes; /* all axes and scales, without numbers */
     struct rotations rotations;
@@ -235,8 +235,8 @@ static void transform_map(const float *rows, int height, const float *columns, i
 
 struct mapping {
     const struct lpca *lpca;
-    const float *rows, *columns; /* cosines */
-    float *maps;                 /* rotated */
+    const float *rows, *columns; /* cosines of rows and columns (lpca_cosines()) */
+    float *maps;                 /* transformed weights: n_components × texels */
     gboolean forward;
 };
 

@@ -36,8 +36,9 @@
 
 /* The part of the work that does not depend on the step. A packer can be rounded several times. */
 struct lpca_packer;
-struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
-void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */
+/* only for LPCA_FLOAT and LPCA_RGB */
+struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads);
+void lpca_packer_free(struct lpca_packer *packer); /* NULL is ignored */
 
 /* Returns a copy that is rounded to whole steps (LPCA_PACKED) and can be written. The last
  * components are removed if they are all 0. Its error is not set. step is > 0, in the units of the

@@ -12,7 +12,7 @@ struct lpca_packed {
     /* n_views × the PCA's views, and n_lights × its lights: as in the file, not yet orthonormal */
     float *views, *lights;
     float colours[9];
-    float *scales;  /* clusters × (components + 1) */
+    float *scales;  /* S: clusters × (components + 1) */
     gint32 *tables; /* clusters × (components + 1) × n_views × 3 × n_lights */
     gint32 *maps;   /* components × height × width */
 };

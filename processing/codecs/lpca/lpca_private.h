@@ -41,8 +41,8 @@ struct lpca_reduced {
     /* numbers of clusters and components that are requested; k is lowered to the number of useful
      * clusters */
     int k, c;
-    int *labels;  /* n */
-    float *means; /* k × r */
+    int *labels;  /* n: cluster of each row */
+    float *means; /* k × r: mean of each cluster */
     /* k × c × r: principal axes in descending order of variance */
     float *bases;
     GPtrArray *members; /* k GArrays of int in ascending order */
@@ -62,8 +62,8 @@ enum lpca_stage {
     LPCA_BEGUN,
     LPCA_REDUCING, /* some blocks of rows are done */
     LPCA_REDUCED,
-    LPCA_CLUSTERING, /* between two iterations */
-    LPCA_REFINING,   /* clustered; some views are done */
+    LPCA_CLUSTERING, /* the checkpoint is between two iterations */
+    LPCA_REFINING,   /* clusters are found; some views are done */
     LPCA_WEIGHING,   /* eigen-BRDFs are done; some blocks of weights are done */
     LPCA_MADE,
 };
@@ -73,7 +73,7 @@ struct lpca_state {
     gint32 form, n_clusters, n_components, colours, to_pack; /* arguments of the call */
     gint32 stage;                                            /* enum lpca_stage */
     gint32 c, k;      /* present number of components, and of clusters that are left */
-    gint32 iteration; /* next iteration */
+    gint32 iteration; /* number of the next iteration of clustering */
     /* few: a number of components that does not reach the target; enough: one that does; 0 if not
      * known */
     gint32 few, enough;
@@ -81,9 +81,11 @@ struct lpca_state {
     double target;       /* argument of the call */
     double before;       /* sum of squared errors of the last iteration */
     double error;        /* error of the result so far; −1 if not known */
-    double enough_error; /* error with enough components */
+    double enough_error; /* error with `enough` components */
 };
 
+/* The arrays that a checkpoint may have, for n texels of d values, r reduced dimensions, c
+ * components and k clusters. */
 enum lpca_kept {
     LPCA_KEPT_MEAN,    /* d */
     LPCA_KEPT_AXES,    /* r × d */
@@ -93,7 +95,7 @@ enum lpca_kept {
     LPCA_KEPT_BASES,   /* of a reduced space: requested number of clusters × c × r */
     LPCA_KEPT_BRDFS,   /* of k clusters */
     LPCA_KEPT_WEIGHTS, /* n × c */
-    LPCA_KEPT_SQUARES, /* k doubles per view */
+    LPCA_KEPT_SQUARES, /* sums of squares, k doubles for each view */
     LPCA_KEPT_KINDS
 };
 
@@ -106,7 +108,7 @@ struct lpca_run {
     int first, end;
     float *mean; /* d: subtracted from the rows */
     int r;
-    float *axes;    /* r × d */
+    float *axes;    /* r × d: axes of the reduced space */
     float *offsets; /* r: products of axes and mean */
     float *rows;    /* n × r: products of axes and values minus the mean */
     GMutex lock;

@@ -15,7 +15,7 @@ struct groups {
     int from, n;
     int texels[LPCA_BLOCK];
     int indices[LPCA_BLOCK]; /* positions of the texels from, from + 1, … in texels[] */
-    int *starts;             /* clusters + 1 */
+    int *starts;             /* position in texels at which each cluster begins: clusters + 1 */
 };
 
 /* X: the rows of a cluster minus its mean (n × d), P: their coordinates in few dimensions (n × c),

@@ -34,7 +34,7 @@ void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least
 struct mdf_blocks {
     int width, height, n_views;
     double texel_mm, min_mm, deepest_mm;
-    float *theta_deg, *phi_deg; /* of each view */
+    float *theta_deg, *phi_deg; /* direction of each view */
     guint8 *blocks;             /* n_views × mdf_blocks_bytes() */
     double error_mm;            /* RMS error, see mdf_table_difference() */
 };

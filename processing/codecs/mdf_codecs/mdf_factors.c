@@ -32,7 +32,7 @@ struct factoring {
     const struct mdf_table *table;
     int n_measured, n_views, n_texels;
     float *rows;    /* n_views × n_texels, minus the mean of each view */
-    double *means;  /* n_views */
+    double *means;  /* n_views: mean depth of each view */
     double *values; /* n_views: eigenvalues, descending */
     float *vectors; /* n_views × n_views: eigenvectors of the Gram matrix, one per row */
 };

@@ -33,7 +33,7 @@ struct mdf_factors {
     int width, height;
     int n_views, n_measured, n_terms;
     double texel_mm, deepest_mm;
-    float *theta_deg, *phi_deg; /* of each view */
+    float *theta_deg, *phi_deg; /* direction of each view */
     float *weights;             /* n_views × (n_terms + 1), mm; the first of each view is W_0 */
     guint8 *maps;               /* n_terms × height × width */
     double error_mm;            /* RMS over the measured, visible texels; mdf_table_difference() */

@@ -54,8 +54,8 @@ struct bonn_header {
     int n_rotations;
     int width, height;                      /* texels */
     int n_views, n_lights;                  /* the same lights for every view */
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    float *view_theta_deg, *view_phi_deg;   /* directions of the n_views views */
+    float *light_theta_deg, *light_phi_deg; /* directions of the n_lights lights */
 };
 
 void bonn_header_clear(struct bonn_header *header);

@@ -5,7 +5,7 @@
 
 #include <stdio.h>
 
-#define BONN_SIGNATURE 10 /* bytes */
+#define BONN_SIGNATURE 10 /* maximum bytes of a signature */
 
 /* A cursor over the bytes of a file. The bytes are read, not mapped, so that a file that is
  * truncated during the work causes an error and not a signal. */

@@ -204,7 +204,7 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
         most = MAX(most, factors[i].n_components);
     g_autoptr(GByteArray) front = g_byte_array_new();
     bonn_put_header(front, header);
-    bonn_put_u32(front, 0); /* rotations */
+    bonn_put_u32(front, 0); /* number of rotations */
     if (header->kind == BONN_FMF) {
         const guint8 version = 2;
         g_byte_array_append(front, &version, 1);

@@ -39,7 +39,8 @@ struct rgl_options {
 };
 
 struct rgl_result {
-    int n_phi, n_theta, resolution; /* as in the file */
+    /* numbers of φ_i and θ_i, and n of the sample space, in the file */
+    int n_phi, n_theta, resolution;
 };
 
 /* Writes f_r as such a file, with rgb and with spectra at six wavelengths that have the same

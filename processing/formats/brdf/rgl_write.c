@@ -34,8 +34,8 @@ struct rgl_writing {
     double spectra[RGL_WAVELENGTHS][3];
     double directions[N_B * N_A][3],
         solid[N_B * N_A]; /* of the nodes: directions m, and the solid angle dm of each */
-    double d[N_B * N_A], projected[N_B * N_A]; /* D and σ */
-    float *vndf, *luminance, *rgb, *values;    /* values: spectra */
+    double d[N_B * N_A], projected[N_B * N_A]; /* D and σ of each node */
+    float *vndf, *luminance, *rgb, *values;    /* tables of the file; values are the spectra */
 };
 
 static void direction(double theta, double phi, double ret[3]) {

@@ -33,7 +33,7 @@ struct tensor_field {
     enum tensor_type type;
     int n_dimensions;
     gsize shape[TENSOR_FILE_DIMENSIONS];
-    gsize n_values, bytes; /* of all numbers */
+    gsize n_values, bytes; /* number of the numbers, and their bytes */
     void *values;          /* aligned as by g_malloc() */
 };
 

@@ -20,7 +20,7 @@
 struct Abrdf {
     struct abrdf_info info;
     double *sums;   /* n_views × n_lights × 3: the sum of B, later its mean */
-    double *counts; /* n_views × n_lights */
+    double *counts; /* number of values in each sum: n_views × n_lights */
     float *samples; /* 3 × SAMPLES (views) × SAMPLES (lights): f_r */
 };
 

@@ -31,7 +31,7 @@ static struct btf_directions *import_brdf_directions(const char *table, gboolean
 
 struct import_brdf_source {
     Brdf *brdf;
-    gsize texels; /* total number */
+    gsize texels; /* number of texels */
     const struct btf_directions *directions;
     float *views, *lights; /* unit vectors */
 };

@@ -48,7 +48,7 @@ static gboolean solve(const struct normal *normal, double ret[TERMS]) {
 struct fitting {
     const float *pictures;
     gsize texels, n;      /* n is the number of lights */
-    float *basis;         /* n × TERMS */
+    float *basis;         /* values of the basis at each light: n × TERMS */
     struct normal *whole; /* the normal equations of all lights */
 };
 
