@@ -18,11 +18,11 @@ struct picture_comparison {
     double flip_hdr; /* metrics/flip.h; NaN if A has no values above 1 */
 };
 
-/* An attribute of EXR pictures that materials do not have. */
+/* The attribute of an EXR whose value is "picture" if the EXR is a picture and not a material. */
 #define COMPARE_PICTURE_KIND "mesorig.kind"
 
-/* Returns whether a file has the name of a PNG, TIFF or JPEG, or is an EXR with the attribute
- * above. */
+/* Returns whether a file is a picture: an EXR of one part whose attribute COMPARE_PICTURE_KIND is
+ * "picture", or another file whose name is that of a picture (import_is_picture()). */
 gboolean compare_is_picture(const char *path);
 
 /* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. Values that are

@@ -28,7 +28,7 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
            fail(path, error, "the direction of a view or light is missing or not a number");
 }
 
-/* The lights are read from the first view. */
+/* Reads the directions of all views, and the lights of the first view. */
 static gboolean read_directions(struct source *source, GError **error) {
     struct bonn_header *header = &source->header;
     const int n = header->n_views = (int)source->paths->len;

@@ -17,8 +17,8 @@ struct export_surface_options {
 };
 
 struct export_surface_result {
-    /* seen is the number of points of all views. points is the number of points written, or, of a
-     * map, of texels with a value. */
+    /* seen is the number of points of all views. points is the number of points written; for a map
+     * it is the number of texels with a value. */
     gint64 seen, points;
     int n_views, texels, holes;
     int stacked; /* number of texels with structure below structure */

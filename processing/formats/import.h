@@ -52,7 +52,7 @@ struct import_material {
     ImportLight light;    /* NULL is allowed; otherwise region must be everything */
     ImportFilled filled;  /* NULL is allowed */
     gpointer data;
-    /* NULL means a grid of the above texels, with the reference plane at 0 */
+    /* grid of the session; NULL means a grid of these texels, with the reference plane at 0 */
     const struct session_grid *grid;
     /* NULL, or a file that is copied to products/mdf.exr. The file must have the texels of this
      * material. */
@@ -75,8 +75,8 @@ struct import_wish {
     double texel_mm; /* 0 means the size in the file, or 1 mm if the file does not state it */
     struct import_region region;
     enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID means as each file states */
-    /* for import_relight(): a table (btf_directions.h); NULL means the 81 directions of the
-     * papers */
+    /* for import_relight(): path of a table of directions (btf_directions.h); NULL means the 81
+     * directions of the papers */
     const char *directions;
     /* NULL, or receives sentences for the user (g_free()): assumptions, and values that look
      * wrong */

@@ -16,7 +16,7 @@
 
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error) {
-    /* enum picture_tones */
+    /* names of enum picture_tones, in its order; the first is an empty cell */
     static const char *const transfers[] = {"", "linear", "srgb"};
     struct import_coding *coding = &row->coding;
     const char *transfer = text_table_text(table, index, text_table_column(table, "transfer"));

@@ -11,7 +11,7 @@
 #include "frames/sweep.h"
 
 #define SATURATION  0.98    /* part of white from which on a pixel counts as saturated */
-#define MAX_DN_MS   65504.0 /* the largest half */
+#define MAX_DN_MS   65504.0 /* maximum value of a frame in DN per ms: the largest half */
 #define UNEVEN      0.05    /* maximum deviation of a picture's angle from its step, in steps */
 #define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
 /* A peak is invalid if a missing picture is within BESIDE steps, or within PULSE standard

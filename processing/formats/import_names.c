@@ -12,7 +12,7 @@
 #include "btf/btf.h"
 #include "pictures/picture_part.h"
 
-/* directions that differ by less than a step of 1/STEPS_A_DEG degree are equal */
+/* number of steps in a degree; directions are rounded to steps before they are compared */
 #define STEPS_A_DEG    10000
 #define MAX_LIST_BYTES (64 << 20)
 

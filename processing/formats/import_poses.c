@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* angles that differ by less than a step of 1/STEPS_A_DEG degree are equal */
+/* number of steps in a degree; angles are rounded to steps before they are compared */
 #define STEPS_A_DEG 10000
 #define MAX_ROWS    1000000
 
@@ -126,7 +126,8 @@ static gboolean read_rows(struct import_set *set, const TextTable *table, GError
     return TRUE;
 }
 
-/* Sorts by shot, camera and sweep angle. */
+/* Compares the shots of two rows: sweep or lamp, turntable, arc, and device. Returns a number
+ * below, equal to or above 0. */
 static int compare_shots(const struct import_row *a, const struct import_row *b) {
     const gint64 keys[4][2] = {{a->sweep, b->sweep},
                                {steps(a->turntable_deg), steps(b->turntable_deg)},
@@ -223,7 +224,8 @@ static void make_shots(struct import_set *set) {
     }
 }
 
-/* Reports an error if two pictures have the same pose and light. */
+/* Returns FALSE with an error if two pictures have the same camera, pose and light, and in a sweep
+ * also the same angle of the laser. */
 static gboolean check_double(const struct import_set *set, GError **error) {
     for (guint i = 1; i < set->rows->len; i++) {
         const struct import_row *a = &g_array_index(set->rows, struct import_row, i - 1);

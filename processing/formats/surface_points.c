@@ -69,7 +69,8 @@ static void add_points(const struct view *view) {
     const struct surface *surface = view->surface;
     for (int i = 0; i < surface->grid.width * surface->grid.height; i++) {
         struct surface_point point = {.view = view->index};
-        /* Predicted values are left out: the points of the other views contain them. */
+        /* Predicted values are left out, because they were computed from the points of other
+         * views. */
         if (!(view->distance[i] >= 0) || (view->source && view->source[i] >= MDF_PREDICTED) ||
             !normal_at(view, i % surface->grid.width, i / surface->grid.width, &point.normal))
             continue;

@@ -1,5 +1,5 @@
-/* Texels are compared under every k-th pair of view and light. Each texel begins with another
- * pair. */
+/* Compares each texel under every k-th pair of a view and a light, with k = errors.every.
+ * Consecutive texels begin with different pairs. */
 #include <math.h>
 
 #include "maps_private.h"

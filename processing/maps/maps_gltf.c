@@ -54,7 +54,7 @@ static struct maps_mesh mesh_sphere(double radius) {
     struct maps_mesh mesh = mesh_new();
     for (int j = 0; j <= DOWN; j++)
         for (int i = 0; i <= AROUND; i++) {
-            /* v counts from the south pole */
+            /* v is 0 at the south pole and 1 at the north pole */
             const double u = (double)i / AROUND, v = (double)j / DOWN;
             const double a = 2 * G_PI * u, e = G_PI * (v - 0.5);
             const double n[3] = {cos(e) * cos(a), sin(e), -cos(e) * sin(a)};

@@ -9,7 +9,9 @@
 GBytes *maps_png(const float *values, int width, int height, int channels, int bits, gboolean srgb,
                  GError **error);
 
-/* sRGB's transfer curve (IEC 61966-2-1) and its inverse. */
+/* maps_srgb_encode() is the transfer curve of sRGB (IEC 61966-2-1), maps_srgb_decode() its inverse.
+ * maps_srgb_round() rounds linear light to the nearest 8-bit code of sRGB, and returns linear
+ * light. */
 float maps_srgb_encode(float linear);
 float maps_srgb_decode(float coded);
 float maps_srgb_round(float linear);

@@ -306,7 +306,8 @@ static void limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
     shape[5] = core ? 1 : CLAMP(shape[5], MIN_WEIGHT, 1);
 }
 
-/* Improves shape from its residuals and its cost. Both are updated. */
+/* Improves at->shape and at->factors by Levenberg–Marquardt, at most STEPS steps. solver->residuals
+ * and cost are those of the shape before, and are updated. Returns the new cost. */
 static double descend(struct maps_solver *solver, double cost, struct maps_solution *at) {
     double damping = 1e-2;
     for (int step = 0; step < STEPS; step++) {
@@ -417,7 +418,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
         }
         descend(solver, cost, ret);
     }
-    /* The reported cost only includes the lobes. */
+    /* The reported cost has no priors: it is Σ r² of the residuals, relative to Σ w² Y². */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
     double squares = 0;
     for (int i = 0; i < solver->n; i++)

@@ -120,7 +120,7 @@ static gboolean plain(const struct lit *lit, struct vec3 *ret) {
     return vec3_dot(b, b) > 0;
 }
 
-/* Rates how well a solution explains all lights; smaller is better. */
+/* Callback that returns how badly a solution b explains the lights. Smaller is better. */
 typedef double (*Score)(const struct lit *lit, struct vec3 b, double sigma, double *buffer);
 
 /* Returns Σ min((r/σ)², TRUNCATED²), with a larger limit for dimmed lights. Highlights add light,
@@ -145,7 +145,8 @@ static int by_size(const void *a, const void *b) {
  * smallest |r|, because three lights determine b. */
 static double median_of(const struct lit *lit, struct vec3 b, double sigma, double *buffer) {
     int n = 0;
-    /* unlit lights agree with every solution that does not face them */
+    /* A light that b does not face and whose value is 0 is left out, because it would agree with
+     * many wrong solutions. */
     for (int i = 0; i < lit->n; i++)
         if (vec3_dot(b, lit->lights[i]) > 0)
             buffer[n++] = fabs(residual(lit, i, b));

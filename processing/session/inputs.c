@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-/* `mesorig resume` takes frames again whose files are missing or differ from the committed ones. */
+/* The commands that an error suggests. `mesorig resume` takes a frame again if its file is missing
+ * or differs from the committed file. */
 #define REMEDY "; `mesorig resume` takes it again"
 #define DELETE                                                                                     \
     ", although it is as it was committed; delete it, and `mesorig resume` takes it again"

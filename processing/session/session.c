@@ -11,7 +11,8 @@
 
 G_DEFINE_QUARK(session_error, session_error)
 
-/* The kernel releases the lock when its holder ends for any reason. */
+/* Locks the session for capture. The kernel releases the lock when the process that holds it ends
+ * for any reason. */
 int session_lock(const char *path, GError **error) {
     g_autofree char *file = g_build_filename(path, "capture.lock", NULL);
     int fd = open(file, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);

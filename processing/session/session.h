@@ -71,7 +71,7 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 struct session_pass {
     /* number of the pass; the shots of a pass follow each other; 0 if the turntable stands still */
     int number;
-    /* of the turntable: angle at the beginning, signed angle of the turn, speed */
+    /* of the turntable: angle at the beginning, angle by which it turns, speed */
     double from_deg, by_deg, speed_deg_s;
 };
 

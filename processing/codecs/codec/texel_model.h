@@ -12,7 +12,8 @@
 struct texel_model_head {
     const char *kind, *name;
     const char *names[2]; /* names of the attributes of the two numbers: "mesorig.terms", … */
-    /* the second is the number of pictures of the texels that a part has below each other */
+    /* the two numbers; the second is the number of pictures of the texels that a part has below
+     * each other */
     int numbers[2];
     double error, luminance_error, exact_error;
 };

@@ -1,5 +1,5 @@
-/* The MDF (mesostructure distance function) of a material in any form that a file can have. It is
- * in memory and can be uploaded or queried. */
+/* The MDF (mesostructure distance function) of a material in any form that a file can have. The MDF
+ * is in memory, and can be uploaded to a graphics card or queried. */
 #pragma once
 
 #include "mdf_blocks.h"

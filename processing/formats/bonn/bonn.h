@@ -92,7 +92,8 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
 void bonn_writer_free(BonnWriter *writer);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 
-/* rgb is as in bonn_read_view(). Values beyond ±65504 are written as ±65504. */
+/* Writes one view. rgb has the layout of ret_rgb in bonn_read_view(). Values beyond ±65504 are
+ * written as ±65504. */
 gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
 

@@ -84,7 +84,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    /* The file does not name rows and columns. Their numbers identify them. */
+    /* The file does not say what rows and columns are. The numbers of rows and columns tell it. */
     ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
     if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
         return bonn_fail(

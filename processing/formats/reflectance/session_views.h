@@ -16,7 +16,8 @@ gboolean session_view_files_open(struct session_view_files *ret, const char *ses
                                  GError **error);
 void session_view_files_clear(struct session_view_files *files);
 
-/* A picture of a view. planes are R, G, B and "mark" (NULL if no texel has a flag), borrowed. */
+/* Callback for the picture of a view under a light. planes are R, G, B and "mark" (NULL if no texel
+ * has a flag), borrowed. */
 typedef gboolean (*SessionPicture)(int view, int light, const float *const planes[4], gpointer data,
                                    GError **error);
 

@@ -24,7 +24,8 @@
 
 struct rti {
     int width, height; /* row 0 is the top one */
-    /* the basis is hsh_basis() of 4, 9 or 16 terms, otherwise rti_ptm_basis() of 6 */
+    /* TRUE: the basis is hsh_basis() of 4, 9 or 16 terms; FALSE: it is rti_ptm_basis() of 6
+     * terms */
     gboolean hsh;
     gboolean lrgb;
     int n_terms;
