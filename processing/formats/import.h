@@ -72,7 +72,8 @@ gboolean import_material(const char *path, const struct import_material *materia
 
 /* Properties that may be missing in a file. */
 struct import_wish {
-    double texel_mm; /* 0 means the size in the file, or 1 mm if the file does not state it */
+    /* width of a texel; 0 means the width in the file, or 1 mm if the file states none */
+    double texel_mm;
     struct import_region region;
     enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID means as each file states */
     /* for import_relight(): path of a table of directions (btf_directions.h); NULL means the 81

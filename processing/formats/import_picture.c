@@ -106,7 +106,8 @@ static float *plane_of(const struct exr_part *part, const char *layer, const cha
     return exr_part_plane(part, name);
 }
 
-/* Pixels of an EXR are masked if they are not opaque or are outside its data window. */
+/* Makes a picture from the planes of an EXR. Pixels are masked (NaN) if they are not opaque or lie
+ * outside the data window. */
 static struct import_picture *take_exr(const struct exr_part *part, const float *const planes[3],
                                        const float *opacity, gboolean grey) {
     struct import_picture *picture = g_new0(struct import_picture, 1);

@@ -216,7 +216,7 @@ static double sigma_at(const struct solver *solver, double length, double times)
 }
 
 /* Repeats weighted least squares from a start. σ is taken at the length of b and multiplied by
- * times. */
+ * times. *ret_ok is FALSE if not even the first step has a solution. */
 static struct vec3 refine(const struct solver *solver, const struct lit *lit, struct vec3 b,
                           double times, gboolean *ret_ok) {
     *ret_ok = FALSE;

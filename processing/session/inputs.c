@@ -87,7 +87,7 @@ const float *input_mosaic(const char *path, struct exr_part *part, const char **
     return mosaic;
 }
 
-/* Includes the terminating 0, so that a sequence of texts is unambiguous. */
+/* Hashes the text with its terminating 0, so that a sequence of texts is unambiguous. */
 void input_hash(GChecksum *checksum, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

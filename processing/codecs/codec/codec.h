@@ -36,7 +36,9 @@ struct codec_job {
 struct codec_result {
     /* models with a free function: that of the BTF, then those of its mip levels */
     GPtrArray *levels;
-    int clusters, components, grid; /* the numbers that were used; components are terms, lobes, … */
+    /* numbers of clusters and of components (terms, lobes, …), and n of an n × n grid; 0 if
+     * there are none */
+    int clusters, components, grid;
     /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file; for eigen-maps
      * before */
     double error;

@@ -9,7 +9,8 @@
 #include "material.h"
 
 struct compare_sums {
-    double error;           /* ‖A − B‖_F / ‖A‖_F of R, G, B; if A is black, 0 or ∞ */
+    /* ‖A − B‖_F / ‖A‖_F of R, G, B; if A is black, 0 if B is black and otherwise ∞ */
+    double error;
     double luminance_error; /* mean of |Y_A − Y_B| (Meseth et al. 2003, Table 1) */
     double delta_e;         /* mean CIEDE2000, relative to the white diffuser of pipeline.h */
     double psnr_db;         /* of all values (metrics/psnr.h); ∞ if they are equal */

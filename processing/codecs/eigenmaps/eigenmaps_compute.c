@@ -9,8 +9,8 @@
 #define CHUNK   EIGENMAPS_CHUNK
 #define COLOURS 3
 
-/* A column of A has the values of all texels and lights in one view: rows = n_lights × n_texels ×
- * COLOURS. */
+/* Reads a column of A, which has the values of all texels and lights in one view: rows = n_lights ×
+ * n_texels × COLOURS. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error) {
     if (!job->column(view, ret, job->data, error))

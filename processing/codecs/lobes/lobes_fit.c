@@ -55,7 +55,8 @@ int lobes_fit_parameters(const struct lobes_fit *fit) {
     }
 }
 
-/* p is g = s d with ‖d‖ = 1, and log n. s is the lobe's value along d, for every n. */
+/* Prepares a lobe from its parameters p: g = s d with ‖d‖ = 1, and log n. s is the lobe's value
+ * along d, for every n. */
 LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     const lanes squares = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     ret->s = lanes_sqrt(lanes_max(squares, lanes_all(TINY)));
@@ -138,8 +139,8 @@ LANES_INLINE void prepare_frame(const lanes *p, struct prepared_facet *ret) {
     }
 }
 
-/* p are the slopes a, b, the angle ψ, log U, log V, diffuse and specular. scale is the factor of s
- * that depends only on U and V. */
+/* Prepares a microfacet model from its parameters p: the slopes a, b, the angle ψ, log U, log V,
+ * diffuse and specular. scale is the factor of s that depends only on U and V. */
 LANES_INLINE void prepare_facet(enum lobes_model model, const lanes *p,
                                 struct prepared_facet *ret) {
     prepare_frame(p, ret);
@@ -500,7 +501,8 @@ LANES_INLINE void run(enum lobes_model model, int k, int n, struct state *state)
     }
 }
 
-/* Each kind of model is compiled separately, so that the loops over its parameters are unrolled. */
+/* Runs all problems of the state. Each kind of model is compiled separately, so that the loops over
+ * its parameters are unrolled. */
 LANES_INLINE void run_kind(struct state *state) {
     switch (state->fit->model) {
     case LOBES_FIELDS:

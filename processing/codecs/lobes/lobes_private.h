@@ -33,12 +33,13 @@ int lobes_fit_parameters(const struct lobes_fit *fit);
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 
-/* Computes initial values: n × parameters for n rows. */
+/* Computes the initial values of fits. fit must outlive the struct. */
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant is 0 … lobes_start_variants() − 1. If there are several variants, the caller fits each
- * and keeps the best result. */
+/* variant is 0 … lobes_start_variants() − 1. The caller fits each variant and keeps the best
+ * result. lobes_start_rows() gives initial values, n × lobes_fit_parameters(), for n rows of
+ * luminance. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);

@@ -58,7 +58,8 @@ gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
 
 enum lpca_colours { LPCA_RGB, LPCA_LOG };
 #define LPCA_LOG_OFFSET 0.01F
-/* Convert n colours of three values, in place. */
+/* lpca_to_log() converts n colours R, G, B in place to the decorrelated colours of LPCA_LOG.
+ * lpca_from_log() converts them back. */
 void lpca_to_log(float *values, gsize n);
 void lpca_from_log(float *values, gsize n);
 

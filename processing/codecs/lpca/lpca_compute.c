@@ -14,8 +14,8 @@
 #define STRIP   256 /* columns of the axes that are computed at a time */
 #define COLOURS 3
 
-/* QR by Householder: rows = R Q. |R_ii| is the norm of the part of row i that is orthogonal to the
- * rows before it. */
+/* Decomposes rows = R Q by Householder's method. |R_ii| is the norm of the part of row i that is
+ * orthogonal to the rows before it. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
     float largest = 0;

@@ -49,7 +49,8 @@ GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     return ret;
 }
 
-/* Returns NULL if the bytes do not contain n numbers. */
+/* Decodes n numbers that lpca_varint_encode() has encoded; g_free(). Returns NULL if the bytes do
+ * not contain exactly n numbers. */
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n) {
     guint64 memory = MAX_MEMORY;
     gsize read = 0, found = 0, larger = 0, at = n;

@@ -53,8 +53,8 @@ static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, 
     return part;
 }
 
-/* ret_bytes is two bytes per texel for halves, otherwise one byte per texel and four per view for
- * its scale. */
+/* Counts in *ret_bytes two bytes for each texel in halves, or one byte for each texel and four for
+ * the scale of each view. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {
     struct exr_file *file = exr_read(from, error), *packed = exr_file_new();

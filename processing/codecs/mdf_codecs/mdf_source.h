@@ -10,8 +10,8 @@
  * table. */
 struct mdf_source {
     const struct mdf_table *table;     /* views; with blocks: the views decoded from them */
-    const struct mdf_blocks *blocks;   /* the same views compressed; needs table too */
-    const struct mdf_factors *factors; /* weights and maps; needs no table */
+    const struct mdf_blocks *blocks;   /* the views of table as blocks; table is then also set */
+    const struct mdf_factors *factors; /* weights and maps; table may be NULL */
 };
 
 /* Reads a file of any form. If the file is missing or damaged, the error says so. Grazing views are

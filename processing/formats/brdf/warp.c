@@ -29,8 +29,8 @@ void warp_interval(const float *nodes, int n, double value, int *ret_index, doub
     *ret_weight = to > from ? CLAMP((value - from) / (to - from), 0, 1) : 0;
 }
 
-/* Returns the weighted sum of one number of each slice. stride is the number of numbers in a
- * slice. */
+/* Returns the weighted sum, over the slices, of number `at` of a slice. stride is the count of
+ * numbers in a slice. */
 static double mix(const float *values, gsize stride, gsize at, const struct warp_slices *slices) {
     double sum = 0;
     for (int k = 0; k < slices->n; k++)

@@ -12,7 +12,8 @@ struct export_brdf_options {
     enum brdf_kind kind; /* BRDF_RGL or BRDF_MERL */
     /* the texels over which the mean is taken; zeros mean all texels */
     struct import_region region;
-    gboolean isotropic; /* for BRDF_RGL: the mean over rotations about the normal */
+    /* for BRDF_RGL: whether to write the mean over rotations about the normal */
+    gboolean isotropic;
 };
 
 struct export_brdf_result {

@@ -33,7 +33,7 @@ struct rti {
     /* height × width × n_terms (lrgb) or × 3 (R, G, B) × n_terms. The terms of a PTM are in the
      * order of .ptm files. */
     guint8 *bytes;
-    guint8 *colours; /* for lrgb: height × width × 3 */
+    guint8 *colours; /* colour of each texel, only for lrgb: height × width × 3 */
 };
 
 void rti_free(struct rti *rti); /* NULL is ignored */
