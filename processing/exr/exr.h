@@ -37,7 +37,7 @@ struct exr_attribute {
 };
 
 typedef struct exr_part {
-    char *name; /* unique in the file */
+    char *name; /* name of the part, unique in the file */
     int width, height;
     /* after exr_read_picture() the upper left corner of the display window, otherwise 0 */
     int left_px, top_px;

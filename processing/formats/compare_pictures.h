@@ -15,7 +15,7 @@ struct picture_comparison {
     double different; /* share of the pixels that differ */
     /* psnr(), ssim() and flip_ldr() of metrics/, at FLIP_PIXELS_PER_DEGREE */
     double psnr_db, ssim, flip;
-    double flip_hdr; /* metrics/flip.h; NaN if A has no values above 1 */
+    double flip_hdr; /* flip_hdr() of metrics/; NaN if picture a has no values above 1 */
 };
 
 /* The attribute of an EXR whose value is "picture" if the EXR is a picture and not a material. */

@@ -139,7 +139,7 @@ static gboolean write_lpca(const char *file, const struct bonn_header *header,
                            const struct lpca *lpca, GError **error) {
     const gsize k = (gsize)lpca->n_components + 1, n = btf_layout_texels(&lpca->layout);
     const gsize d = btf_layout_values(&lpca->layout);
-    /* u: d × k, the mean first, whose weight is 1. */
+    /* u is d × k. Its first component is the mean, whose weight is 1. */
     g_autofree float *s = g_new(float, k), *u = g_new(float, d *k), *sv = g_new(float, n *k);
     for (gsize i = 0; i < k; i++) {
         double squares = 0;

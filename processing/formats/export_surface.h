@@ -13,7 +13,7 @@ struct export_surface_options {
     enum export_surface what;
     int min_views; /* points that fewer views saw are left out; 0 means 2, or 1 if there is only one
                       view */
-    gboolean layered; /* write a map even if the structure is not a height field */
+    gboolean layered; /* whether to write a map even if the structure is not a height field */
 };
 
 struct export_surface_result {

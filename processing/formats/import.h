@@ -49,8 +49,9 @@ struct import_material {
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
     ImportPixels picture; /* NULL, or used instead of view; memory then holds only one picture */
-    ImportLight light;    /* NULL is allowed; otherwise region must be everything */
-    ImportFilled filled;  /* NULL is allowed */
+    /* NULL, or gives the flags of each picture; region must then be all texels */
+    ImportLight light;
+    ImportFilled filled; /* NULL is allowed */
     gpointer data;
     /* grid of the session; NULL means a grid of these texels, with the reference plane at 0 */
     const struct session_grid *grid;
@@ -75,7 +76,8 @@ struct import_wish {
     /* width of a texel; 0 means the width in the file, or 1 mm if the file states none */
     double texel_mm;
     struct import_region region;
-    enum picture_tones transfer; /* of pictures; PICTURE_TONES_UNSAID means as each file states */
+    /* tone curve of pictures; PICTURE_TONES_UNSAID means as each file states */
+    enum picture_tones transfer;
     /* for import_relight(): path of a table of directions (btf_directions.h); NULL means the 81
      * directions of the papers */
     const char *directions;

@@ -138,7 +138,7 @@ static const struct dark *dark_frame(const struct import_set *set, const struct 
     return NULL;
 }
 
-/* Reads a file with the coding of a row. */
+/* Reads a picture and converts its numbers with the coding of a row. Returns NULL with an error. */
 static struct import_picture *decode(const struct import_set *set, const struct import_row *row,
                                      const char *path, GError **error) {
     const struct rig_camera *camera = &set->known->rig.cameras[row->camera];

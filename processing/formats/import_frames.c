@@ -188,7 +188,7 @@ struct run {
     int sweep_steps;
 };
 
-/* Returns the median distance between consecutive pictures. */
+/* Returns the median of the angles, in degrees, between consecutive pictures of a sweep. */
 static double usual_step(const struct import_row *rows, int n) {
     g_autofree double *distances = g_new(double, n);
     for (int i = 0; i + 1 < n; i++)
@@ -245,7 +245,8 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
     return TRUE;
 }
 
-/* Converts the pictures of a sweep to frames for the accumulator. */
+/* The state of the conversion of a sweep's pictures to frames, which the accumulator (sweep)
+ * takes. */
 struct feed {
     Sweep *sweep;
     enum import_edge edge;

@@ -58,7 +58,7 @@ struct import_poses {
     /* lamps whose directions from the sample differ by at most this angle are one light; 0 joins no
      * lamps */
     double same_light_deg;
-    /* for rows without a value; PICTURE_TONES_UNSAID means as each file states */
+    /* tone curve for rows without one; PICTURE_TONES_UNSAID means as each file states */
     enum picture_tones transfer;
     GPtrArray *notes; /* NULL, or receives sentences for the user, g_free() */
     gboolean target;  /* pictures of a calibration target, whose views need not have all lights */

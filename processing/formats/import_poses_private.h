@@ -15,7 +15,7 @@ extern const char *const import_poses_columns[];
 struct import_coding {
     double black_level;          /* the number of a pixel without light */
     int bits;                    /* white is 2^bits − 1; 0 means all bits of the file */
-    enum picture_tones transfer; /* PICTURE_TONES_UNSAID means as the file states */
+    enum picture_tones transfer; /* tone curve; PICTURE_TONES_UNSAID means as the file states */
     char *flat_path;             /* a picture of an even surface by the same camera, or NULL */
     char *dark_path;             /* a picture without light by the same camera, or NULL */
 };
@@ -25,7 +25,7 @@ struct import_row {
     char *path;
     int line;
     int camera;
-    int device; /* index of the lamp or laser */
+    int device; /* index of the lamp or laser in the calibration */
     gboolean sweep;
     double turntable_deg, arc_deg, exposure_ms, sweep_deg;
     struct import_coding coding;

@@ -12,14 +12,16 @@
 typedef struct import_picture {
     int width, height;
     gboolean grey;
-    char cfa[5]; /* of a mosaic whose file states it, for instance "rggb"; otherwise "" */
+    /* colour filter of a mosaic whose file states it, for instance "rggb"; otherwise "" */
+    char cfa[5];
     /* the region of the picture that rgb contains: the requested part, or the whole picture */
     struct import_region part;
-    float *rgb;               /* height × width × 3 of the part; NaN means unknown */
-    gsize transparent;        /* number of pixels that are NaN because they are masked */
-    int bits;                 /* of each number in the file, 8 or 16; 0 means floating-point */
+    float *rgb;        /* height × width × 3 of the part; NaN means unknown */
+    gsize transparent; /* number of pixels that are NaN because they are masked */
+    /* number of bits of each number in the file, 8 or 16; 0 means floating-point */
+    int bits;
     struct picture_tone tone; /* the tone curve that the file states */
-    int left_px, top_px;      /* where an EXR's display window begins; otherwise 0 */
+    int left_px, top_px;      /* upper left corner of an EXR's display window; otherwise 0 */
 } ImportPicture;
 
 /* Reads a colour picture as linear light. An EXR has R, G and B in its first part, or in its only

@@ -79,7 +79,8 @@ static gboolean write_one(const struct maps_file *file, const char *folder) {
     return FALSE;
 }
 
-/* Writes a file into a folder of the user. */
+/* Writes a file into a folder of the user. Returns FALSE with an error, also if the file exists and
+ * replace is FALSE. */
 static gboolean write_output(const struct maps_file *file, const char *folder, gboolean replace,
                              GError **error) {
     g_autofree char *path = g_build_filename(folder, file->name, NULL);

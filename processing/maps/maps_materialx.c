@@ -5,7 +5,7 @@
 #include "maps.h"
 #include "maps_png.h"
 
-/* The names of the same input in standard_surface and OpenPBR. */
+/* The names of the inputs in one of the shading models, standard_surface or OpenPBR. */
 struct maps_materialx_names {
     const char *file, *node, *fixed;
     const char *base, *metallic, *specular, *roughness, *ior, *anisotropy;

@@ -19,7 +19,7 @@
 #define BETTER   0.9
 /* standard deviation of a pattern, relative to the mean, below which it gives no depth */
 #define FAINT   0.005
-#define NOTHING 0.06 /* maximum depth in texels that has no effect */
+#define NOTHING 0.06 /* depths up to this number of texels count as 0 */
 
 struct maps_register_search {
     int width, height, n; /* of the window; n is the number of views */

@@ -11,15 +11,16 @@
 #define EXPONENT 0.6F
 #define DARK     0.05F /* y0 of maps_fit.h, relative to the mean of Y */
 /* residuals beyond this number of standard deviations count less (Huber 1981) */
-#define HUBER         1.345
-#define STEPS         6
-#define ROUNDS        3
-#define ENOUGH        1e-4 /* relative decrease of the cost below which a round ends */
-#define STEP          1e-2F
-#define MAX_NORMAL    0.85F
-#define MIN_COSINE    1e-3F
-#define MIN_WEIGHT    0.02F
-#define WEAK          0.5  /* weight of the priors of factors, in pairs with a column of 1 */
+#define HUBER      1.345
+#define STEPS      6
+#define ROUNDS     3
+#define ENOUGH     1e-4 /* relative decrease of the cost below which a round ends */
+#define STEP       1e-2F
+#define MAX_NORMAL 0.85F
+#define MIN_COSINE 1e-3F
+#define MIN_WEIGHT 0.02F
+/* weight of the priors of the factors, as a number of pairs whose column is 1 */
+#define WEAK          0.5
 #define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ w² Y² */
 #define COLOUR_ROUNDS 5
 /* standard deviations up to which squares count; chosen with the material low_weave */

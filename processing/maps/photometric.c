@@ -7,14 +7,15 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define BLOCK       256  /* number of texels of one call */
-#define SAMPLES     1536 /* number of texels from which σ is estimated */
-#define BINS        8    /* number of ranges of |b|, with the same number of samples each */
-#define TRIPLES     160  /* maximum number of triples that are tried */
-#define TRUNCATED   3.0  /* in σ: all larger differences count as much as this one */
-#define SHADOW      0.35 /* share of the expected value below which a light is in shadow */
-#define IMPLAUSIBLE 3.0  /* weight of a light that is dimmer without a cause, relative to others */
-#define AGREES      3.5  /* in σ: maximum difference of a light that agrees */
+#define BLOCK     256  /* number of texels that a thread solves at a time */
+#define SAMPLES   1536 /* number of texels from which σ is estimated */
+#define BINS      8    /* number of ranges of |b|, with the same number of samples each */
+#define TRIPLES   160  /* maximum number of triples that are tried */
+#define TRUNCATED 3.0  /* in σ: all larger differences count as much as this one */
+#define SHADOW    0.35 /* share of the expected value below which a light is in shadow */
+/* weight of a light that is dimmer than expected but not in shadow, relative to other lights */
+#define IMPLAUSIBLE 3.0
+#define AGREES      3.5 /* in σ: maximum difference of a light that agrees */
 #define ROUNDS      12
 /* iterations of least squares over the lights that the surface faces */
 #define TURNS 3

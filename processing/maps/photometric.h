@@ -34,9 +34,10 @@ enum photometric_cause {
     PHOTOMETRIC_DARK, /* no light shows the texel: no value is above the noise */
     /* fewer than three lights are left without saturated and missing values */
     PHOTOMETRIC_FEW,
-    PHOTOMETRIC_CONTRADICT, /* more lights contradict Lambert's law than agree with it */
-    PHOTOMETRIC_FLAT,       /* the lights that agree lie nearly in a plane: error above 20° */
-    PHOTOMETRIC_AWAY,       /* the normal points away from the camera: n_z ≤ 0 */
+    /* too few of the lights that the surface faces agree with Lambert's law */
+    PHOTOMETRIC_CONTRADICT,
+    PHOTOMETRIC_FLAT, /* the lights that agree lie nearly in a plane: error above 20° */
+    PHOTOMETRIC_AWAY, /* the normal points away from the camera: n_z ≤ 0 */
     PHOTOMETRIC_CAUSES,
 };
 /* Returns a text for messages: "are dark under all lights", … */

@@ -7,10 +7,10 @@
 
 struct input {
     char *path;   /* absolute */
-    char *sha256; /* as in the session; NULL if it is not to be checked */
+    char *sha256; /* checksum in the session; NULL if the file is not to be checked */
     gint64 shot;
     int width, height;    /* size of the camera's pictures */
-    double turntable_deg; /* in the middle of the exposure */
+    double turntable_deg; /* angle of the turntable in the middle of the exposure */
 };
 
 void input_clear(struct input *input);

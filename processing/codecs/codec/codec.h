@@ -13,18 +13,20 @@
 
 /* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
-    /* distinguishes it from other materials: the name of the file or session, or the name of a
+    /* name that distinguishes the material from others: that of its file or session, or of a
      * method */
     char *label;
-    const char *kind; /* "btf", or the name of its codec */
+    const char *kind; /* "btf", or the name of the material's codec */
     const struct btf_layout *layout;
     gint64 bytes; /* bytes in a renderer's memory; for a BTF those of its values as halves */
 };
 
 /* The input of encode(). */
 struct codec_job {
-    const struct btf_matrix *btf; /* with values in memory unless memory > 0 */
-    gconstpointer options;        /* the struct that the codec's option table describes */
+    /* the BTF to encode; its values are in memory unless memory > 0 */
+    const struct btf_matrix *btf;
+    /* values of the options, in the struct that the codec's option table describes */
+    gconstpointer options;
     /* maximum bytes for values and work; 0 if not limited. Only for bounded codecs */
     gint64 memory;
     const struct work *work; /* never NULL */
@@ -44,7 +46,8 @@ struct codec_result {
     double error;
     double exact_error; /* the same ratio before the numbers were rounded */
     double luminance_error; /* mean |Y − Ŷ| of the luminance; −1 if the codec does not compute it */
-    gboolean packed;        /* bytes are counted in the file, not in a renderer's memory */
+    /* whether the size of the result is that of its file, not that in a renderer's memory */
+    gboolean packed;
 };
 
 struct codec;
@@ -82,8 +85,8 @@ struct codec_texels {
 };
 
 struct codec {
-    const char *name;  /* the argument of --method, and mesorig.kind of its files */
-    const char *title; /* for people, as in "local PCA" */
+    const char *name;  /* argument of --method, and mesorig.kind in the codec's files */
+    const char *title; /* name for people, as in "local PCA" */
     const char *help;  /* one sentence without a full stop that describes the codec */
     int variant;       /* distinguishes codecs that share their functions */
 
@@ -96,8 +99,9 @@ struct codec {
      * says how, or NULL if they do not. The member may be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
-    gboolean bounded;   /* encode() keeps within --memory */
-    gboolean resumable; /* encode() stores its state in a checkpoint and can continue from it */
+    gboolean bounded; /* whether encode() keeps within --memory */
+    /* whether encode() stores its state in a checkpoint, from which it can continue */
+    gboolean resumable;
     /* “mesorig process” writes products/NAME.exr, so that “mesorig compress” needs -o */
     gboolean from_process;
 
@@ -114,8 +118,8 @@ struct codec {
     char *(*describe_file)(const struct exr_file *file);
 
     void (*free)(gpointer model);         /* NULL is ignored */
-    gsize layout;                         /* offset of a model's struct btf_layout */
-    gint64 (*bytes)(gconstpointer model); /* bytes in a renderer's memory */
+    gsize layout;                         /* offset of the struct btf_layout in a model */
+    gint64 (*bytes)(gconstpointer model); /* bytes of a model in a renderer's memory */
     /* Reconstructs one texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B). Evaluates only these values and
@@ -126,7 +130,7 @@ struct codec {
     /* Optional. Returns n if the model's views and lights are the n × n samples of
      * direction_grid.h, or 0 if they are the measured directions. */
     int (*grid)(gconstpointer model);
-    gsize error; /* offset of a model's relative RMS error, a double; 0 if a model has none */
+    gsize error; /* offset of the relative RMS error (double) in a model; 0 if there is none */
     /* Optional. Reads all mip levels of a file: models from level 0 on, with a free function. NULL
      * if the files of the codec have only level 0. */
     GPtrArray *(*read_levels)(const char *path, GError **error);

@@ -17,8 +17,9 @@
 /* maximum angle between directions that count as the same, in degrees */
 #define SAME       0.01F
 #define MAX_FLOATS (32 << 20) /* maximum number of values of the pictures of a material */
-#define TIMED_US   50000      /* duration of a measurement of time */
-#define TIMED      256        /* pairs of directions, and texels, of that measurement */
+#define TIMED_US   50000      /* duration of the measurement of compare_evaluation_ns() */
+/* number of pairs of directions, each with a texel, in a round of that measurement */
+#define TIMED 256
 
 /* Sums over the values of one view, of one light or of all. */
 struct compare_totals {

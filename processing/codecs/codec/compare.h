@@ -13,7 +13,7 @@ struct compare_sums {
     double error;
     double luminance_error; /* mean of |Y_A − Y_B| (Meseth et al. 2003, Table 1) */
     double delta_e;         /* mean CIEDE2000, relative to the white diffuser of pipeline.h */
-    double psnr_db;         /* of all values (metrics/psnr.h); ∞ if they are equal */
+    double psnr_db;         /* PSNR of all values (metrics/psnr.h); ∞ if they are equal */
 };
 
 struct comparison {

@@ -29,7 +29,8 @@ gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError 
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error);
 
-/* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
+/* Callback that gives the column of A for one view: n_lights × height × width × 3 floats (R, G,
+ * B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
 /* Allocates and fills weights and maps. The caller has set all other members. The entry of each W_i
@@ -55,8 +56,8 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {
-    /* bytes for columns in addition to the result; at least one column is held. 0 means
-     * EIGENMAPS_MEMORY */
+    /* maximum bytes for columns in addition to the result; at least one column is in memory. 0
+     * means EIGENMAPS_MEMORY */
     gsize memory;
     /* 0, or the error to reach. n_terms is then the maximum number of terms, and is lowered to the
      * smallest number that reaches the error. If no number does, the computation fails */

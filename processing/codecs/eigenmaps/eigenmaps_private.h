@@ -3,7 +3,8 @@
 
 #include "eigenmaps.h"
 
-#define EIGENMAPS_CHUNK 2048 /* rows that are multiplied together, in double precision */
+/* number of rows that are converted to doubles and multiplied at a time */
+#define EIGENMAPS_CHUNK 2048
 
 /* A computation on the matrix A (rows × n_views), which is read by columns. */
 struct eigenmaps_job {

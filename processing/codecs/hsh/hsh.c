@@ -129,7 +129,8 @@ static void solve(const struct hsh_fit *fit, const gboolean *there, double *colu
                    &rank);
 }
 
-/* Computes A⁺ᵀ by solving for the unit matrix. */
+/* Returns A⁺ᵀ (n_lights × n_terms), the transposed pseudo-inverse of fit->design, by solving for
+ * the unit matrix. g_free() */
 static float *pseudo_inverse(const struct hsh_fit *fit) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * (gsize)n);

@@ -48,9 +48,10 @@ void lobes_start_rows(const struct lobes_start *start, int variant, const float 
 struct lobes_traits {
     const char *name;
     gboolean each_view; /* whether each view has a slice of values */
-    gboolean lobed;     /* has 1 … LOBES_MAX_LOBES lobes of 4 values */
-    gboolean facet;     /* ward, ashikhmin: a normal, a tangent and two roughnesses */
-    int n_values;       /* number of values of a texel of a slice, without the lobes */
+    gboolean lobed;     /* whether the model has 1 … LOBES_MAX_LOBES lobes of 4 values each */
+    /* whether the model has a normal, a tangent and two roughnesses (ward, ashikhmin) */
+    gboolean facet;
+    int n_values; /* number of values of a texel of a slice, without the lobes */
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 

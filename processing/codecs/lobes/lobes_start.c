@@ -117,7 +117,7 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
                        float *ret) {
     const int count = start->fit->n_lights;
     g_autofree float *left = g_new(float, count);
-    /* The exponent of a lobe that falls to a half at the mean distance of the lights. */
+    /* A lobe with this exponent falls to a half at the mean distance of the lights. */
     const float exponent =
         CLAMP(-logf(2) / logf(cosf(MIN(start->spacing, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
     float brightest = 0;

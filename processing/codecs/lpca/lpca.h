@@ -72,7 +72,8 @@ struct lpca {
     int n_grid;
     int *clusters;  /* height × width: k(x) */
     float *weights; /* w_i(x): height × width × n_components */
-    float *brdfs;   /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
+    /* E_i, the mean first: n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
+    float *brdfs;
     /* n_clusters × (n_components + 1): steps of brdfs if they have 8 bits, otherwise 1 */
     float *scales;
     float *light_scales; /* n_clusters × (n_components + 1) × n_lights; NULL if all are 1 */

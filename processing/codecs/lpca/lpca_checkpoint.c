@@ -4,7 +4,8 @@
 
 #include "btf/btf_checkpoint.h"
 
-#define KEPT_FORM 1 /* to be increased when the content of the checkpoint changes */
+/* version of the checkpoint's content; to be increased when the content changes */
+#define KEPT_FORM 1
 
 static const char *const names[] = {
     [LPCA_KEPT_MEAN] = "lpca.mean",       [LPCA_KEPT_AXES] = "lpca.axes",

@@ -9,7 +9,9 @@ struct lpca_target {
     gint64 bytes;     /* maximum of lpca_bytes() after rounding; 0 if not limited */
     int n_components; /* maximum number of components */
     enum lpca_quantise quantise;
-    int n_grid; /* grid of the eigen-BRDFs whose size counts, see lpca_resample.h; or 0 */
+    /* n of the grid to which the result will be resampled (lpca_resample.h), for its size; 0 if
+     * it will not */
+    int n_grid;
 };
 
 /* Tries 1, 2, 4, … clusters, as long as more clusters improve the result. options gives everything

@@ -399,7 +399,8 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
         keep(reduced, 0, G_MAXDOUBLE);
         lpca_enter(run, LPCA_CLUSTERING);
     }
-    if (run) { /* restored from the run's file if it has them; seeds are saved from now on */
+    /* takes the arrays from the checkpoint if it has them; the checkpoint has them from now on */
+    if (run) {
         reduced->k = run->state.k;
         lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
     }

@@ -218,7 +218,8 @@ static int samples_of(int texels, int r) {
     return MIN(texels, MAX(SAMPLES, 3 * r));
 }
 
-/* Computes mean and axes (r × d) of a sample of the texels, in run. */
+/* Sets run->mean and run->axes (r × d) to the mean and the principal axes of a sample of the
+ * texels. */
 static gboolean draw_axes(struct lpca_run *run, GError **error) {
     const struct team *team = run->options->team;
     const int threads = run->options->work.n_threads;
@@ -272,7 +273,8 @@ static void reduce_block(int block, gpointer data) {
             to[(gsize)i * r + j] -= run->offsets[j];
 }
 
-/* Reduces n × d values to rows of r dimensions, n × r. */
+/* Sets run->rows (n × r) to the texels' values (n × d), reduced to r dimensions. Continues from the
+ * checkpoint. */
 static gboolean reduce(struct lpca_run *run, GError **error) {
     const int blocks = (run->end - run->first + TEAM_ROWS - 1) / TEAM_ROWS;
     run->mean = g_new(float, run->d);

@@ -32,7 +32,8 @@ static float weight_scale(const struct lpca *lpca, int texel, int component) {
     return lpca->weight_scales[lpca->clusters[texel] * lpca->n_components + component];
 }
 
-/* Returns whole steps, w / s, if weights have 8 bits, otherwise w. */
+/* Returns the number that the file has for a weight w: whole steps w / s if weights have 8 bits,
+ * otherwise w. */
 static float stored_weight(const struct lpca *lpca, int texel, int component) {
     const float weight = lpca->weights[(gsize)texel * (gsize)lpca->n_components + (gsize)component];
     return lpca->quantise == LPCA_8BIT_WEIGHTS
@@ -146,8 +147,8 @@ static gboolean format_error(const char *path, GError **error, const char *what)
     return FALSE;
 }
 
-/* Returns NULL if there is no part of this size or no such channel, or if a value is not a
- * number. */
+/* Returns the values of a channel of a part. Returns NULL if there is no part of this size or no
+ * such channel, or if a value is not a number. */
 static const float *plane(const struct exr_file *file, const char *name, const char *channel,
                           int width, int height) {
     const struct exr_part *part = exr_file_part(file, name);

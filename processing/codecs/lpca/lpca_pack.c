@@ -20,7 +20,7 @@ struct rotations {
 struct lpca_packer {
     struct lpca *lpca; /* copy of the local PCA that is packed */
     int n_threads;
-    struct lpca_packed axes; /* all axes and scales, without numbers */
+    struct lpca_packed axes; /* all axes, and the scales; tables and maps are NULL */
     struct rotations rotations;
     float *tables, *maps; /* tables, maps: the rotated numbers, not yet rounded */
 };

@@ -38,7 +38,7 @@ GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     lzma_options_lzma options;
     const lzma_filter filters[] = {{LZMA_FILTER_LZMA2, &options}, {LZMA_VLI_UNKNOWN, NULL}};
     lzma_lzma_preset(&options, PRESET);
-    options.lc = 0; /* context of the previous byte does not help */
+    options.lc = 0; /* the previous byte does not help to predict the next one */
     GByteArray *ret = g_byte_array_new();
     gsize used = 0;
     g_byte_array_set_size(ret, (guint)lzma_stream_buffer_bound(plain->len));

@@ -106,7 +106,7 @@ struct lpca_run {
     const struct lpca_options *options;
     int n, d, columns; /* numbers of texels, of values of a texel, and of values of a view */
     int first, end;
-    float *mean; /* d: subtracted from the rows */
+    float *mean; /* d: mean of the sample, which is subtracted from the texels' values */
     int r;
     float *axes;    /* r × d: axes of the reduced space */
     float *offsets; /* r: products of axes and mean */
@@ -155,7 +155,8 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlo
  * lpca_run_error() has to find the error. */
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
-/* Calls lpca_error() for the texels and the team of the run. */
+/* Sets lpca->error as lpca_error() does, for the texels and the team of the run. Returns FALSE with
+ * an error if values cannot be read or the work is cancelled. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
 /* Convert to and from a file in memory. path is for errors. */

@@ -79,7 +79,8 @@ static void reduced_block(int block, gpointer data) {
                          MIN(from + LPCA_BLOCK, refine->run->end), refine->lpca->weights);
 }
 
-/* Computes sums of n rows, and of their squares. */
+/* Adds the sum of n rows to sums (columns), and the sum of their squared norms to *squares. part is
+ * a buffer. */
 static void add_rows(const float *rows, int n, gsize columns, float *part, double *sums,
                      double *squares) {
     memset(part, 0, sizeof(float) * columns);

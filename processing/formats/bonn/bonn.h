@@ -34,9 +34,10 @@
 GQuark bonn_error_quark(void);
 enum bonn_error {
     BONN_ERROR_IO,
-    BONN_ERROR_FORMAT,      /* the file is not a ".btf", or is truncated or inconsistent */
-    BONN_ERROR_UNSUPPORTED, /* of a kind that is not supported; the message says which */
-    BONN_ERROR_FULL,        /* the disk is full */
+    BONN_ERROR_FORMAT, /* the file is not a ".btf", or is truncated or inconsistent */
+    /* the file is of a kind that is not supported; the message says which */
+    BONN_ERROR_UNSUPPORTED,
+    BONN_ERROR_FULL, /* the disk is full */
 };
 
 #define BONN_CHANNELS 3
@@ -46,9 +47,9 @@ enum bonn_kind { BONN_BDI, BONN_BDI_SPARSE, BONN_FMF, BONN_DFMF };
 struct bonn_header {
     enum bonn_kind kind;
     char *setup, *sensor, *light_source,
-        *xml; /* converted to UTF-8; the writer writes NULL as "" */
+        *xml; /* texts, converted to UTF-8; the writer writes NULL as "" */
     double texels_a_mm;
-    double rgb_scale[BONN_CHANNELS]; /* as in the file; not applied */
+    double rgb_scale[BONN_CHANNELS]; /* scale of R, G, B in the file, which is not applied */
     gboolean cosine;                 /* whether values contain n·l */
     /* number of rotations of local frames, which are not applied */
     int n_rotations;

@@ -11,5 +11,6 @@ typedef void (*BrdfFunction)(const float light[3], const float view[3], float re
 /* The conversion of UTIA's numbers to f_r = scale · decode (number / divide); see utia.h. */
 struct brdf_coding {
     double divide, scale; /* 0 means 1 */
-    gboolean srgb;        /* decode converts from sRGB to linear; otherwise numbers are linear */
+    /* whether decode converts from sRGB to linear; if not, numbers are linear */
+    gboolean srgb;
 };

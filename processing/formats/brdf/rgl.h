@@ -33,7 +33,7 @@ void rgl_free(struct rgl *rgl); /* NULL is ignored */
 void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[3], float ret[3]);
 
 struct rgl_options {
-    gboolean isotropic; /* writes the mean of f over n_turns rotations about the normal */
+    gboolean isotropic; /* whether to write the mean of f over n_turns rotations about the normal */
     int n_turns;
     const char *description;
 };

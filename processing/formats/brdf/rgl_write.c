@@ -10,7 +10,7 @@
 #define N_THETA  18 /* number of directions of incidence: 0°, 5° … 85° */
 #define STEP_DEG 5.0
 #define N_PHI    25 /* number of azimuths of incidence in an anisotropic file: −180° … 180° */
-#define N_A      64 /* columns of ndf, sigma and vndf */
+#define N_A      64 /* number of columns (elevations) of ndf, sigma and vndf */
 /* number of azimuths of ndf, sigma and vndf; the tables have one more row, because the last row
  * repeats the first */
 #define N_B        48

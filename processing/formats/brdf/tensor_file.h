@@ -34,7 +34,7 @@ struct tensor_field {
     int n_dimensions;
     gsize shape[TENSOR_FILE_DIMENSIONS];
     gsize n_values, bytes; /* number of the numbers, and their bytes */
-    void *values;          /* aligned as by g_malloc() */
+    void *values;          /* the numbers, aligned as by g_malloc() */
 };
 
 typedef struct tensor_file {

@@ -15,7 +15,7 @@
 #define PIXELS         ((gsize)UTIA_SIDE * UTIA_SIDE)
 
 struct utia {
-    float values[3][PIXELS]; /* of light · UTIA_SIDE + view */
+    float values[3][PIXELS]; /* of each colour: f_r at light · UTIA_SIDE + view */
 };
 
 #define BYTES (3 * PIXELS * sizeof(double))

@@ -37,7 +37,7 @@ struct export_rti_options {
     /* TRUE: six terms for each colour; FALSE: six terms for the brightness, and a colour (LRGB) */
     gboolean rgb;
     int view; /* index; −1 means the view nearest to the normal */
-    /* replaces the files of an existing folder; otherwise an existing folder is an error */
+    /* whether to replace the files of an existing folder, which is otherwise an error */
     gboolean replace;
 };
 
@@ -45,7 +45,7 @@ struct export_rti_result {
     int width, height, n_lights;
     int view;
     double theta_deg;      /* angle of the view from the normal */
-    double error;          /* RMS, sRGB, see struct rti_fit_result */
+    double error;          /* RMS difference in sRGB, see struct rti_fit_result */
     gint64 clipped, holes; /* numbers of values that were clipped, and of holes */
 };
 

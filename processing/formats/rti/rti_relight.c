@@ -122,7 +122,7 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
         return fail_folder(folder, error);
     GError *failed = NULL;
     const gboolean ok = write_files(beside, rti, lights, n, texel_mm, &failed);
-    if (failed) { /* the folder is removed: the error must name the final folder */
+    if (failed) { /* the temporary folder is removed, and the error must name the final folder */
         g_auto(GStrv) parts = g_strsplit(failed->message, beside, -1);
         g_autofree char *message = g_strjoinv(folder, parts);
         g_set_error_literal(error, failed->domain, failed->code, message);
