@@ -262,7 +262,7 @@ static gboolean session_db_check(Session *session, GError **error) {
     return TRUE;
 }
 
-/* Checks that session.db exists, and that it and the files that SQLite opens beside it are regular
+/* Checks that session.db exists, and that it and the files that SQLite opens next to it are regular
  * files. SQLite would block on a FIFO. */
 static gboolean check_file(const Session *session, const char *file, GError **error) {
     static const char *const beside[] = {"", "-wal", "-shm", "-journal"};

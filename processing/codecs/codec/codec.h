@@ -44,7 +44,7 @@ struct codec_result {
     /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file; for eigen-maps
      * before */
     double error;
-    double exact_error; /* the same ratio before the numbers were rounded */
+    double exact_error; /* ‖A − Â‖_F / ‖A‖_F before the numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ| of the luminance; −1 if the codec does not compute it */
     /* whether the size of the result is that of its file, not that in a renderer's memory */
     gboolean packed;

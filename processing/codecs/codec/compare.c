@@ -290,8 +290,8 @@ gboolean compare_model(const struct codec *codec, gconstpointer model, const str
     return TRUE;
 }
 
-/* Gives a random direction whose angle to the normal is at most 78°. The directions are distributed
- * evenly over that part of the sphere. */
+/* Gives a random direction whose angle to the normal is at most 78.5°. The directions are
+ * distributed evenly over that part of the sphere. */
 static void random_direction(GRand *random, float ret[3]) {
     const double z = g_rand_double_range(random, 0.2, 1), r = sqrt(1 - z * z);
     const double phi = g_rand_double_range(random, 0, 2 * G_PI);

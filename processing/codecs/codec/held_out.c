@@ -115,10 +115,9 @@ struct held_out_pairs {
     struct codec_tables tables; /* directions of the model (place.h) */
     int *indices;               /* lists of measured directions, to which all places point */
     float *weights;
-    struct codec_place
-        /* n_views × n_lights; n_views in the query is 0 if the view or the light is on or below
-         * the horizon */
-        *places;
+    /* n_views × n_lights; n_views in the query is 0 if the view or the light is on or below the
+     * horizon */
+    struct codec_place *places;
 };
 
 static void measured(gconstpointer data, int texel, float *ret) {

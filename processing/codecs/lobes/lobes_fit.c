@@ -172,8 +172,8 @@ LANES_INLINE lanes ward_exponent(const struct prepared_facet *f, lanes hx, lanes
     return e;
 }
 
-/* Computes the same for Ashikhmin: E = q (U hx² + V hy²), q = ln hn / (1 − hn²). Near the normal, q
- * = −1/2 and dq/dhn = 1/2. */
+/* Computes the exponent E of Ashikhmin's distribution, and the derivatives as ward_exponent() does.
+ * E = q (U hx² + V hy²), q = ln hn / (1 − hn²). Near the normal, q = −1/2 and dq/dhn = 1/2. */
 LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, lanes hy, lanes hn,
                                       lanes ret[5]) {
     const lanes high = lanes_max(hn, lanes_all(1e-3F)), rest = 1.0F - high * high;

@@ -138,8 +138,8 @@ static void sum_view(int view, gpointer data) {
 }
 
 /* Computes the mean of cluster k, E_0 = a + off, where a is the run's mean and off = Σ (x − a) / n
- * over the cluster's n rows x. Also computes the residual of the mean alone, and Σ ‖x‖²:
- *   Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖²,   Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
+ * over the cluster's n rows x. Also computes the residual of the mean without components, and Σ
+ * ‖x‖²: Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖², Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
 static void finish_mean(const struct refine *refine, int k) {
     const GArray *members = g_ptr_array_index(refine->reduced->members, k);
     const struct lpca_run *run = refine->run;

@@ -18,10 +18,9 @@ struct mdf_codec_job {
 };
 
 struct mdf_codec_result {
-    int n_terms,
-        /* n_terms: number of maps; n_traced: number of views that were traced along the surface;
-         * both 0 if the file has no maps */
-        n_traced;
+    /* n_terms: number of maps; n_traced: number of views that were traced along the surface; both 0
+     * if the file has no maps */
+    int n_terms, n_traced;
     gint64 bytes;    /* bytes in the memory of a renderer */
     double error_mm; /* RMS over the measured, visible texels */
     double max_mm;   /* 99th percentile of the absolute error */
