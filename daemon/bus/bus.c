@@ -47,9 +47,10 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->rig.guardian, TRUE);
     bus->rig.devices = devices_open(path, &failed);
     if (!bus->rig.devices) {
-        /* A device that has not answered may give light. If another process has the device open,
-         * that process is responsible for it. Errors of other domains are mistakes in the rig file,
-         * which are found before any device is opened. */
+        /* A device that has not answered may give light, so the guardian takes over. If another
+         * process has the device open (DEVICE_ERROR_BUSY), that process is responsible for the
+         * light. Errors of other domains are mistakes in the rig file, which are found before any
+         * device is opened. */
         const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->rig.guardian,
                      failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
@@ -126,7 +127,8 @@ void bus_close_rig(Bus *bus) {
 }
 
 /* Ends all operations, switches every light off and stops every axis. A device that does not
- * confirm appears in the property Unsafe. Without a rig, only calls that have not begun end. */
+ * confirm appears in the property Unsafe. Without a rig, it only ends calls about which polkit has
+ * not answered yet. */
 static void make_safe(gpointer data) {
     Bus *bus = data;
     g_autoptr(GError) error = NULL;

@@ -15,12 +15,13 @@ typedef struct Bus Bus;
 typedef void (*BusFunc)(Bus *bus, gpointer data);
 
 /* Makes a bus. address is the address by which clients reach it: "system", "session" or a D-Bus
- * address. While a session is captured, it is written to the file "control" of the session
+ * address. While a session is captured, address is written to the file "control" of the session
  * directory. */
 Bus *bus_new(const char *address);
 
-/* Closes the session in its present state, so that it can be resumed, and makes the rig safe.
- * Returns TRUE if every device has confirmed that it is safe. Runs the main loop. */
+/* Ends all operations, closes the session in its present state, so that it can be resumed, and
+ * makes the rig safe. Returns TRUE if every device has confirmed that it is safe, or if no rig is
+ * open. Runs the main loop. */
 gboolean bus_end(Bus *bus, GError **error);
 
 /* Makes the rig safe, closes the session (it can be resumed) and the devices, and removes the
@@ -36,25 +37,26 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 /* Does the same as the method OpenRig. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
-/* Keeps a queue of sessions in this file (queue.h), and captures them while a rig is open. It
- * is called once, before any client calls. If the file cannot be used, there is no queue. The log
- * and the answers to calls about the queue then say so, and the rig serves all other calls. */
+/* Keeps a queue of sessions in this file (queue.h), and captures the sessions while a rig is open.
+ * Call it at most once, before any client calls. If the file cannot be used, there is no queue. The
+ * log and the answers to calls about the queue then say so, and the rig serves all other calls. */
 void bus_keep_queue(Bus *bus, const char *path);
 
 gboolean bus_has_rig(const Bus *bus); /* whether a rig is open */
 
-/* Returns one line for users: "running, 12 % (120 of 1000 shots), 1 h 20 min left". Free it with
- * g_free(). */
+/* Returns one line for users: "running, 12 % (120 of 1000 shots), 1 h 20 min left". Without a
+ * session, it is only the state, for instance "idle". Free it with g_free(). */
 char *bus_status(Bus *bus);
 
-/* Sets a function that is called when a client has closed its connection. Only the first client
- * that opened a rig or began a session counts. Clients that only watch do not count. */
+/* Sets a function that is called when the main client has closed its connection. The main client is
+ * the first client that called OpenRig, Start or Resume. */
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
-/* A server for clients of the same user. Only the kernel authenticates them (EXTERNAL). address is
- * "unix:path=…"; a stale socket at that path is replaced. The rig is shown on every connection.
- * Commands of the same user find the daemon by bus_client.h. A client is refused if too few
- * descriptors would be left for devices and files, or if its process has too many connections. */
+/* Starts a server for clients of the same user. The kernel tells the server the user of each client
+ * (D-Bus authentication EXTERNAL). address is "unix:path=…"; a stale socket at that path is
+ * replaced. The rig is shown on every connection. Commands of the same user find the daemon by
+ * bus_client.h. A client is refused if too few descriptors would be left for devices and files, or
+ * if its process has too many connections. */
 typedef struct BusServer BusServer;
 BusServer *bus_serve(Bus *bus, const char *address, GError **error);
 

@@ -11,12 +11,13 @@
 /* Largest number of questions that wait for polkit, for all clients. */
 #define MAX_QUESTIONS 64
 
-/* Long enough for somebody to type a password. */
+/* Times to wait for polkit's answer: without and with a dialog in which the user types a password.
+ * */
 #define ANSWER_S      25
 #define INTERACTION_S 120
 
-/* Every method of etc/org.mesorig.Rig1.xml. acts says that the method gives light, moves or begins
- * a session. Such a method is refused while the rig is held in its safe state. */
+/* Every method of etc/org.mesorig.Rig1.xml. acts is TRUE if the method gives light, moves an axis
+ * or begins a session. Such a method is refused while the rig is held in its safe state. */
 static const struct {
     const char *method, *action;
     gboolean acts;
@@ -31,7 +32,7 @@ static const struct {
     {"Pause", ACTION("capture"), FALSE},
     {"Continue", ACTION("capture"), TRUE},
     {"Abort", ACTION("capture"), FALSE},
-    {"QueueAdd", ACTION("capture"), TRUE}, /* like Start */
+    {"QueueAdd", ACTION("capture"), TRUE}, /* with another calibration, the action is "calibrate" */
     {"QueueRemove", ACTION("capture"), FALSE},
     {"QueueMove", ACTION("capture"), FALSE},
     {"QueuePause", ACTION("capture"), FALSE},
@@ -40,14 +41,15 @@ static const struct {
     {"SetLamp", ACTION("move"), TRUE},
     {"MoveAxis", ACTION("move"), TRUE},
     {"HomeAxis", ACTION("move"), TRUE},
-    {"SetLaser", ACTION("laser"), TRUE}, /* like SetLamp */
+    {"SetLaser", ACTION("laser"), TRUE}, /* switching off is always allowed, as for SetLamp */
     {"Renew", NULL, TRUE},               /* for lights that the client was allowed to switch on */
     {"Release", ACTION("release"), FALSE},
     {"SafeState", NULL, FALSE},
 };
 
 struct question {
-    struct bus_authority *authority; /* NULL if it was stopped and the call is answered */
+    struct bus_authority
+        *authority; /* NULL if the question was stopped and its call has been answered */
     GDBusMethodInvocation *invocation;
     const char *action;
     GCancellable *cancellable;
@@ -77,7 +79,8 @@ static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     return !on;
 }
 
-/* If a call may not begin because of the safe state, answers it with an error. */
+/* If a call may not begin because of the safe state, answers the call with an error and returns
+ * TRUE. */
 static gboolean refuse_latched(struct bus_authority *authority, GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     GError *error = NULL;

@@ -1,7 +1,8 @@
 /*
- * Decides who may call which method on the system bus. The bus's policy file decides who may call
- * at all. Polkit decides what each of these users may do (etc/polkit). Polkit is asked before a
- * call reaches its handler, and the main loop never waits for it. Polkit is not asked about
+ * Decides who may call which method on the system bus. The bus's policy file decides which users
+ * may call the daemon at all. Polkit decides which methods each of these users may call
+ * (etc/polkit). Polkit is asked before a call reaches its handler, and the main loop never waits
+ * for it. Polkit is not asked about
  * - SafeState, which bus_latch.c answers,
  * - Renew,
  * - a SetLaser or SetLamp that switches off,
@@ -23,14 +24,15 @@
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
 struct bus_authority {
-    GPtrArray *questions;    /* to polkit; a question is owned by the operation that it waits for */
+    GPtrArray *questions; /* of struct question: calls about which polkit has not answered yet; each
+                             is freed by its last callback */
     struct bus_latch *latch; /* borrowed */
-    gboolean asks;           /* whether the clients are those of the system bus */
+    gboolean asks;           /* TRUE on the system bus; FALSE if polkit is never asked */
 };
 
 void bus_authority_init(struct bus_authority *authority, struct bus_latch *latch,
                         const char *address);
-/* No question may be open. */
+/* Frees the list of questions. Call bus_authority_stop() first. */
 void bus_authority_clear(struct bus_authority *authority);
 
 /* Makes a skeleton that asks polkit about each call before its handler runs. authority is borrowed

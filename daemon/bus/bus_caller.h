@@ -1,5 +1,5 @@
-/* A user with the groups that the kernel knows, and the user's rights to a folder. Any thread may
- * call the function. */
+/* A user who calls a method, with the user's groups, and the user's rights to a folder. Any thread
+ * may call the function. */
 #pragma once
 
 #include <gio/gio.h>
@@ -16,7 +16,7 @@ struct bus_caller {
  * yet, the caller must have the right to make it: each folder of the path must let the caller pass,
  * and the last one that exists must let the caller write. Owner, group and mode decide. Access
  * control lists are not read. In a folder with such a list, the mode shows the mask of the list as
- * the rights of the group. A process with more rights than its callers needs this check.
- * The error is BUS_ERROR_DENIED, with folder and mode. */
+ * the rights of the group. The daemon needs this check because it has more rights than its callers.
+ * The error is BUS_ERROR_DENIED; its message names the folder. */
 gboolean bus_caller_may_write(const struct bus_caller *caller, const char *directory,
                               GError **error);

@@ -2,8 +2,7 @@
 #include "bus_private.h"
 #include "bus_safety.h"
 
-/* Answers a failed method call with an error. Handlers emit changed properties before they return a
- * result, so that the client never reads an old state after its call. */
+/* Answers a failed method call with an error. Takes ownership of the error. */
 static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;

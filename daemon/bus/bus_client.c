@@ -98,7 +98,8 @@ static void on_cancelled(GCancellable *caller, gpointer stop) {
     g_cancellable_cancel(stop);
 }
 
-/* Replaces GLib's error, which names neither the address nor a remedy. */
+/* Returns an error to be shown instead of GLib's error why, which names neither the address nor a
+ * remedy. */
 static GError *explain(const struct attempt *attempt, const GError *why) {
     const char *address = attempt->address;
     if (g_error_matches(why, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT) ||

@@ -8,7 +8,8 @@
 
 #include <gio/gio.h>
 
-/* The environment variable with the address that is used if the command line names no daemon. */
+/* Environment variable with the address of the daemon. It is used if the command line names no
+ * daemon. */
 #define BUS_CLIENT_VARIABLE "MESORIG_ADDRESS"
 
 /* Returns the value of BUS_CLIENT_VARIABLE, or NULL if it is not set or empty. */
@@ -19,8 +20,8 @@ const char *bus_client_address(void);
 gboolean bus_client_is_bus(const char *value);
 #define BUS_CLIENT_NO_BUS "there is no --bus=%s; choose from: system, session"
 
-/* Returns the folder that contains the folders of daemons: XDG_RUNTIME_DIR, or else the folder for
- * temporary files. */
+/* Returns the folder that contains the folders of daemons: XDG_RUNTIME_DIR, or the folder for
+ * temporary files if the path of XDG_RUNTIME_DIR is too long for a socket or not writable. */
 const char *bus_client_folder(void);
 
 /* bus_client_make_folder() makes a folder in bus_client_folder() that only this user may read, and

@@ -10,7 +10,7 @@
  * floating. */
 GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe);
 
-/* Return the values of the properties Pose and Places. shot is NULL if none was taken. devices is
- * NULL if none are open. The results are floating. */
+/* Return the values of the properties Pose and Places. shot is the last shot, or NULL if no shot
+ * was taken. devices is NULL if no rig is open. The results are floating. */
 GVariant *bus_pose(const struct devices *devices, const struct session_shot *shot);
 GVariant *bus_places(const struct devices *devices);

@@ -17,7 +17,7 @@ enum bus_error {
     BUS_ERROR_LIMIT,
     BUS_ERROR_CANCELLED, /* another call has ended the operation of this call */
     BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */
-    BUS_ERROR_DENIED,    /* polkit or the rights of a file do not allow it to the caller */
+    BUS_ERROR_DENIED,    /* polkit or the rights of a folder do not allow the caller to do this */
 };
 
 /* Registers the names of all error domains that cross the bus. A GError is then transferred with a

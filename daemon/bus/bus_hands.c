@@ -17,7 +17,8 @@
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device in use by hand. Either a call waits for its answer, or the device gives light. */
+/* A device in use by hand. A call waits for its answer, the device gives light, or it is being
+ * switched off or stopped. */
 struct hand {
     struct bus_hands *hands;
     enum hand_kind kind;
@@ -28,15 +29,16 @@ struct hand {
     Axis *axis;
     const char *name;                  /* name of the device */
     GDBusMethodInvocation *invocation; /* the call that waits; NULL if there is none */
-    BusParked parked;                  /* called instead of an answer, if an axis is being parked */
+    BusParked parked; /* callback of bus_hands_park(); NULL for a device that a client uses */
     gpointer parked_data;
     GDBusConnection *connection; /* connection of the client */
     char *sender;                /* name of the client on a message bus, or NULL */
     guint watch;                 /* watch of that name */
-    gboolean off_asked;          /* the device was commanded off or to stop; then the use ends */
-    guint lease;                 /* source that ends the time for which the light is on */
+    /* the device was commanded off or to stop; the use ends when it has obeyed */
+    gboolean off_asked;
+    guint lease; /* timer for the end of the lease of a lamp or laser */
     gboolean homing;
-    guint warming; /* timer of the clock for the time when the light is stable */
+    guint warming; /* timer on the rig's clock for the moment when the light is stable */
     guint64 picture;
     int retakes;
 };
@@ -105,8 +107,8 @@ static void hand_drop(struct hand *hand) {
     bus_rig_show_devices(hands->rig);
 }
 
-/* Answers the call with the angle of the axis, or with success because the light is as
- * requested. */
+/* Answers the call. The call of an axis gets the angle of the axis. Calls done instead if the axis
+ * is being parked. */
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->hands->rig->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
@@ -141,7 +143,8 @@ static void hand_on_warm(gpointer data) {
     hand_answer(hand);
 }
 
-/* A lamp or laser has been switched. */
+/* Called when a lamp or laser has been switched on or off, or with the error if it has not obeyed.
+ * */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->hands->rig->devices->clock;
     if (!on && !hand->off_asked)
@@ -158,7 +161,8 @@ static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, cons
     }
 }
 
-/* All uses of a bank share its one listener. */
+/* Listener of a bank. A bank has only one listener, so it serves all lamps of the bank that are in
+ * use. index is −1 if all lamps of the bank are meant. */
 static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                          gpointer data) {
     struct bus_hands *hands = data;
@@ -250,8 +254,8 @@ static void hand_listen(struct hand *hand, gboolean listen) {
         axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
 }
 
-/* Switches off or stops the device of a client. Lights and axes stay in use until they have
- * confirmed it. */
+/* Switches off or stops the device of a client. A light stays in use until it has confirmed that it
+ * is off, and an axis until it stands still. */
 static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
@@ -376,8 +380,8 @@ static GError *check_hand(struct bus_hands *hands, GDBusMethodInvocation *invoca
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
                            "another client has %s on: try again when it is off", like->name);
-    /* An "off" may follow an "on" that is not answered yet. It may also join an "off" for which no
-     * call waits. */
+    /* A call that switches off may end a call that switches on and is not answered yet. It may also
+     * wait for a light that is already being switched off, if no other call waits for that. */
     const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
     if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
@@ -438,7 +442,8 @@ static gboolean rig_is_free(struct bus_hands *hands, GDBusMethodInvocation *invo
     return FALSE;
 }
 
-/* Answers that there is no such device; names lists the existing ones. */
+/* Answers the call with the error that there is no device of this name. names is the list of the
+ * existing devices. */
 static void refuse_name(GDBusMethodInvocation *invocation, const char *kind, const char *name,
                         const GString *names) {
     g_dbus_method_invocation_return_error(

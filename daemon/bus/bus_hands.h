@@ -1,12 +1,13 @@
 /*
- * Devices that clients use by hand, one at a time, while nothing is captured: pictures, lamps,
- * lasers and axes.
+ * Devices that clients use by hand, with one call for each device, while nothing is captured:
+ * cameras, lamps, lasers and axes.
  *
- * A lamp or laser is on for a lease. The daemon measures the lease in real time, and the client can
- * renew it. Every light that a client has switched on goes off, and every axis that it has set in
- * motion stops, when the lease is over, when the client disconnects, when an interlock opens, and
- * before a capture, SafeState or the end of the rig. Lasers and axes are refused while an interlock
- * is open. Owned by the Bus. All functions belong to the main loop's thread.
+ * A client switches a lamp or laser on for a limited time, its lease. The daemon measures the
+ * lease in real time, and the client can renew it. A light that a client has switched on goes off
+ * when its lease is over. Every light of a client goes off, and every axis that the client has set
+ * in motion stops, when the client disconnects, when an interlock opens, before a capture begins,
+ * at SafeState, and before the rig is closed. Lasers and axes are refused while an interlock is
+ * open. Owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -35,8 +36,9 @@ void bus_hands_move(struct bus_hands *hands, GDBusMethodInvocation *invocation, 
                     double deg);
 void bus_hands_home(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis);
 
-/* Restarts the leases of all lamps and lasers that the caller has switched on. *ret_n is their
- * number. The error is BUS_ERROR_LIMIT if for_s is out of range. */
+/* Restarts the leases of all lamps and lasers that the caller has switched on, for for_s seconds.
+ * *ret_n is the number of these lights. The error is BUS_ERROR_NO_RIG or BUS_ERROR_BUSY if no rig
+ * is open or it is being closed, and BUS_ERROR_LIMIT if for_s is out of range. */
 gboolean bus_hands_renew(struct bus_hands *hands, GDBusMethodInvocation *invocation, double for_s,
                          guint *ret_n, GError **error);
 
@@ -47,8 +49,8 @@ typedef void (*BusParked)(gpointer data, const GError *error);
 gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpointer data,
                         GError **error);
 
-/* Starts to listen to the interlocks of a rig that was opened, or stops before the rig is
- * closed. */
+/* Starts (watch is TRUE) or stops to listen to the interlocks of the rig. Call it after the rig was
+ * opened and before it is closed. */
 void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
 /* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
@@ -59,6 +61,6 @@ void bus_hands_stop(struct bus_hands *hands, const char *why);
  * now on. */
 void bus_hands_end(struct bus_hands *hands, const char *why);
 
-/* Ends, in the same way, everything that a client has begun. Call it when the connection of the
- * client has closed. */
+/* Ends, as bus_hands_stop() does, the use of all devices by one client. Call it when the connection
+ * of the client has closed. */
 void bus_hands_end_client(struct bus_hands *hands, GDBusConnection *connection);

@@ -8,8 +8,9 @@
 #define MAX_CHECKS 4
 
 struct bus_job {
-    struct bus_jobs *jobs;             /* NULL if the job was stopped */
-    GDBusMethodInvocation *invocation; /* NULL if it was answered, or if there is none */
+    struct bus_jobs *jobs; /* NULL if the job was stopped */
+    GDBusMethodInvocation
+        *invocation; /* NULL if the call was answered, or if the job is for the queue */
     GCancellable *cancellable;
     enum preparer_task task;
     char *directory;

@@ -9,7 +9,8 @@
 
 struct bus_jobs {
     struct bus_rig *rig; /* borrowed */
-    GPtrArray *list;     /* of struct bus_job; the operation that a job waits for owns it */
+    GPtrArray *list; /* of struct bus_job: jobs that are not answered yet; each is freed when its
+                        child has ended */
     struct preparer_limits limits[PREPARER_TASKS];
 };
 
@@ -28,7 +29,8 @@ void bus_jobs_start(struct bus_jobs *jobs, struct preparer_request *request,
                     GDBusMethodInvocation *invocation, BusJobDone done, gpointer data,
                     GDestroyNotify free_data);
 
-/* Returns whether a session may be checked for this call. The error is BUS_ERROR_BUSY. */
+/* Returns whether a session may be checked for this call. The error is BUS_ERROR_BUSY if the client
+ * already has a session checked, or if too many sessions are being checked. */
 gboolean bus_jobs_may_check(const struct bus_jobs *jobs, GDBusMethodInvocation *invocation,
                             GError **error);
 
@@ -39,8 +41,8 @@ const char *bus_jobs_beginning(const struct bus_jobs *jobs);
  * BUS_ERROR_BUSY. */
 gboolean bus_jobs_need_free(const struct bus_jobs *jobs, GError **error);
 
-/* Each function answers calls with BUS_ERROR_CANCELLED and kills their children.
- * bus_jobs_stop_begin() ends a Start or Resume, and returns FALSE if there is none.
+/* Each function answers calls with BUS_ERROR_CANCELLED and kills the children that work for these
+ * calls. bus_jobs_stop_begin() ends a Start or Resume, and returns FALSE if there is none.
  * bus_jobs_stop_all() ends all calls. bus_jobs_stop_client() ends the calls of a client that has
  * disconnected. */
 gboolean bus_jobs_stop_begin(struct bus_jobs *jobs, const char *why);

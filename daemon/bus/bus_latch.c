@@ -22,15 +22,16 @@ struct safe_call {
 
 struct bus_latch {
     GMainContext *context;
-    /* Used only by the main loop; NULL after it was closed. */
+    /* Used only by the main loop; rig is NULL after bus_latch_close(). */
     struct bus_rig *rig;
     void (*make_safe)(gpointer data);
     gpointer data;
-    /* Used only by the main loop: the devices were commanded off, and there was no Release since.
-     */
+    /* Used only by the main loop: whether the devices were commanded off by a SafeState that no
+     * Release has ended yet.
+     * */
     gboolean told;
-    /* Used only by the main loop: checks whether the devices have answered. NULL if there is
-     * none. */
+    /* Used only by the main loop: timer that checks whether the devices have answered; NULL if no
+     * call waits. */
     GSource *look;
     GThread *thread; /* answers calls that are late */
     GMutex lock;     /* guards the fields below */
@@ -63,7 +64,8 @@ void bus_latch_unref(gpointer latch) {
     g_atomic_rc_box_release_full(latch, latch_clear);
 }
 
-/* Answers the calls that arrived at until_us or earlier. body is owned by the caller, or NULL. */
+/* Answers the SafeState calls that arrived at until_us or earlier: with an error if error is set,
+ * otherwise with body. body is owned by the caller, or NULL. */
 static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *body,
                          const GError *error) {
     for (;;) {
@@ -78,8 +80,9 @@ static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *bod
     }
 }
 
-/* Answers late calls while the main loop is busy, for instance because it opens a rig. No light is
- * switched on meanwhile, and the devices are commanded next. */
+/* Answers the calls that arrived at until_us or earlier while the main loop is busy, for instance
+ * because it opens a rig. The answer says that the rig is not yet safe. The latch is set, so no
+ * light is switched on meanwhile. The main loop commands the devices as soon as it is free. */
 static void answer_late(struct bus_latch *latch, gint64 until_us) {
     GVariantBuilder devices;
     g_variant_builder_init(&devices, G_VARIANT_TYPE("a(sss)"));
@@ -179,7 +182,8 @@ static void start_looking(struct bus_latch *latch) {
     on_look(latch);
 }
 
-/* Refuses SafeState, because without a rig there is nothing to hold. */
+/* Refuses all waiting SafeState calls, because without a rig there is nothing to make safe.
+ * Restores the latch to its state before these calls. */
 static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     g_mutex_lock(&latch->lock);
     latch->is_set = latch->told;
@@ -187,8 +191,8 @@ static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     answer_calls(latch, G_MAXINT64, NULL, error);
 }
 
-/* Returns whether devices have not yet answered an earlier SafeState. A further SafeState does not
- * command them again. */
+/* Returns whether some device has not yet answered an earlier SafeState. A further SafeState then
+ * does not command the devices again. */
 static gboolean is_under_way(struct bus_latch *latch) {
     enum device_safety safety = DEVICE_SAFE;
     if (latch->told && latch->rig->devices)

@@ -1,7 +1,8 @@
 /*
- * The safe state as a latch. GDBus's thread takes the call SafeState before the main loop sees it.
- * From that moment on, every call that switches on, moves or begins a session is refused. This
- * includes a call that arrived earlier and has not begun. The latch ends with Release.
+ * The latch of the safe state. SafeState sets it, and Release ends it. GDBus's thread takes the
+ * call SafeState before the main loop sees the call. From that moment on, every call that switches
+ * on, moves or begins a session is refused. This includes a call that arrived earlier and has not
+ * begun.
  *
  * SafeState is answered within a quarter of a second. A device that has not answered by then is
  * reported as "commanded only". If the main loop is busy, a thread of the latch answers.
@@ -10,14 +11,15 @@
 
 #include "bus_rig.h"
 
-/* Makes a latch for this rig, which is borrowed. make_safe is called in the main loop when
- * SafeState was called and the devices have to be commanded, or when no rig is open. The latch
- * holds a reference to itself until bus_latch_close(). */
+/* Makes a latch for this rig, which is borrowed. After a SafeState, make_safe is called in the main
+ * loop, also if no rig is open. It is not called if the devices are still obeying an earlier
+ * SafeState, or if the rig is being closed. The latch holds a reference to itself until
+ * bus_latch_close(). */
 struct bus_latch *bus_latch_new(struct bus_rig *rig, void (*make_safe)(gpointer data),
                                 gpointer data);
 
-/* Answers all calls that wait, because the bus is being closed. Belongs to the main loop's
- * thread. */
+/* Answers all SafeState calls that wait with BUS_ERROR_CANCELLED, ends the latch's thread and
+ * releases the latch's own reference. Belongs to the main loop's thread. */
 void bus_latch_close(struct bus_latch *latch);
 
 struct bus_latch *bus_latch_ref(struct bus_latch *latch);

@@ -1,6 +1,6 @@
 /*
- * The Bus puts its parts together. Each part has a header of its own and knows only the parts that
- * it is given:
+ * The Bus puts its parts together. Each part has its own header and uses only the parts to which
+ * it gets a pointer:
  * - bus_rig.h: the rig, and who uses it; bus_safety.h: its safety
  * - bus_latch.h: the safe state; bus_queue.h: calls that wait
  * - bus_authority.h: who may call which method
@@ -32,7 +32,7 @@ struct Bus {
     struct bus_unattended *unattended;
     BusFunc func;
     gpointer data;
-    GDBusConnection *client; /* the client that started the capture; only compared */
+    GDBusConnection *client; /* the main client (bus_listen_client()); not owned, only compared */
     BusFunc client_gone;
     gpointer client_data;
 };
@@ -42,18 +42,19 @@ gboolean bus_need_absolute(const char *path, GError **error);
 
 /* Ends all operations, and waits until every device of a rig with real devices has confirmed that
  * it is off or stands still. The error is BUS_ERROR_BUSY if a device has not confirmed. The rig
- * then stays open, and the device is commanded until it confirms. Runs the main loop. */
+ * then stays open, and the command to the device is repeated until the device confirms. Runs the
+ * main loop. */
 gboolean bus_can_close(Bus *bus, GError **error);
 
 /* Closes the rig. Devices that have not confirmed are left to the guardian and are not closed.
- * Closing them would wait for their answers, and the guardian could not use the lines meanwhile.
- * The program ends after this. */
+ * Closing them would wait for their answers, and the guardian could not use the lines meanwhile. If
+ * a device has not confirmed, the program must end after this. */
 void bus_close_rig(Bus *bus);
 
 /* Each function does the work of the method of the same name in a child process, and answers the
  * call when the child has ended. It returns FALSE if the call is refused immediately; its caller
- * then answers with the error. bus_start() does the work of Resume if session_path is NULL.
- * bus_add_to_queue() is QueueAdd. */
+ * then answers with the error. bus_start() does the work of Start, or that of Resume if
+ * session_path is NULL. bus_add_to_queue() does the work of QueueAdd. */
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                       const char *directory, GVariant *options, GError **error);
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,

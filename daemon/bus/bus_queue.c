@@ -5,13 +5,14 @@
 
 #include <string.h>
 
-/* Largest number of calls of one client, and of all clients, that may wait for the main loop. The
+/* Maximum number of calls of one client, and of all clients, that may wait for the main loop. The
  * loop handles all waiting calls in one iteration. A SafeState that arrives during that iteration
  * waits for its end. */
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
-/* The filter runs in GDBus's thread. All other functions run in the main loop's thread. */
+/* filter() and enter() run in GDBus's thread, all other functions in the main loop's thread. The
+ * lock guards of_client and n_waiting. */
 struct bus_queue {
     GMainContext *context;
     struct bus_latch *latch;
@@ -65,8 +66,9 @@ static void run_soon(struct bus_queue *queue, int priority, GSourceFunc func, gp
     g_source_attach(source, queue->context);
 }
 
-/* Counts a call. Returns the number of calls of the client that already wait, without this one, or
- * −1 if the queue is full. */
+/* Counts a call that arrives. Returns the number of earlier calls of the client that wait, or −1 if
+ * the queue is full. The call is counted only if the result is at least 0 and less than
+ * MAX_OF_CLIENT. */
 static int enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
     int n = GPOINTER_TO_INT(g_hash_table_lookup(queue->of_client, client));
@@ -94,9 +96,10 @@ static gboolean leave(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Counts a call until the main loop takes it. GDBus passes each call to the main loop by an idle
- * source of the default priority. leave() is queued just before, at the same priority,
- * and therefore runs just before the call. */
+/* Counts a call until the main loop handles it, passes SafeState to the latch, and refuses a call
+ * that is too much. GDBus passes each call to the main loop by an idle source of the default
+ * priority. leave() is queued just before, at the same priority, and therefore runs just before the
+ * call. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
     struct bus_queue *queue = data;

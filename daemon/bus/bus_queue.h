@@ -6,6 +6,7 @@
 #include "bus_latch.h"
 
 struct bus_queue *bus_queue_new(struct bus_latch *latch);
-/* Passes the calls that arrive on a connection through the queue. */
+/* Adds the queue to a connection: from now on, every call that arrives on the connection passes
+ * through the queue. */
 void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
 void bus_queue_close(struct bus_queue *queue);

@@ -1,8 +1,8 @@
-/* Answers to calls that did not reach the skeleton. */
+/* Answers to calls that are not passed on to the D-Bus skeleton. */
 #pragma once
 
 #include <gio/gio.h>
 
-/* Replies to a call. body is floating, owned by the caller, or NULL. Takes ownership of the error.
- * Any thread may call it. */
+/* Replies to a call: with error if it is set, otherwise with body. body is floating, owned by the
+ * caller, or NULL. Takes ownership of the error. Any thread may call it. */
 void bus_reply(GDBusConnection *connection, GDBusMessage *message, GVariant *body, GError *error);

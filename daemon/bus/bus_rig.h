@@ -17,7 +17,8 @@ struct bus_rig {
     struct devices *devices; /* NULL if no rig is open */
     char *path;
     Guardian *guardian; /* NULL if all devices are simulated */
-    gboolean ending;    /* the rig is being made safe for good: no operation begins any more */
+    /* the rig is being made safe before it is closed, and no operation may begin */
+    gboolean ending;
     /* The rig has been made safe, and its state was read back. Whoever switches on or moves a
      * device sets this to FALSE. */
     gboolean is_safe;
@@ -27,7 +28,8 @@ struct bus_rig {
     GHashTable *faults;   /* maps the name of a device to a message */
     /* Maps a device ("laser top") to the state that it has not confirmed (bus_safety.h). */
     GHashTable *unsafe;
-    /* Called when something has changed for which the queue of sessions may be waiting. */
+    /* Called when a device has become free or has confirmed that it is safe. The queue of sessions
+     * may be waiting for that. */
     void (*freed)(gpointer data);
     gpointer data;
 };
@@ -35,14 +37,15 @@ struct bus_rig {
 void bus_rig_init(struct bus_rig *rig, BusRig1 *object);
 void bus_rig_clear(struct bus_rig *rig);
 
-/* Returns whether a rig is open. Errors are BUS_ERROR_NO_RIG and BUS_ERROR_BUSY. */
+/* Returns whether a rig is open and is not being closed. Errors are BUS_ERROR_NO_RIG and
+ * BUS_ERROR_BUSY. */
 gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error);
 
 /* Returns an interlock that is open, or NULL. A rig must be open. */
 const Interlock *bus_rig_open_interlock(const struct bus_rig *rig);
 
-/* Sends an event to all clients and the log. An event of level "error" also becomes the fault of a
- * device. */
+/* Sends an event to all clients and the log. An event of level "error" also becomes the fault of
+ * the device source. */
 void bus_rig_report(struct bus_rig *rig, const char *level, const char *source,
                     const char *message);
 void bus_rig_show_devices(struct bus_rig *rig);
@@ -51,7 +54,7 @@ void bus_rig_show_devices(struct bus_rig *rig);
  * an old state after its call. */
 void bus_rig_flush(const struct bus_rig *rig);
 
-/* Holds the clock of a simulated rig, so that its time stands still until a client requests
- * something. Without this, faults that the rig simulates after some seconds could occur before the
- * first call. */
+/* If hold is TRUE, stops the clock of a simulated rig, so that its time stands still until a client
+ * requests something. Otherwise lets the clock run. Without this, faults that the rig simulates
+ * after some seconds could occur before the first call. */
 void bus_rig_hold_clock(struct bus_rig *rig, gboolean hold);

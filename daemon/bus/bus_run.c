@@ -23,7 +23,7 @@ static void on_event(Capture *capture, const char *level, const char *source, co
 }
 
 static void show_status(struct bus_run *run, const struct capture_status *status) {
-    /* Left_s is in real time. */
+    /* Remaining real time in seconds, or −1 if it is not known. */
     double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1;
     if (left_s >= 0 && clock_is_virtual(run->rig->devices->clock)) {
         /* The clock of a simulated rig does not run at the speed of real time. The ratio is
@@ -136,16 +136,16 @@ static void changed(Capture *capture, gpointer data) {
     run->hooks.shown(run->hooks.data);
 }
 
-/* Shows the state at intervals. While axes home, or during a long exposure, the capture reports
- * nothing. */
+/* Shows the state every second, because the capture reports nothing while axes home or during a
+ * long exposure. */
 static gboolean on_tick(gpointer data) {
     struct bus_run *run = data;
     changed(run->capture, run);
     return G_SOURCE_CONTINUE;
 }
 
-/* Writes the path of the rig file into the session, where it is missing or wrong because the file
- * has been moved since. */
+/* Writes the path of the rig file into the session if the session has no such path or another one.
+ * The rig file may have been moved since the session was made. */
 static void remember_rig(struct bus_run *run) {
     g_autoptr(Session) session = session_open(run->directory, SESSION_PRODUCTS, NULL);
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;

@@ -13,20 +13,21 @@ struct bus_run_hooks {
     void (*begun)(gpointer data);
     void (*changed)(const struct capture_status *status, gpointer data);
     void (*ended)(gpointer data); /* the capture has ended and released the session */
-    void (*shown)(gpointer data); /* clients see a changed state */
+    void (*shown)(gpointer data); /* the state that clients see has changed */
     gpointer data;
 };
 
 struct bus_run {
-    struct bus_rig *rig;     /* borrowed; captured is set here */
+    struct bus_rig *rig;     /* borrowed; this module sets rig->captured */
     struct bus_hands *hands; /* borrowed */
-    const char *address;     /* by which clients reach the daemon; borrowed */
+    const char *address;     /* address by which clients reach the daemon; borrowed */
     struct bus_run_hooks hooks;
-    Capture *capture; /* NULL if no capture is under way or paused */
+    Capture *capture; /* NULL if no capture is running or paused */
     char *directory;  /* directory of the session that is or was captured */
     Follower *follower;
-    gint64 started_us;        /* real time */
-    double started_elapsed_s; /* time on the rig's clock */
+    gint64
+        started_us; /* time of the monotonic clock when the capture began or last homed its axes */
+    double started_elapsed_s; /* time on the rig's clock when started_us was set */
     guint tick_id;            /* timer that shows the time during a capture */
     guint end_id;             /* the idle source that frees a capture that has ended */
     double thumbnail_time_s[RIG_MAX_CAMERAS];
@@ -49,6 +50,8 @@ void bus_run_end(struct bus_run *run);
 /* Calls bus_run_end(), ends the processing of the session, and forgets directory and pictures. */
 void bus_run_close(struct bus_run *run);
 
-/* Returns the camera's last picture. It is owned by run and valid until the main loop runs. */
+/* Returns the last thumbnail of a camera. It is owned by run and valid until the main loop runs
+ * again. Returns NULL with an error if no rig is open, the camera is unknown, nothing was captured,
+ * or the camera has not taken a picture yet. */
 const struct capture_thumbnail *bus_run_thumbnail(struct bus_run *run, const char *camera,
                                                   GError **error);

@@ -22,5 +22,6 @@ gboolean bus_safety_need(struct bus_rig *rig, GError **error);
 /* Returns whether a rig is open, nobody uses it, and the latch of the safe state is not set. */
 gboolean bus_safety_is_free(const struct bus_rig *rig);
 
-/* Holds the clock, unless the rig is not free or a device has not yet confirmed that it is off. */
+/* Holds the clock (bus_rig_hold_clock()) if no capture is under way, no device is in use by hand,
+ * the latch is not set, and every device has confirmed that it is off or stands still. */
 void bus_safety_rest_clock(struct bus_rig *rig);

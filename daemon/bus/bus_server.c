@@ -14,12 +14,12 @@
 
 /*
  * GDBusServer is not used, for two reasons:
- * - If the table of descriptors is full, its socket is ready all the time, and it logs an error for
- *   each connection that it cannot accept.
+ * - If no more descriptors can be opened, GDBusServer tries again without pause and logs an error
+ * for each connection that it cannot accept.
  * - A client that does not authenticate itself keeps a thread for ever.
  */
 
-#define RESERVED_PART 8  /* clients leave 1/8 of the descriptors to devices and files */
+#define RESERVED_PART 8  /* 1/8 of the descriptors is reserved for devices and files */
 #define MAX_CLIENTS   64 /* largest number of connections of one process */
 #define JOIN_S        10 /* time within which a client must have authenticated itself */
 /* Maximum number of descriptors that GLib opens for a client while the client authenticates itself.
@@ -33,7 +33,8 @@ struct BusServer {
     char *path, *guid, *announced;
     GDBusAuthObserver *observer;
     GSocket *socket;
-    /* Sources that wait for clients, and for a free descriptor to accept one. */
+    /* Sources of the main loop: waiting is ready when a client connects, again is a timer that
+     * waits for clients again after an error. 0 if not running. */
     guint waiting, again;
     GList *clients; /* of struct client */
     gint64 said_us; /* when the log last reported that a client was refused; 0 if never */
@@ -50,7 +51,8 @@ struct client {
     gulong closed;
 };
 
-/* The kernel identifies the client; cookies in home folders are not used. */
+/* Allows only EXTERNAL, with which the kernel tells the user of the client. GDBus would also allow
+ * authentication by a cookie in the user's home folder. */
 static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
     return strcmp(mechanism, "EXTERNAL") == 0;
 }
@@ -77,8 +79,8 @@ static void on_closed(GDBusConnection *connection, gboolean vanished, GError *er
     client_free(client);
 }
 
-/* Runs in the thread of the client. The connection handles no messages until bus_export() has made
- * the objects. */
+/* Runs in the thread of the client. The connection handles no messages until bus_export() has put
+ * the rig's object on it. */
 static gpointer authenticate(gpointer data) {
     const GDBusConnectionFlags flags = G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
                                        G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER |
@@ -136,7 +138,7 @@ static void client_new(BusServer *server, GSocket *socket, pid_t pid) {
     server->clients = g_list_prepend(server->clients, client);
 }
 
-/* Writes to the log, at most once a minute. */
+/* Writes a warning to the log. A warning less than a minute after the last one is left out. */
 G_GNUC_PRINTF(2, 3)
 static void say(BusServer *server, const char *format, ...) {
     const gint64 now_us = g_get_monotonic_time();
@@ -155,8 +157,8 @@ static pid_t process_of(GSocket *socket) {
     return credentials ? g_credentials_get_unix_pid(credentials, NULL) : 0;
 }
 
-/* Returns the number of files that can still be opened. Only descriptors that select() accepts
- * count, because libmodbus calls it. */
+/* Returns the number of descriptors below most that are free. most is at most FD_SETSIZE, because
+ * libmodbus calls select(), which accepts no higher descriptors. */
 static int count_free_files(int most) {
     int n = 0;
     for (int fd = 0; fd < most; fd++)
@@ -196,7 +198,9 @@ static gboolean on_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Accepts a client. A client that is refused sees that its connection is closed. */
+/* Accepts a client, or refuses it by closing its connection. If the client cannot be accepted
+ * because of an error, the server waits AGAIN_MS. Without that wait, the waiting connection would
+ * make the main loop spin. */
 static gboolean on_client(GSocket *listener, GIOCondition condition, gpointer data) {
     BusServer *server = data;
     g_autoptr(GError) error = NULL;
@@ -222,8 +226,9 @@ static void wait_for_clients(BusServer *server) {
     g_source_unref(source);
 }
 
-/* Removes a socket at whose path no process listens any more. Returns FALSE if the path cannot be
- * used. */
+/* Removes the socket at path if no process listens there any more. Returns FALSE with an error if
+ * the path is too long, belongs to another kind of file, or belongs to a socket at which a process
+ * listens. */
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;

@@ -37,8 +37,8 @@ static void refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
 }
 
-/* Answers Validate. For an invalid session the answer lists the mistakes. An invalid call is an
- * error. */
+/* Answers Validate. For an invalid session, the answer lists the mistakes. If the check itself
+ * failed (BUS_ERROR), the answer is that error. */
 static void on_checked(GDBusMethodInvocation *invocation, GVariant *report, GError *error,
                        gpointer data) {
     const struct session_call *call = data;
@@ -52,7 +52,7 @@ static void on_checked(GDBusMethodInvocation *invocation, GVariant *report, GErr
     g_clear_error(&error);
 }
 
-/* Answers QueueAdd. Takes the values that the queue shows from the plan. */
+/* Answers QueueAdd. Copies the values that the queue shows from the report of the plan. */
 static void on_checked_for_queue(GDBusMethodInvocation *invocation, GVariant *report, GError *error,
                                  gpointer data) {
     struct session_call *call = data;
@@ -98,8 +98,9 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
         bus_rig1_complete_start(bus->object, invocation);
 }
 
-/* Refuses to read a file for another user, because the daemon may have more or fewer rights than
- * its caller. The caller has to send the text of the file. */
+/* Returns FALSE with an error if the daemon would have to read the file at path for another user,
+ * because the daemon may have other rights than that user. The caller has to send the text of the
+ * file. A NULL path is always allowed. */
 static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
                                const char *text, const char *option, GError **error) {
     if (!path || text || !bus_authority_caller(invocation))
@@ -130,8 +131,9 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
     return TRUE;
 }
 
-/* Checks whether a call may replace the calibration of the rig file, for a session that begins
- * now. */
+/* Checks the calibration of a call that replaces the one of the rig file. begins is FALSE for a
+ * resumed session, which keeps its calibration. path is NULL if the call names no calibration,
+ * which is always allowed. */
 static gboolean check_calibration(const char *path, const char *text, gboolean begins,
                                   GError **error) {
     if (!path)
@@ -178,8 +180,9 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     return TRUE;
 }
 
-/* Returns the text of a file, which the queue keeps. It is "" for the empty path. Returns NULL with
- * an error on failure. */
+/* Returns the text of a file for the queue to keep: given, or the contents of path if given is
+ * NULL. Returns "" if path is NULL, and NULL with an error if the file cannot be read or is not
+ * UTF-8. */
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)
         return g_strdup("");

@@ -8,7 +8,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Time limit of the child, in case it hangs. Every wait within it has a shorter deadline. */
+/* Time limit of the child process, in case it hangs. Every wait within the child has a shorter
+ * deadline. */
 #define TRIAL_S 1800
 #define PREFIX  "mesorig: "
 /* The exit code of “mesorig queue try” when a device has failed. */
@@ -78,8 +79,9 @@ static char *trial_request(const struct queue_item *item) {
 }
 
 /* Returns a descriptor of a file without a name that contains the text, positioned at its
- * beginning. Returns −1 if there is no memory. A pipe is not used, because the program's answer
- * would be lost if it ended before it had read all of the text. */
+ * beginning. Returns −1 if there is no memory. A pipe is not used: if the program ended before it
+ * had read all of the text, writing to the pipe would fail, and the program's answer would be
+ * lost. */
 static int trial_input(const char *text) {
     const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
     const int copy = fd >= 0 ? dup(fd) : -1;

@@ -1,6 +1,6 @@
-/* Test shots and the choice of exposures before a session of the queue. The program mesorig
- * (“mesorig queue try”) makes them as a client of this daemon, as mesorig capture does for a user
- * at the rig. All functions belong to the main loop's thread. */
+/* Test shots and the choice of exposures before a session of the queue. A child process, “mesorig
+ * queue try”, takes these shots as a client of this daemon, as mesorig capture does for a user at
+ * the rig. All functions belong to the main loop's thread. */
 #pragma once
 
 #include "queue.h"
@@ -13,8 +13,9 @@ enum bus_trial_end {
     BUS_TRIAL_RIG,     /* a device has failed */
 };
 
-/* Called once, never from within bus_trial_start(). chosen has the lines for session_conf_choose().
- * said has warnings, or the reason why the test shots failed. */
+/* Called once, never from within bus_trial_start(). chosen contains the lines for
+ * session_conf_choose(). said contains warnings, or the reason why the test shots failed. Both may
+ * be empty, and both belong to the caller. */
 typedef void (*BusTrialFunc)(const char *chosen, const char *said, enum bus_trial_end end,
                              gpointer data);
 

@@ -6,9 +6,9 @@
 #include "bus_safety.h"
 #include "bus_trial.h"
 
-/* How often a session is continued after this program has ended unexpectedly. */
+/* Maximum number of times that a session is begun, if this program ended unexpectedly each time. */
 #define MAX_STARTS 3
-/* Number of sessions in a row that have stopped, after which a fault of the rig is assumed. */
+/* If this number of sessions in a row have stopped, a fault of the rig is assumed. */
 #define MAX_STOPPED 2
 
 /* The moments of a capture that are reported to clients. */
@@ -18,8 +18,9 @@ struct bus_unattended {
     struct bus_rig *rig;
     struct bus_run *run;
     struct bus_jobs *jobs;
-    Queue *queue;            /* NULL if this daemon keeps no queue */
-    struct queue_item *item; /* the present item: hands, trying or begun; NULL if there is none */
+    Queue *queue; /* NULL if this daemon keeps no queue */
+    /* the item in state QUEUE_HANDS, QUEUE_TRYING or QUEUE_BEGUN; NULL if there is none */
+    struct queue_item *item;
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
@@ -94,8 +95,8 @@ static void show_queue(struct bus_unattended *at) {
                             at->item && at->item->state == QUEUE_HANDS ? at->item->prompt : "");
 }
 
-/* Reports a milestone. item is a session of the queue, or NULL for the capture under way, if there
- * is one. */
+/* Sends the signal Milestone with the name what. item is a session of the queue. If item is NULL,
+ * the milestone is about the capture under way, if there is one. */
 static void tell(struct bus_unattended *at, const char *what, const struct queue_item *item,
                  const char *message) {
     GVariantBuilder details;
@@ -133,7 +134,8 @@ static void pause_queue(struct bus_unattended *at, const char *why) {
     tell(at, "queue-paused", NULL, why);
 }
 
-/* Returns a session that has not begun to its place in the queue, where it waits again. */
+/* Ends the test shots of the present item. If its capture has not begun, the item waits again, at
+ * the same place of the queue. */
 static void put_back(struct bus_unattended *at) {
     g_clear_pointer(&at->trial, bus_trial_free);
     if (at->item && at->item->state != QUEUE_BEGUN) {
@@ -142,8 +144,8 @@ static void put_back(struct bus_unattended *at) {
     }
 }
 
-/* Ends the present item, which has stopped before its last shot. rig says that the rig has a fault,
- * so that the next item would also stop. */
+/* Marks the present item as stopped, because it could not begin or could not be finished. rig is
+ * TRUE if the rig has a fault, so that the next item would also stop; the queue is then paused. */
 static void stop_item(struct bus_unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
@@ -163,8 +165,9 @@ static void stop_item(struct bus_unattended *at, const char *message, gboolean r
     bus_unattended_poke(at);
 }
 
-/* Keeps an item that did not begin because of the rig and not because of its session. It is tried
- * again later. */
+/* Puts the present item back into the queue and pauses the queue. To be used if the item could not
+ * begin because of the rig, the file of the queue or a cancelled call, and not because of its
+ * session. */
 static void keep_for_later(struct bus_unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
@@ -200,7 +203,7 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
     if (result && bus_run_begin(at->run, beginning->directory, beginning->resumes,
                                 *warning ? warning : NULL, beginning->process, &error)) {
         bus_rig_flush(at->rig);
-        return; /* bus_unattended_begun() has noted it */
+        return; /* bus_unattended_begun() was called and has reported it */
     }
     if (!at->item)
         return;
@@ -231,7 +234,9 @@ static void start_job(struct bus_unattended *at, const struct queue_item *item, 
     bus_jobs_start(at->jobs, &request, NULL, on_prepared, beginning, beginning_free);
 }
 
-/* Makes the session, or resumes it. The state "begun" is on disk before the capture begins. */
+/* Makes the present item's session, or resumes it if the session exists. The state "begun" is on
+ * disk before the capture begins, so that begun_at_s and starts survive if this program is
+ * killed. */
 static void begin_item(struct bus_unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
@@ -325,7 +330,8 @@ static void park(struct bus_unattended *at) {
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(at->rig->devices, &error))
         bus_rig_report(at->rig, "error", "queue", error->message);
-    at->n_parking = 1; /* one more, so that it does not become 0 before all axes have started */
+    /* 1 more than the number of axes, so that it does not become 0 before all axes have started */
+    at->n_parking = 1;
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(at->rig->devices, i);
         g_autoptr(GError) why = NULL;
@@ -338,7 +344,8 @@ static void park(struct bus_unattended *at) {
         rest_now(at);
 }
 
-/* Returns whether the open rig can capture the session. If not, the queue is paused. */
+/* Returns whether the open rig is the one for which the session was added, and all its devices are
+ * safe. If not, pauses the queue. */
 static gboolean check_rig(struct bus_unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
@@ -396,10 +403,11 @@ void bus_unattended_begun(struct bus_unattended *at) {
     tell(at, "begun", ours ? at->item : NULL, "");
 }
 
-/* Handles a fault that has paused a session of the queue. */
+/* Handles a fault that has paused the present item's session. After a fault of the rig, pauses the
+ * queue. After a fault of the session, marks the session as stopped and aborts it. */
 static void take_fault(struct bus_unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
-        /* The rig keeps its state. The user who repairs it continues the session. */
+        /* The session stays paused. The user who repairs the rig continues the session. */
         g_autofree char *why =
             g_strdup_printf("session %u is paused by a fault: %s", at->item->id, status->reason);
         tell(at, "fault", at->item, status->reason);

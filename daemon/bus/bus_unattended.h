@@ -3,11 +3,11 @@
  * free. Reports what happens to captures (the signal Milestone).
  *
  * Before a session, its prompt is shown until Continue. Then a child process takes test shots and
- * chooses exposures; the child is the program mesorig as a client of this daemon. A session that
- * faults is marked as stopped, and the next session begins. The queue is paused instead if the rig
- * has a fault or if two sessions in a row have stopped, and after Abort and SafeState. When the
- * queue is empty, lamps and lasers are switched off and the axes are parked. Owned by the
- * Bus. All functions belong to the main loop's thread.
+ * chooses exposures; the child is the program mesorig as a client of this daemon. After a fault of
+ * a session, the session is marked as stopped, and the next session begins. The queue is paused
+ * instead if the rig has a fault, if two sessions in a row have stopped, and after Abort and
+ * SafeState. When the queue is empty, lamps and lasers are switched off and the axes are parked.
+ * Owned by the Bus. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -20,7 +20,7 @@ struct bus_unattended;
 struct bus_unattended *bus_unattended_new(struct bus_run *run, struct bus_jobs *jobs);
 void bus_unattended_free(struct bus_unattended *at);
 
-/* Keeps the queue in this file, as bus_keep_queue(). */
+/* Reads the queue from this file and keeps it there. The same as bus_keep_queue(). */
 void bus_unattended_keep(struct bus_unattended *at, const char *path);
 
 /* Adds an item and takes ownership of it. Returns its number, or 0 with an error. */
@@ -32,8 +32,9 @@ gboolean bus_unattended_move(struct bus_unattended *at, guint number, guint plac
 gboolean bus_unattended_pause(struct bus_unattended *at, GError **error);
 gboolean bus_unattended_resume(struct bus_unattended *at, GError **error);
 
-/* Takes a Continue while nothing is captured: the user has done what the prompt asks for. Returns
- * FALSE if there is no prompt. */
+/* Handles the method Continue while nothing is captured: the user has done what the prompt of a
+ * session asks for, and the session begins. Returns FALSE if no session waits for that, or if the
+ * rig is not free. */
 gboolean bus_unattended_answer(struct bus_unattended *at);
 
 /* Return whether this daemon keeps a queue (error BUS_ERROR_FAILED), and whether no session of the
@@ -42,15 +43,16 @@ gboolean bus_unattended_need_queue(struct bus_unattended *at, GError **error);
 gboolean bus_unattended_need_free(struct bus_unattended *at, GError **error);
 gboolean bus_unattended_is_beginning(const struct bus_unattended *at);
 
-/* Call it when something has changed for which the queue may be waiting. The queue continues from
- * the main loop. */
+/* Call it when a device has become free, the rig was opened or the safe state was released. The
+ * main loop then begins the next session if that is possible. */
 void bus_unattended_poke(struct bus_unattended *at);
 
 /* Call these when a capture has begun, and when it has changed. */
 void bus_unattended_begun(struct bus_unattended *at);
 void bus_unattended_changed(struct bus_unattended *at, const struct capture_status *status);
 
-/* Ends test shots and parking, and puts a session that has not begun back into the queue. If why is
- * not NULL, the queue is paused and shows this reason. If why is NULL, the rig is being closed: the
- * queue is not paused, and a session under way waits again. */
+/* Ends test shots, and puts a session that has not begun back into the queue. Does nothing if there
+ * is no queue. If why is not NULL, the queue is paused and shows this reason. If why is NULL, the
+ * rig is being closed: the queue is not paused, and the session that is being captured goes back
+ * into the queue to be resumed. */
 void bus_unattended_stop(struct bus_unattended *at, const char *why);

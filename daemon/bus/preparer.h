@@ -3,8 +3,8 @@
  * sessions, and examining sessions to be resumed. A child process with limits of time and memory
  * does the work. The main loop, which controls lamps, lasers and axes, only waits for the answer.
  *
- * The child is the program mesorigd itself. It receives geometry and timing of the open rig, and
- * opens no device. All functions belong to the main loop's thread.
+ * The child is the program mesorigd itself. The child receives the geometry and the timing of the
+ * open rig, and opens no device. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -23,7 +23,8 @@ struct preparer_limits {
     guint64 memory_bytes; /* address space, in addition to the needs of the program itself */
 };
 
-/* Limits for each task. They suffice for examining the frames of a whole session. */
+/* Limits for each task. Those of PREPARER_EXAMINE suffice to examine the frames of a whole
+ * session. */
 extern const struct preparer_limits preparer_default_limits[PREPARER_TASKS];
 
 struct preparer_request {
@@ -33,16 +34,18 @@ struct preparer_request {
     const char *session_path; /* ignored by PREPARER_EXAMINE */
     const char *session_text; /* contents of that file; NULL if it has to be read */
     const char *directory;    /* may be empty with PREPARER_CHECK */
-    /* Path of a calibration that replaces the one in the rig file. NULL keeps that one. */
+    /* Path of a calibration that replaces the one that the rig file names; NULL to use the
+     * latter. */
     const char *calibration;
     /* PREPARER_BEGIN: lines for session_conf_choose(); NULL if no exposure is auto. */
     const char *chosen;
     const char *calibration_text; /* contents of that file; NULL if it has to be read */
-    /* The user who must have the right to write in directory. NULL if this is not checked. */
+    /* The user who must have the right to write in directory; NULL if the right is not checked. */
     const struct bus_caller *caller;
 };
 
-/* Starts the work. If it is cancelled, the child is killed. */
+/* Starts the work. callback gets the result for preparer_finish(). If cancellable is cancelled, the
+ * child is killed. */
 void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
                   GAsyncReadyCallback callback, gpointer data);
 
@@ -53,5 +56,6 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
 GVariant *preparer_finish(GAsyncResult *result, GError **error);
 
 /* Runs as the child: reads a request from standard input and writes an answer to standard output.
- * Returns main()'s result. */
+ * Returns the exit code: 0 if an answer was written, even an answer that is an error; otherwise
+ * 1. */
 int preparer_child(void);

@@ -31,7 +31,8 @@ static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
     return TRUE;
 }
 
-/* Reads the request of the daemon, which must be of the same version. */
+/* Reads the request from standard input. Returns FALSE if the request cannot be read or comes from
+ * a daemon of another version. */
 static gboolean read_request(struct prepare_work *work) {
     g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
     g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();
@@ -60,13 +61,16 @@ static gboolean read_request(struct prepare_work *work) {
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
 }
 
-/* The soft limit of CPU time sends a signal that can be reported. The hard limit only kills. */
+/* Sets a limit of this process. At the soft limit of CPU time, the kernel sends SIGXCPU, which the
+ * daemon reports. The hard limit is 5 s higher, because at the hard limit the kernel sends SIGKILL,
+ * whose reason is not visible. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
     return setrlimit(resource, &rlimit) == 0;
 }
 
-/* Limits the memory, except with the address sanitizer, which reserves terabytes for itself. */
+/* Limits the address space to its present size plus bytes. With the address sanitizer there is no
+ * limit, because the sanitizer reserves terabytes of address space. */
 static gboolean limit_memory(guint64 bytes) {
 #ifdef __SANITIZE_ADDRESS__
     return bytes > 0;
@@ -78,7 +82,7 @@ static gboolean limit_memory(guint64 bytes) {
 #endif
 }
 
-/* Returns a floating result. */
+/* Does the task of the request. Returns a floating result, or NULL with an error. */
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
     const struct devices *devices = &work->devices;
     g_auto(SessionConf) conf = {0};
@@ -116,7 +120,8 @@ int preparer_child(void) {
     close_range(STDERR_FILENO + 1, ~0U, 0);
     const int fd = dup(STDOUT_FILENO); /* libraries must not print into the answer */
     setpriority(PRIO_PROCESS, 0, NICE);
-    /* Ends with its parent, and has limits of time and memory. */
+    /* The child is killed when its parent ends (PR_SET_PDEATHSIG), and has limits of time and
+     * memory. */
     gboolean ok = fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 && read_request(&work) &&
                   prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work.parent &&
                   limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work.cpu_s) &&

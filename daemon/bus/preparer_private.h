@@ -4,14 +4,14 @@
 #include "preparer.h"
 
 /* The request contains, in this order:
- * - its version, the caller and the task,
+ * - the version of mesorigd, the process number of the daemon and the task,
  * - the limits of time and memory,
- * - structs of geometry and timing as they are in memory, because both sides are the same program,
+ * - the structs of geometry and timing as bytes, because both sides are the same program,
  * - the text and the path of the rig file,
- * - the calibration (empty for none) and the days for which it is valid,
- * - the session file and the directory,
+ * - the path of the calibration (empty for none) and the number of days for which it is valid,
+ * - the paths of the session file and of the session directory,
  * - the texts of session and calibration (empty if they have to be read),
- * - the values that were chosen for the session file,
+ * - the lines for session_conf_choose() (empty for none),
  * - a struct bus_caller, or nothing. */
 #define PREPARER_REQUEST_TYPE "(siiutayayayayaydayayayayayay)"
 #define PREPARER_REQUEST      "(siiut@ay@ay^ay^ay^ayd^ay^ay^ay^ay^ay@ay)"

@@ -6,7 +6,8 @@
 
 #include "base/file_lock.h"
 
-/* Largest number of sessions that have ended. If there are more, the oldest are removed. */
+/* Maximum number of sessions of the list that have ended. If there are more when a session is
+ * added, the oldest are removed. */
 #define MAX_ENDED 100
 
 const char *const queue_state_names[QUEUE_STATES] = {
@@ -43,7 +44,8 @@ void queue_item_free(struct queue_item *item) {
     g_free(item);
 }
 
-/* Renames a file that cannot be used, so that a user can examine it. */
+/* Renames a file that cannot be used, so that a user can examine it. Empties the list and pauses
+ * the queue. */
 static void set_aside(Queue *queue, const GError *why) {
     g_autofree char *damaged = g_strconcat(queue->path, ".damaged", NULL);
     const gboolean kept = rename(queue->path, damaged) == 0;
@@ -158,8 +160,9 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     return FALSE;
 }
 
-/* Returns FALSE with an error if a session is being captured or its test shots are being taken.
- * what names the refused action. */
+/* Returns TRUE if a session waits or has ended. Returns FALSE with an error if the session is being
+ * captured or its test shots are being taken. what is the refused action for the message: "removed"
+ * or "moved". */
 static gboolean is_still(const struct queue_item *item, const char *what, GError **error) {
     if (item->state == QUEUE_WAITING || item->state == QUEUE_HANDS || has_ended(item))
         return TRUE;

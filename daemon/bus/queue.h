@@ -2,11 +2,13 @@
  * The sessions that a rig is to capture one after the other without supervision: a list, and the
  * file that keeps it. This module knows no device. bus_unattended.c captures the sessions.
  *
- * When a function that changes the list returns, the change is on disk and synced. If it could not
- * be written, the list is as it was before. The file belongs only to the user of this program (mode
- * 0600). A file that other users could have written is not read, because the file says for which
- * user sessions are captured, and into which directories. A file that cannot be read is kept next
- * to the new one, under the name FILE.damaged. All functions belong to the main loop's thread.
+ * When a function that changes the list returns, the change is on disk and synced. If the change
+ * could not be written, the list is as it was before, except after queue_set() and after
+ * queue_pause() with a reason. The file belongs only to the user of this program (mode 0600). A
+ * file that other users could have written is not read, because the file says for which user
+ * sessions are captured, and into which directories. A file that cannot be used is renamed to
+ * FILE.damaged, and the queue begins empty and paused. All functions belong to the main loop's
+ * thread.
  */
 #pragma once
 
@@ -37,21 +39,25 @@ struct queue_item {
     char *directory;                   /* absolute path of the session directory to be made */
     /* Path of the rig file against which the session was checked. */
     char *rig;
-    char *calibration, *calibration_text; /* replaces the rig's calibration; empty to keep it */
+    /* path and contents of a calibration that replaces the one of the rig; empty to use that of
+     * the rig */
+    char *calibration, *calibration_text;
     /* What a user must do before the session; empty for nothing. */
     char *prompt;
     /* Lines for session_conf_choose(); empty if nothing is chosen yet. */
     char *chosen;
     char *message; /* reason why it has stopped */
     double predicted_s;
-    guint64 bytes;                 /* predicted */
-    int starts;                    /* number of times that it began and the program was killed */
-    gboolean process;              /* make the products during the capture */
-    gboolean yes;                  /* continue even if the test shots give warnings */
-    gint64 begun_at_s, ended_at_s; /* since 1970; 0 if the session has not begun or ended yet */
-    gboolean has_caller;           /* FALSE if this program's own user or root has added it */
-    guint32 uid;                   /* user who has added it */
-    GArray *groups;                /* of guint32; the groups of that user */
+    guint64 bytes; /* predicted */
+    /* number of times that the session began without an orderly end of this program */
+    int starts;
+    gboolean process; /* process the session during the capture */
+    gboolean yes;     /* continue even if the test shots give warnings */
+    /* time in seconds since 1970; 0 if the session has not begun or has not ended yet */
+    gint64 begun_at_s, ended_at_s;
+    gboolean has_caller; /* FALSE if this program's own user or root has added it */
+    guint32 uid;         /* user who has added it */
+    GArray *groups;      /* of guint32; the groups of that user */
 };
 
 struct queue_item *queue_item_new(void); /* all strings empty */
@@ -60,17 +66,19 @@ void queue_item_free(struct queue_item *item);
 typedef struct queue_item QueueItem;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(QueueItem, queue_item_free)
 
-/* Reads the file. The file need not exist yet, but its folder must. A session that had begun waits
- * again. Returns NULL if another process has the file open. */
+/* Opens the queue in a file. The file need not exist yet, but its folder must. A session that had
+ * begun waits again. Returns NULL with an error if the file cannot be locked, for instance because
+ * another process has the queue open. */
 Queue *queue_open(const char *path, GError **error);
 void queue_free(Queue *queue); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Queue, queue_free)
 
-/* Returns the sessions in their order, as struct queue_item. Those that have ended come first. The
- * queue owns the array. */
+/* Returns the sessions in the order of the queue, as struct queue_item. Sessions that have ended
+ * come first. The queue owns the array. */
 const GPtrArray *queue_items(const Queue *queue);
 struct queue_item *queue_find(const Queue *queue, guint id, GError **error);
-struct queue_item *queue_next(const Queue *queue); /* the first session that waits, or NULL */
+/* the first session that has not ended, or NULL */
+struct queue_item *queue_next(const Queue *queue);
 
 /* Returns the reason why no further session begins, or NULL if the queue is not paused. The queue
  * owns the string. */
@@ -84,8 +92,8 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error);
 /* Removes a session. Fails for a session that has begun or is about to begin. */
 gboolean queue_remove(Queue *queue, guint id, GError **error);
 
-/* Moves a session to a place, counted from 1, among the sessions that wait. A place beyond them
- * means the end. */
+/* Moves a session to a place, counted from 1, among the sessions that wait. A place beyond the last
+ * of these sessions means the end of the queue. */
 gboolean queue_move(Queue *queue, guint id, guint place, GError **error);
 
 /* Sets state and message of a session; message may be NULL. If the file cannot be written, the

@@ -16,7 +16,8 @@
 #define VERSION    1
 #define MAX_GROUPS 1024
 
-/* The fields of a session. All of them are written, and all of them must exist in a file. */
+/* The fields of a session, except state, uid and groups. All of them are written, and all of them
+ * must exist in a file. */
 enum kind { TEXT, BOOLEAN, INT, INT64, DOUBLE };
 static const struct field {
     const char *key;
@@ -85,7 +86,7 @@ static gboolean take_field(GKeyFile *from, const char *group, const struct field
     return !why;
 }
 
-/* Reads the user who has added the session. groups has one number per group. */
+/* Reads the user who has added the session, and the numbers of the user's groups. */
 static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item *item,
                             GError **error) {
     g_autoptr(GError) why = NULL;

@@ -23,7 +23,8 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
     return plan;
 }
 
-/* Returns the camera's last finished dark shot before the first shot that is still to be taken. */
+/* Returns the camera's last finished dark shot before the first shot that is still to be taken, or
+ * NULL if there is none. */
 static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
     const struct session_shot *found = NULL;
     for (guint i = 0; i < shots->len; i++) {
@@ -42,7 +43,8 @@ static void on_event(const char *level, const char *source, const char *message,
         capture->callbacks.event(capture, level, source, message, capture->callbacks.data);
 }
 
-/* Makes the intake and the sequencer, and loads the values of earlier runs. Starts nothing. */
+/* Makes the intake and the sequencer, and loads the values that earlier runs have stored. Nothing
+ * begins to move yet. */
 static gboolean open_parts(Capture *capture, GError **error) {
     struct capture_session *session = &capture->session;
     struct intake_hooks intake_hooks = capture_intake_hooks;
@@ -86,14 +88,15 @@ static Session *create_session(const struct devices *devices, const struct sessi
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    /* Values that a capture or processing needs are stored when the session is made, because the
-     * daemon may be killed directly afterwards. */
+    /* Values that the capture or the processing needs are stored together with the session, because
+     * the daemon may be killed right after the session has been made. */
     const char *const values[][2] = {
         {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
         {"chosen", conf->chosen},
         {ADAPTIVE_LASER_ROUNDS "1", sweeps},
         {ADAPTIVE_LIGHT_ROUNDS "1", lamps},
-        /* The session contains the calibration itself. This value is its origin. */
+        /* The session contains the calibration itself. This value is the path of the file from
+         * which the calibration was read, or "nominal". */
         {"calibration", calibrated ? devices->calibration_path : "nominal"},
     };
     struct session_texts texts = {
@@ -155,7 +158,7 @@ Capture *capture_begin(struct devices *devices, const char *directory,
         capture_free(capture);
         return NULL;
     }
-    /* Passes on the warnings from the creation of the session. */
+    /* Passes on the events from the creation of the session. */
     for (guint i = 0; i < events->len && capture->callbacks.event; i++) {
         const struct session_event *event = events->pdata[i];
         capture->callbacks.event(capture, event->level, event->source, event->message,
@@ -199,7 +202,8 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     if (!shots || !capture_check_rig(session, shots, devices, error))
         return FALSE;
-    /* A dark frame that cannot be read also fails its checksum, so that it is taken again. */
+    /* If a dark frame cannot be read, the checksums of all frames are verified. The dark frame
+     * fails its checksum, so that its shot is planned again. */
     if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
         !session_verify(session, TRUE, NULL, error))
         return FALSE;
@@ -211,7 +215,8 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     return TRUE;
 }
 
-/* Checks rig and disk, and restores the clock and the dark frames of the earlier runs. */
+/* Checks that the session fits the rig and the disk, and loads the time of the session's clock, the
+ * sizes of the stored frames and the dark frames of earlier runs. */
 static gboolean prepare_resumed(Capture *capture, GError **error) {
     struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -346,7 +351,8 @@ static double time_left_s(const Capture *capture) {
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         guint n;
         const struct session_shot *const *shots = run_shots_left(&capture->run, &n);
-        /* After an abort, a new run takes the shots. It knows nothing of the measured times yet. */
+        /* After a pause, this run continues with the times that it has measured. After an abort, a
+         * new run will take the shots, which has not measured any times yet. */
         return time_left_of_new_run_s(left, session, shots, n, capture->state == CAPTURE_PAUSED);
     }
     return time_left_at_s(left, capture_session_now_s(session));

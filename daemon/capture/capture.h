@@ -2,15 +2,16 @@
  * intake. The bus shows its state, and the commands control it. Main loop's thread.
  *
  * The sequencer (sequencer.c) moves axes, switches lights and triggers cameras. The intake
- * (intake.c) takes accepted frames in one worker lane per camera. It merges brackets to linear
- * radiance, evaluates sweeps, and returns the frames that are to be committed. Any fault makes the
- * rig safe and pauses the session with the reason. Everything that was committed stays.
- * capture_continue(), or capture_go_on() in a later run, continues the session.
+ * (intake.c) handles the accepted frames of each camera in a separate worker thread. It merges
+ * brackets to linear radiance, evaluates sweeps, and returns the frames that are to be stored in
+ * the session. Any fault makes the rig safe and pauses the session with the reason. All frames
+ * that were stored before the fault are kept. capture_continue(), or capture_go_on() in a later
+ * run, continues the session.
  *
  * A laser may be mounted by hand at several places. Before the first sweep from another place, the
  * session is paused with a prompt until capture_continue() confirms the mounting. The session
- * stores the place of each unit. At the beginning the places are not known, so that the prompt
- * comes before anything moves. */
+ * stores the place of each unit. In a new session the places are not known, so the session asks
+ * for the mounting before it takes any shot. */
 #pragma once
 
 #include "plan/plan.h"
@@ -28,7 +29,8 @@ enum capture_state {
     CAPTURE_ABORTED,
 };
 
-/* Whether another session on the same rig may succeed after this fault. */
+/* Kind of a fault. After CAPTURE_FAULT_SESSION, another session on the same rig may succeed; after
+ * CAPTURE_FAULT_RIG, none will until the rig has been repaired. */
 enum capture_fault {
     CAPTURE_FAULT_NONE,
     /* a camera's pictures were refused too often, a lamp gave no light, or a frame that decides
@@ -49,11 +51,16 @@ struct capture_status {
     /* The shot that is being taken, or the last one that was taken. NULL before the first shot.
      * Valid until control returns to the main loop. */
     const struct session_shot *shot;
-    int shots, shots_done;    /* of the whole session, including the shots before a resume */
-    gint64 frames, retakes;   /* camera frames accepted and refused since started */
-    double elapsed_s, left_s; /* on the rig's clock; left_s is predicted */
-    guint64 bytes_stored;     /* frames and their rows on disk, including those of earlier runs */
-    /* of the whole session: the plan's estimate, corrected by the frames stored so far */
+    /* number of shots of the whole session, and of those that are done, including earlier runs */
+    int shots, shots_done;
+    /* number of camera frames accepted and refused, including earlier runs */
+    gint64 frames, retakes;
+    /* time since the session began, and predicted remaining time, on the rig's clock */
+    double elapsed_s, left_s;
+    /* size of the stored frames and of their rows in the database, including earlier runs */
+    guint64 bytes_stored;
+    /* expected size of the whole session: the plan's estimate, corrected by the frames stored so
+     * far */
     guint64 bytes_expected;
     double predicted_s, lower_bound_s;
 };
@@ -65,8 +72,9 @@ struct capture_callbacks {
     gpointer data;
 };
 
-/* Checks everything that a capture would refuse (session against rig, free disk space, blocked
- * poses) without moving an axis. Returns the plan on success; free it with plan_free(). */
+/* Checks everything that a capture would refuse (a session that does not fit the rig, too little
+ * disk space, blocked poses) without moving an axis. directory may be NULL; the disk is then not
+ * checked. Returns the plan on success; free it with plan_free(). */
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error);
 
@@ -80,14 +88,14 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
 Capture *capture_begin(struct devices *devices, const char *directory,
                        const struct capture_callbacks *callbacks, GError **error);
 
-/* Checks whether a session directory can be resumed. Compares its frames with their rows, and plans
- * lost frames again. ret_warning is a warning for the event log, or NULL; g_free(). Uses devices as
- * capture_create() does. */
+/* Checks whether the session in a directory can be resumed. Checks that the stored frames agree
+ * with their rows in the database; a shot whose frames are lost is planned again. ret_warning is a
+ * warning for the event log, or NULL; g_free(). Uses devices as capture_create() does. */
 gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
                          GError **error);
 
-/* Continues a session that capture_examine() has accepted. Takes exactly the frames that are
- * missing. */
+/* Continues a session that capture_examine() has accepted, and takes only the shots that are
+ * missing. warning is the one of capture_examine(), or NULL. */
 Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
                        const struct capture_callbacks *callbacks, GError **error);
 

@@ -11,11 +11,13 @@ struct capture_bytes {
     struct {
         double sum, planned;
     } of[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
-    struct plan_footprint *footprints; /* of each camera; NULL until they are needed */
-    /* shots × cameras, as planned; 0 if a shot is not to be taken; NULL until they are needed */
+    /* array with one footprint for each camera; NULL until it is needed */
+    struct plan_footprint *footprints;
+    /* planned bytes of each shot (row) and camera (column); 0 if the camera takes no frame in that
+     * shot or the shot was done before this run; NULL until they are needed */
     float *planned;
-    double stored; /* on disk, including the rows of the frames */
-    /* of the whole session: the present value, and the value in the last event */
+    double stored; /* bytes of the stored frames on disk, including their rows in the database */
+    /* expected bytes of the whole session: the present value, and the value in the last event */
     double expected, said;
 };
 
@@ -25,14 +27,15 @@ gboolean capture_bytes_load(struct capture_bytes *bytes, const struct capture_se
 void capture_bytes_clear(struct capture_bytes *bytes);
 
 /* Counts the frames of earlier runs of the session, which the estimate uses as well. frames
- * contains struct session_frame. To be called once, before anything is captured. */
+ * contains struct session_frame. Call it once for a resumed session, before anything is
+ * captured. */
 void capture_bytes_begin(struct capture_bytes *bytes, const struct capture_session *session,
                          const GPtrArray *frames);
 
 /* Counts the frames of a shot that was committed. n_committed is the number of shots that this run
- * has committed, including this one. is_last says that the shot is the last one of the run. Adds an
- * event when the expected size of the whole session differs by more than a twentieth from the size
- * in the last event. */
+ * has committed, including this one. is_last is TRUE for the last shot of the run. Updates the
+ * estimate after some of the shots only, because that takes long. Adds an event when the expected
+ * size of the whole session differs by more than a twentieth from the size in the last event. */
 void capture_bytes_add(struct capture_bytes *bytes, const struct capture_session *session,
                        const struct session_shot *shot, const struct session_frame *frames, int n,
                        guint n_committed, gboolean is_last);

@@ -6,7 +6,8 @@
 
 /* Returns the calibration that the rig file names, or the nominal rig if the rig file names none or
  * the named file does not exist yet. Fails if the calibration is damaged or of another rig.
- * ret_warnings (of char *) lists parts that are old or missing; g_ptr_array_unref(). */
+ * ret_warnings (of char *, g_ptr_array_unref()) lists parts whose calibration is old, or says that
+ * the named file does not exist. */
 struct calibration *capture_calibration(const struct devices *devices, GPtrArray **ret_warnings,
                                         GError **error);
 
@@ -22,5 +23,5 @@ struct calibration *capture_calibration_for(const char *rig_path, const struct r
  * the rig file names. g_free() */
 char *capture_calibration_line(const char *rig_path, const char *path, GError **error);
 
-/* How to give a calibration to a capture; for capture_calibration_line(). */
+/* Text for calibration_line() that says how to give a calibration to a capture. */
 #define CAPTURE_CALIBRATION_HOW "mesorig calibrate makes one, -c FILE gives it"

@@ -102,8 +102,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
 
 #define SHOWN_CHANGES 8
 
-/* Adds the keys of a section whose values differ: first all keys of then, afterwards the keys that
- * are new in now. */
+/* Adds a text to ret for each key of a section whose value differs: first for the keys of then,
+ * afterwards for the keys that are new in now. */
 static void compare_section(const struct config_section *then, const struct config_section *now,
                             GPtrArray *ret) {
     for (const char *const *key = config_keys(then); *key; key++) {

@@ -8,13 +8,15 @@
  * unknown. */
 guint64 capture_free_bytes(const char *path);
 
-/* Returns whether writing failed because the disk is full. */
+/* Returns whether writing into directory failed because the disk is full. */
 gboolean capture_is_full(const char *directory, const GError *error);
 
-/* Fails if the disk has fewer free bytes than this. The error says how many are missing. */
+/* Fails if the disk does not have this number of free bytes and a reserve. The error says how many
+ * bytes are needed and how many are free. */
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 
-/* Fails for a session of another rig, or if the shots name devices that this rig lacks. */
+/* Fails for a session of another rig, if a camera has another name or size than in the session, or
+ * if the shots name devices that this rig does not have. */
 gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
                            GError **error);
 

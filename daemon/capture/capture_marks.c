@@ -2,8 +2,8 @@
 
 #include "session/outputs.h"
 
-/* The maximum error of a calibration in a picture, and the minimum rotation that counts as a
- * movement. */
+/* The maximum error of a calibration in a picture, in pixels, and the minimum rotation that counts
+ * as a movement, in degrees. */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
 #define WINDOW        8          /* number of shots that are evaluated together */
@@ -63,8 +63,8 @@ static void report_first_check(struct capture_marks *marks, const struct capture
     capture_session_add_event(session, check->n_seen > 0 ? "info" : "warning", "fiducials", text);
 }
 
-/* One shot of a small camera is not enough evidence. The last few shots are therefore evaluated
- * together. */
+/* Returns the marks that were seen in this shot and in the last few shots. One shot of a camera
+ * with few pixels is not enough evidence, so they are evaluated together. */
 static GArray *add_to_window(struct capture_marks *marks, GArray *seen) {
     if (!marks->window)
         marks->window = g_queue_new();

@@ -1,16 +1,21 @@
-/* Evaluates the marks on the turntable during a capture. They give the output of each lamp, which
- * the session stores, and show whether a camera or the turntable has moved since the calibration.
- * The struct belongs to the Capture. Main loop's thread. */
+/* Evaluates the marks on the turntable during a capture. The marks give the light output of each
+ * lamp, which the session stores, and show whether a camera or the turntable has moved since the
+ * calibration. The struct belongs to the Capture. Main loop's thread. */
 #pragma once
 
 #include "capture_session.h"
 #include "radiometry/fiducials.h"
 
 struct capture_marks {
-    guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
-    guint32 suspected; /* bits of the movements that the previous shot seemed to show */
-    GQueue *window;    /* one GArray of struct fiducial_seen for each of the last shots */
-    gboolean reported; /* the first check of the fiducials has been reported */
+    /* bits of the movements for which the session was paused: bit i for camera i, the highest bit
+     * for the turntable */
+    guint32 moved;
+    /* bits, as in moved, of the movements that the previous shot seemed to show */
+    guint32 suspected;
+    /* one GArray of struct fiducial_seen for each of the last WINDOW shots (capture_marks.c); NULL
+     * if empty */
+    GQueue *window;
+    gboolean reported; /* whether the first check of the fiducials has been reported */
 };
 
 /* Checks the fiducials of a shot when all of its cameras have delivered, and records the lamp's
@@ -21,8 +26,9 @@ struct capture_marks {
 char *capture_marks_check(struct capture_marks *marks, const struct capture_session *session,
                           const struct session_shot *shot, GArray *seen, GError **error);
 
-/* Forgets the marks of earlier shots. */
+/* Forgets the marks that were seen in earlier shots, and the suspected movements. */
 void capture_marks_forget(struct capture_marks *marks);
 
-/* The user continues although something has moved: the movement is not reported again. */
+/* Call it when the user continues although something has moved: the movement is not reported
+ * again. */
 void capture_marks_accept(struct capture_marks *marks, const struct capture_session *session);

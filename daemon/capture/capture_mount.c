@@ -23,7 +23,8 @@ gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_
         if (!session_read_value(session->store, key, &said, error))
             return FALSE;
         mounts->mounted[i] =
-            -1; /* the session does not say, or names a laser that the rig no longer has */
+            /* not known: the session has no place, or names a laser that the rig no longer has */
+            -1;
         for (int k = 0; said && k < session->devices->geometry.n_lasers; k++)
             if (rig_laser_unit(timing, k) == i && !strcmp(name_of(session, k), said))
                 mounts->mounted[i] = k;
@@ -33,8 +34,9 @@ gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_
     return TRUE;
 }
 
-/* Returns whether the unit that a shot needs is in its place: −1 if its place is not known, 0 if it
- * is at another place, 1 if it is there or if the shot needs none. */
+/* Returns 1 if the laser unit that a shot needs is mounted at the place that the shot needs, or if
+ * the shot needs no laser. Returns 0 if the unit is at another place, and −1 if the place of the
+ * unit is not known. */
 static int in_place(const struct capture_mounts *mounts, const struct rig_timing *timing,
                     const struct session_shot *shot) {
     if (shot->kind != SHOT_SWEEP)

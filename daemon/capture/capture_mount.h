@@ -10,7 +10,7 @@ struct capture_mounts {
     int wanted; /* the laser at whose place a unit must be mounted next; −1 if none */
 };
 
-/* Reads the last places of the units and passes them to the drivers. */
+/* Reads the last place of each unit from the session and passes it to the driver of the unit. */
 gboolean capture_mount_load(struct capture_mounts *mounts, const struct capture_session *session,
                             GError **error);
 
@@ -19,10 +19,10 @@ gboolean capture_mount_is_in_place(const struct capture_mounts *mounts,
                                    const struct rig_timing *timing,
                                    const struct session_shot *shot);
 
-/* Returns the number of these shots, in order, that can be taken before a unit must be mounted
- * at another place. Returns 0 if they need a unit whose place is not known. Sweeps from the present
- * places are moved to the front, because sweeps that are repeated may have been planned before
- * them. */
+/* Moves the sweeps that can be taken with the units at their present places to the front of shots.
+ * They may stand behind other sweeps, for instance sweeps that are repeated. Returns the number of
+ * shots at the front that can be taken before a unit must be mounted at another place. Returns 0 if
+ * any shot needs a unit whose place is not known. */
 guint capture_mount_reach(const struct capture_mounts *mounts, const struct rig_timing *timing,
                           GPtrArray *shots);
 
@@ -32,6 +32,7 @@ guint capture_mount_reach(const struct capture_mounts *mounts, const struct rig_
 char *capture_mount_ask(struct capture_mounts *mounts, const struct capture_session *session,
                         const struct session_shot *const *shots, guint n, const char **ret_unit);
 
-/* Confirms that the requested mounting has been done, and stores it before the next shot. */
+/* Call it when the user has confirmed the requested mounting. Stores the mounting in the session
+ * and passes it to the driver. Returns TRUE if no mounting was requested. */
 gboolean capture_mount_answer(struct capture_mounts *mounts, const struct capture_session *session,
                               GError **error);

@@ -1,6 +1,6 @@
-/* The Capture puts together the parts of a capture. capture.c opens a session and has its state and
- * commands. capture_run.c runs it. Each part has a header of its own, and knows only the other
- * parts that it is given. Main loop's thread. */
+/* The Capture puts together the parts of a capture. capture.c opens the session, returns its state
+ * and carries out commands. capture_run.c takes the shots. Each part has its own header, and uses
+ * only the other parts to which it gets a pointer. Main loop's thread. */
 #pragma once
 
 #include "capture.h"
@@ -23,10 +23,11 @@ struct Capture {
     Sequencer *sequencer;
 
     enum capture_state state;
-    enum capture_fault fault; /* of the pause */
+    enum capture_fault fault; /* fault that caused the pause */
     char *reason, *doing;
-    gboolean all_taken; /* the sequencer has finished the leg (run_shots.h), or has paused */
-    guint starter;      /* call of the clock that starts a run */
+    /* whether the sequencer has taken all shots that it was given (run_shots.h), or has paused */
+    gboolean all_taken;
+    guint starter; /* timer on the rig's clock that starts a run; 0 if there is none */
     guint changed_source;
     gint64 changed_at_us;
 
@@ -52,8 +53,8 @@ extern const struct sequencer_hooks capture_sequencer_hooks;
 /* Starts taking the remaining shots, from the main loop. */
 void capture_begin_soon(Capture *capture);
 
-/* Drops the frames in flight, and changes and stores the state. The rig must be safe, or must
- * already be going into the safe state. */
+/* These functions drop the frames in flight, and change and store the state. The rig must be safe,
+ * or must already be going into the safe state. */
 void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
                        const char *reason);
 void capture_come_to_rest(Capture *capture, enum capture_state state);

@@ -6,10 +6,11 @@
 #include "capture_check.h"
 
 #define CHANGED_MS 100
-/* Minimum mean above dark, as a part of full scale, that a lamp must produce in at least one
- * camera. */
+/* Minimum mean of a picture above dark, as a part of full scale, in at least one camera. Below it,
+ * the lamp gives no light. */
 #define LAMP_SIGNAL 0.0005
-/* Maximum part of a picture that may be saturated in the shortest exposure without a warning. */
+/* Maximum part of the pixels of a picture that may be saturated in the shortest exposure without a
+ * warning. */
 #define SATURATED_PART 0.001
 /* Maximum mean of a dark frame above black, as a part of full scale. */
 #define DARK_PART 0.05
@@ -66,7 +67,8 @@ static void flush_limits(Capture *capture, struct event_limit *limits, const cha
         event_limit_flush(&limits[c], &capture->session, rig->cameras[c].name, what);
 }
 
-/* Sets and stores the state when nothing moves any more. */
+/* Ends a run, when nothing moves any more: reports the events that were only counted, stops the
+ * session's clock, and stores the totals and the state. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     flush_limits(capture, capture->retake_limits, "refused or lost and taken again");
     flush_limits(capture, capture->saturated_limits, "saturated");
@@ -90,7 +92,8 @@ void capture_pause_for(Capture *capture, enum capture_fault fault, const char *s
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
 
-/* Stops for a fault of the intake or the disk, which the sequencer has not noticed. */
+/* Makes the rig safe and pauses, for a fault that the sequencer does not know: a fault of the disk,
+ * or one that the frames show. */
 static void stop_for(Capture *capture, enum capture_fault fault, const char *source,
                      const char *reason) {
     g_autoptr(GError) error = NULL;
@@ -115,7 +118,7 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
-/* All chosen shots are taken: chooses more, or finishes the session. */
+/* Called when all chosen shots are committed. Chooses more shots, or finishes the session. */
 static void end_round(Capture *capture) {
     Adaptive *adaptive = capture->session.adaptive;
     if (adaptive && !adaptive_is_over(adaptive)) {
@@ -140,8 +143,9 @@ static void pause_for_mounting(Capture *capture) {
 
 static void when_all_is_committed(Capture *capture) {
     const struct run_shots *run = &capture->run;
-    /* If a pause has postponed the shots that check the lasers, shots that have returned stay held.
-     * The capture does not wait for them. */
+    /* Shots that are held until the lasers are checked (capture_lasers.h) stay in flight if a pause
+     * has postponed a sweep that checks a laser. The capture does not wait for them to be
+     * committed. */
     const gboolean held = run->n_committed < run->n_held && flights_are_back(&capture->flights);
     if (!capture->all_taken || !(flights_n(&capture->flights) == 0 || held))
         return;
@@ -154,7 +158,8 @@ static void when_all_is_committed(Capture *capture) {
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
 }
 
-/* Commits a shot. Returns FALSE after a fault, after which nothing is in flight. */
+/* Commits a shot. Returns FALSE if it cannot be stored; the capture is then paused and no shot is
+ * in flight. */
 static gboolean commit(Capture *capture, const struct flight *flight) {
     struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -191,9 +196,9 @@ static gboolean commit(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Returns a camera whose picture was repeated and shows nothing, because the lamp may have died
- * before the repetition. Returns −1 if there is none. A camera whose first picture shows nothing is
- * not returned, because it may see a black object. */
+/* Returns a camera whose picture was taken again and shows no more than min_dn above dark: the lamp
+ * may have failed before the repetition. Returns −1 if there is no such camera. A camera whose
+ * first picture shows nothing is not returned, because it may see a black object. */
 static int find_blind(const struct flight *flight, int n_cameras, double min_dn) {
     for (int c = 0; c < n_cameras; c++)
         if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
@@ -202,7 +207,7 @@ static int find_blind(const struct flight *flight, int n_cameras, double min_dn)
     return -1;
 }
 
-/* Pauses if the lamp of a shot that has returned gives no light. */
+/* If the lamp of a shot gave no light, pauses and returns TRUE. */
 static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     int bits = 16;
     for (int c = 0; c < capture->session.devices->geometry.n_cameras; c++)
@@ -227,7 +232,8 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Commits in the planned order, even if the worker of a later shot was faster. */
+/* Commits the shots for which all cameras have returned, in the planned order, even if a later shot
+ * has returned first. */
 static void commit_what_is_back(Capture *capture) {
     struct flights *flights = &capture->flights;
     const struct flight *flight;
@@ -383,8 +389,8 @@ static void on_fault(const char *source, const char *reason, gboolean rig, gpoin
     capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
-/* Reports an unsafe device even if no shots are being taken. Also adds it to the reason for the
- * pause, which is read later. */
+/* Reports an unsafe device even if no shots are being taken. If the session is paused, also adds
+ * the report to the reason for the pause, so that a user who looks later sees it. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))
@@ -400,9 +406,10 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     changed(capture);
 }
 
-/* Lists the remaining shots of a round in its order, and sets their passes. The passes are computed
- * from all shots of the round, done or not, so that the same pictures are taken as without an
- * interruption. Returns the number of the last pass. */
+/* Adds the remaining shots of a round to the run's list, in the order of the round, and sets their
+ * passes. The passes are computed from all shots of the round, done or not, so that the same
+ * pictures are taken as without an interruption. Passes are numbered from number + 1. Returns the
+ * number of the last pass. */
 static int list_round(Capture *capture, int round, int number) {
     const struct capture_session *session = &capture->session;
     const struct rig *rig = &session->devices->geometry;
@@ -415,7 +422,8 @@ static int list_round(Capture *capture, int round, int number) {
             g_ptr_array_add(shots, shot);
     }
     struct session_shot **list = (struct session_shot **)shots->pdata;
-    /* The plan's order contains the first round, and all shots that may follow it. */
+    /* The order of the plan serves the first round. The shots of a later round were scattered over
+     * the plan, so they are ordered anew. */
     if (round > 1)
         plan_order_left(list, (int)shots->len, &session->conf, rig, timing);
     number = passes_set(list, (int)shots->len, &session->conf, rig, timing, number);
@@ -463,7 +471,8 @@ static void begin(gpointer data) {
         sequencer_start(capture->sequencer, run->leg);
 }
 
-/* Starts from the main loop, because the caller does not expect events before it has returned. */
+/* The run starts from the main loop, because the caller does not expect events before this function
+ * has returned. */
 void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
     list_remaining(capture);
@@ -482,7 +491,8 @@ static void stop_for_choice(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_SESSION, "disk", reason);
 }
 
-/* If the session was aborted or paused in the meantime, the choice is made when it is resumed. */
+/* Called when the next shots were chosen. If the session was aborted or paused in the meantime,
+ * nothing is done: the choice is made again when the session is continued. */
 static void on_chosen(int n, const char *of_lasers, const char *of_lights, const GError *error,
                       gpointer data) {
     Capture *capture = data;

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Reads conf, shots and calibration from the session. Errors in its texts name the session. */
+/* Reads the session file, the shots and the calibration from the session directory. Errors name the
+ * path of the directory. */
 static gboolean read_texts(struct capture_session *session, GError **error) {
     const char *path = session_path(session->store);
     g_autofree char *text = session_text(session->store, "session.conf", error);

@@ -1,8 +1,8 @@
-/* The session that is being captured: what its directory says, and the clock and the events that
- * are written into it. Owned by the Capture, from capture_session_open() to
- * capture_session_close(). The parts of a capture borrow it. They may read all members, and write
- * to the session by the functions. Only capture.c and capture_run.c change the state of a shot,
- * n_shots and n_done, and start the clock. Main loop's thread. */
+/* The session that is being captured: the contents of its directory, its clock and its events.
+ * Owned by the Capture, from capture_session_open() to capture_session_close(). The parts of a
+ * capture borrow it. They may read all members, and write to the session by the functions. Only
+ * capture.c and capture_run.c change the state of a shot, n_shots and n_done, and start the clock.
+ * Main loop's thread. */
 #pragma once
 
 #include "calibration/calibration.h"
@@ -25,7 +25,7 @@ struct capture_session {
     gpointer event_data;
 };
 
-/* Opens a session directory for a capture. The clock stands at the value that the session has. Call
+/* Opens a session directory for a capture. The session's clock is stopped at its stored value. Call
  * capture_session_close() even if this fails. */
 gboolean capture_session_open(struct capture_session *session, struct devices *devices,
                               const char *directory, const struct adaptive_hooks *hooks,
@@ -36,19 +36,20 @@ void capture_session_close(struct capture_session *session);
 /* Counts the shots anew. Skipped shots and shots that are not chosen yet are not counted. */
 void capture_session_count(struct capture_session *session);
 
-/* Returns whether a shot is chosen. Without rounds, all shots are. */
+/* Returns whether an adaptive capture has chosen a shot. Without an adaptive capture, returns
+ * TRUE. */
 gboolean capture_session_is_chosen(const struct capture_session *session,
                                    const struct session_shot *shot);
 
 double capture_session_now_s(const struct capture_session *session);
 
-/* Adds an event to the session if the disk has room for it, and passes it to the listener. */
+/* Adds an event to the session, and passes it to the listener even if it could not be stored. */
 void capture_session_add_event(const struct capture_session *session, const char *level,
                                const char *source, const char *message);
 
-/* Read and write a number among the session's values. A value that is not set is read as 0.
- * Loading fails if the value cannot be read, because it would otherwise be stored again as 0.
- * Saving fails silently; the next totals save it again. */
+/* Read and write a number among the session's values. A value that is not set is read as 0. Loading
+ * fails if the value cannot be read, because it would otherwise be stored again as 0. Errors of
+ * saving are ignored. */
 gboolean capture_session_load(const struct capture_session *session, const char *key, double *ret,
                               GError **error);
 void capture_session_save(Session *store, const char *key, double value);

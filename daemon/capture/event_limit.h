@@ -6,16 +6,16 @@
 
 struct event_limit {
     gboolean reported;
-    double reported_s; /* on the session's clock */
+    double reported_s; /* time of the last event on the session's clock */
     int suppressed;
 };
 
-/* Adds a warning as an event, together with the number of warnings that were counted before. If the
- * last warning was added less than a minute ago, only counts this one. */
+/* Adds a warning as an event, with the number of warnings that were only counted since the last
+ * event. If the last event was less than a minute ago, only counts this warning. */
 void event_limit_warn(struct event_limit *limit, const struct capture_session *session,
                       const char *source, const char *message);
 
-/* If warnings were counted since the last event, adds an event with their number: "3 more frames
- * were " followed by what. Then starts again. */
+/* If warnings were only counted since the last event, adds an event with their number: "3 more
+ * frames were " followed by what. Resets the limit. */
 void event_limit_flush(struct event_limit *limit, const struct capture_session *session,
                        const char *source, const char *what);

@@ -1,8 +1,9 @@
 #include "exposure_advice.h"
 
 #define KEY         "saturated_retakes"
-#define MAX_LACKING 0.5 /* up to this share of lacking values, no advice is given */
-#define MAX_RETAKEN 0.5 /* below this number of repetitions per picture, no advice is given */
+#define MAX_LACKING 0.5 /* maximum share of lacking values without advice */
+#define MAX_RETAKEN                                                                                \
+    0.5 /* from this number of repetitions per picture on, the advice names the exposure to use */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)

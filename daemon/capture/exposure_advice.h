@@ -5,11 +5,12 @@
 #include "session/session.h"
 
 struct exposure_retakes {
-    int n;              /* number of pictures that were repeated because they were saturated */
+    int n;              /* number of repetitions of pictures because they were saturated */
     gint64 shortest_us; /* the shortest exposure of such a repetition; 0 if there was none */
 };
 
-/* Counts a retake. The hook “retake” of the sequencer gives shortened_us. */
+/* Counts a retake if it was a repetition of a saturated picture (shortened_us > 0). shortened_us is
+ * an argument of the hook “retake” (sequencer.h). */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
 /* Read and write the session's value "saturated_retakes", the sum over all runs.
@@ -17,8 +18,8 @@ void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us
 gboolean exposure_advice_load(struct exposure_retakes *ret, Session *session, GError **error);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 
-/* Returns a sentence that says which exposures to change, or NULL. There is advice if such
- * repetitions were at least half as many as the pictures under lamps, or if more than half of the
- * values lack the longest exposure because it is saturated. lacking is the share of these values, 0
+/* Returns a sentence that says which exposures to change, or NULL. There is advice if saturated
+ * pictures were repeated at least half as many times as there are pictures under lamps, or if
+ * lacking is above one half. lacking is the share of values whose longest exposure is saturated; 0
  * if it is not known. g_free() */
 char *exposure_advice(Session *session, double lacking);

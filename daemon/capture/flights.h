@@ -1,6 +1,6 @@
-/* Shots in flight: their frames are being processed by the intake, in the order in which the shots
- * are to be committed. Owned by the Capture. A flight lives from the first frame that is given to
- * the intake until its shot is committed or dropped. Main loop's thread. */
+/* Shots in flight, in the order in which they are to be committed: the intake processes their
+ * frames, or the shots wait to be committed. Owned by the Capture. A flight exists from the first
+ * frame that is given to the intake until its shot is committed or dropped. Main loop's thread. */
 #pragma once
 
 #include "intake/intake.h"
@@ -10,8 +10,10 @@ struct flight { /* a shot */
     guint32 back; /* bits of cameras whose results have returned */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signals_dn[RIG_MAX_CAMERAS];
-    double signal_dn;                  /* maximum of all cameras */
-    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0 if they are too few for a warning */
+    /* maximum of signals_dn over the cameras that have returned */
+    double signal_dn;
+    /* number of saturated pixels of each camera; 0 if there are too few for a warning */
+    gint64 saturated[RIG_MAX_CAMERAS];
     GArray *marks; /* of struct fiducial_seen, of all cameras; NULL if there are none */
 };
 
@@ -19,8 +21,8 @@ struct flights {
     GQueue queue; /* of struct flight */
 };
 
-/* Returns the flight of a shot. flights_find() returns NULL if there is none, flights_add() adds
- * one. */
+/* Returns the flight of a shot. If there is none, flights_find() returns NULL, and flights_add()
+ * adds one at the end. */
 struct flight *flights_find(const struct flights *flights, const struct session_shot *shot);
 struct flight *flights_add(struct flights *flights, const struct session_shot *shot);
 
@@ -28,11 +30,12 @@ guint flights_n(const struct flights *flights);
 /* Returns the flight with this index, or NULL. */
 const struct flight *flights_at(const struct flights *flights, guint index);
 
-/* Stores what a camera has returned without an error. */
+/* Stores the result of a camera for the flight's shot. The result must have no error. */
 void flight_take(struct flight *flight, const struct intake_result *result);
 
-/* Return whether all cameras have returned for all shots in flight, and for the first n shots,
- * which must be in flight. */
+/* Return whether the results of all cameras have returned: flights_are_back() for all shots in
+ * flight, flights_first_are_back() for the first n shots. The latter returns FALSE if fewer than n
+ * shots are in flight. */
 gboolean flights_are_back(const struct flights *flights);
 gboolean flights_first_are_back(const struct flights *flights, guint n);
 

@@ -15,7 +15,7 @@ struct Follower {
     gboolean running;
 };
 
-/* Runs between fork and exec: async-signal-safe calls only. */
+/* Runs between fork and exec, where only async-signal-safe functions may be called. */
 static void prepare_child(gpointer parent) {
     setpriority(PRIO_PROCESS, 0, 10);
     prctl(PR_SET_PDEATHSIG, SIGTERM);

@@ -7,7 +7,7 @@
 struct latest_picture {
     Frame *frame; /* NULL before the first picture */
     double time_s;
-    gboolean fresh; /* the thumbnail shows that frame */
+    gboolean fresh; /* whether the thumbnail was made from frame */
     struct capture_thumbnail thumbnail;
 };
 

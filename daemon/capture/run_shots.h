@@ -12,11 +12,11 @@ struct run_shots {
     GPtrArray *leg;    /* the shots of the list up to the next mounting of a laser */
 };
 
-/* Begins a run with an empty list. The leg stays until run_shots_set_leg(). */
+/* Begins a run with an empty list. The leg is not changed. */
 void run_shots_begin(struct run_shots *run);
 void run_shots_clear(struct run_shots *run);
 
-/* Makes the first n shots of the list the leg. */
+/* Sets the leg to the first n shots of the list. */
 void run_shots_set_leg(struct run_shots *run, guint n);
 
 /* Returns the shots that are not committed, and their number. The array is valid until the list

@@ -7,14 +7,19 @@
 #include "exposure_advice.h"
 
 struct run_totals {
-    gint64 frames, retakes; /* accepted frames of this run; frames refused and repeated */
-    struct exposure_retakes exposures;             /* of all runs */
-    double real_base_s, frames_base, retakes_base; /* of earlier runs */
-    gint64 begun_us;                               /* real time, monotonic */
-    double saved_s;                                /* value of the session's clock at that time */
+    /* number of accepted frames of this run, and of its frames that were refused and taken
+     * again */
+    gint64 frames, retakes;
+    /* repetitions of saturated pictures in all runs */
+    struct exposure_retakes exposures;
+    /* totals of earlier runs: real time, accepted frames and retakes */
+    double real_base_s, frames_base, retakes_base;
+    gint64 begun_us; /* monotonic time when this run began */
+    /* value of the session's clock when the totals were last saved */
+    double saved_s;
 };
 
-/* Begins a run with the totals of the earlier ones. */
+/* Begins a run with the totals of earlier runs. */
 gboolean run_totals_load(struct run_totals *totals, const struct capture_session *session,
                          GError **error);
 void run_totals_save(struct run_totals *totals, const struct capture_session *session);

@@ -6,7 +6,7 @@
 #include "intake/radiance.h"
 #include "plan/shot_frames.h"
 
-/* Pause before the next attempt with a camera that does not respond. */
+/* Pause in µs before the next attempt with a camera that does not respond. */
 #define REST_US (3 * G_USEC_PER_SEC)
 
 /* Pause after the second refused picture in a row. The pause becomes four times as long each time,
@@ -53,9 +53,9 @@ void sequencer_finish(Sequencer *seq) {
     seq->hooks.fault("rig", text, TRUE, seq->hooks.data);
 }
 
-/* Step k of n is at from + k·(to − from)/(n − 1). The picture after the last step, with the laser
- * off, is taken from the middle of the sweep, where a laser that is still lit would light the
- * sample. */
+/* Returns the angle of the sweep axis at step k of n: from + k·(to − from)/(n − 1). For the picture
+ * after the last step, which is taken with the laser off, it is the middle of the sweep, where a
+ * laser that is still lit would light the sample. */
 static double sweep_at_deg(const struct session_shot *shot, int step) {
     double span_deg = shot->sweep_to_deg - shot->sweep_from_deg;
     if (step >= shot->sweep_steps)
@@ -106,7 +106,8 @@ static struct stage_goal goal_after(const Sequencer *seq) {
     return goal;
 }
 
-/* Returns FALSE when there are no shots left to take. */
+/* Begins the next shot, or the pass that the next shot belongs to. Returns FALSE if no shots are
+ * left. */
 static gboolean begin_shot(Sequencer *seq) {
     if (seq->next >= seq->shots->len)
         return FALSE;
@@ -178,7 +179,8 @@ gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camer
     return sequencer_count_refusal(seq, camera, state, error);
 }
 
-/* Cameras that do not respond stay pending, and are tried again after a pause. */
+/* Triggers the cameras that are pending. Cameras that do not respond stay pending, and are
+ * triggered again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
@@ -264,8 +266,8 @@ void sequencer_next_shot(Sequencer *seq) {
         prepare(seq);
 }
 
-/* All cameras have answered. Continues with the refused cameras, or with the next picture or
- * shot. */
+/* Called when all cameras have answered. Repeats the picture with the cameras whose frame was
+ * refused, or continues with the next picture or shot. */
 static void picture_over(Sequencer *seq) {
     seq->state = PREPARING;
     if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
@@ -289,8 +291,8 @@ static void answered(Sequencer *seq, int camera) {
         sequencer_advance(seq);
 }
 
-/* If no shorter exposure is possible, or all attempts are used, the picture is kept as it is,
- * because a highlight must not end an unattended capture. */
+/* If no shorter exposure is possible, or the exposure was already shortened as often as the session
+ * allows, the saturated picture is kept, because a highlight must not end an unattended capture. */
 gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            struct sequencer_camera *state, const Frame *frame) {
     const gint64 us = sequencer_exposure_us(seq, shot, sub, state);
@@ -347,7 +349,9 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
            !(seq->waiting & 1u << c))
-        c++; /* finds the stop of this camera whose frame is awaited */
+        /* finds the stop whose frame is awaited: the stops of a camera on the arm are separate
+         * cameras of the rig */
+        c++;
     const gboolean passing = seq->state == PASSING;
     if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
         seq->devices->cameras[c] != camera)
@@ -363,7 +367,7 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
         (passing ? sequencer_pass_take : take_frame)(seq, c, frame);
         break;
     case CAMERA_FAULT:
-        camera_disarm(camera); /* trigger() arms it again */
+        camera_disarm(camera); /* sequencer_make_ready() arms it again */
         (passing ? sequencer_pass_refused : take_again)(seq, c, error);
         break;
     case CAMERA_REFUSED:

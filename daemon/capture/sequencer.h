@@ -17,9 +17,9 @@ struct sequencer_hooks {
     /* Called before cameras are triggered. If it returns FALSE, the cameras are not triggered until
      * sequencer_poke() makes the sequencer call it again. */
     gboolean (*may_trigger)(gpointer data);
-    /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come shot by
-     * shot for each camera, except those that are taken in another turn. Borrowed during the
-     * call. */
+    /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come in the
+     * order of the shots for each camera, except frames that are taken again in another turn of the
+     * turntable. Borrowed during the call. */
     void (*frame)(const struct taken_frame *taken, gpointer data);
     /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
      * the repetition if the picture was saturated, otherwise 0. */
@@ -31,8 +31,8 @@ struct sequencer_hooks {
      * DEVICES_UNSAFE. rig is TRUE if another session would fail as well, and FALSE if a camera that
      * is present gave no good picture. */
     void (*fault)(const char *source, const char *reason, gboolean rig, gpointer data);
-    /* Called while no shots are being taken: a lamp or laser that was commanded off has not
-     * confirmed it. */
+    /* Called while no shots are being taken, if a lamp or laser that was commanded off has not
+     * confirmed that it is off. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
@@ -43,20 +43,23 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
 void sequencer_free(Sequencer *sequencer); /* NULL is ignored; the rig is not made safe */
 
 /* sequencer_start() homes the axes, then takes the shots. It must not be called while shots are
- * being taken. Borrows shots, an array of const struct session_shot *, until it is finished,
- * stopped or faulted. */
+ * being taken. Borrows shots, an array of const struct session_shot *, until the hook finished or
+ * fault was called or sequencer_stop() has returned. sequencer_pause() takes no further shot after
+ * the one under way. sequencer_poke() calls may_trigger() again. */
 void sequencer_start(Sequencer *sequencer, const GPtrArray *shots);
 void sequencer_pause(Sequencer *sequencer);
 void sequencer_poke(Sequencer *sequencer);
 
-/* Stops immediately: the rig is made safe, frames under way are dropped, and no hook is called. */
+/* Stops immediately: the rig is made safe, frames under way are dropped, and no hook is called.
+ * Returns FALSE with an error if a device is not safe. */
 gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
 const Interlock *sequencer_open_interlock(const Sequencer *sequencer);
 
-/* Returns the shot under way, or otherwise the last one. Returns NULL if none was begun. Borrowed
- * from the shots. */
+/* Returns the shot under way, or the last shot if none is under way. Returns NULL if no shot was
+ * begun. Borrowed from the array of shots. */
 const struct session_shot *sequencer_last_shot(const Sequencer *sequencer);
 
-/* Returns the shot under way, or NULL, and the number of its picture. */
+/* Returns the shot under way, or NULL. *ret_sub is the index of the picture under way among the
+ * *ret_n pictures of the shot. */
 const struct session_shot *sequencer_shot(const Sequencer *sequencer, int *ret_sub, int *ret_n);

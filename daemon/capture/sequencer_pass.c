@@ -1,23 +1,26 @@
-/* A pass: the table turns, and each camera is triggered half an exposure before the table reaches
- * the angle of the shot. Pictures that were not taken, or were refused, are taken when the table
- * passes again. It then starts from the same place at the same speed, so that the picture is the
- * same as without the interruption. */
+/* Takes the shots of a pass: the turntable ("table") turns, and each camera is triggered so early
+ * that the table reaches the shot's angle in the middle of the exposure. Pictures that were not
+ * taken, or were refused, are taken in another turn. That turn starts at the same angle and has the
+ * same speed, so that the picture is the same as in the first turn. */
 #include "sequencer_private.h"
 
 #include <math.h>
 
-/* A frame that was exposed farther than this from its planned angle is taken again. */
+/* Maximum distance of the table from the planned angle in the middle of an exposure. Frames that
+ * exceed it are taken again. */
 #define MAX_OFF_DEG 0.5
 
-/* Poses are stored in steps of 1/8192°, which is far below the resolution of any axis. A step is
- * not a decimal fraction, so that no angle is in the middle between two steps. The same pass
- * therefore gives the same numbers, however its positions were rounded. */
+/* Differences from the planned angle are rounded to multiples of 2^−13° = 1/8192°, which is far
+ * below the resolution of any axis. Positions that an axis reports are decimal fractions, which are
+ * hardly ever in the middle between two such multiples. The same pass therefore gives the same
+ * values in spite of rounding errors. */
 #define POSE_BITS 13
 
-/* A trigger is omitted if it is late by more than this. */
+/* A trigger that is late by more than this is omitted. The picture is then taken in another
+ * turn. */
 #define LATE_US 1000
 
-struct told_frame { /* a frame whose pose is not reported yet */
+struct told_frame { /* a frame whose angle the turntable has not reported yet */
     guint shot;     /* index of the shot in the pass */
     int camera;
     Frame *frame;
@@ -35,7 +38,7 @@ void sequencer_pass_clear(Sequencer *seq) {
     seq->pass = (struct sequencer_pass){.told = G_QUEUE_INIT};
 }
 
-/* Returns the cameras that still have pictures to take. */
+/* Returns the bits of the cameras that still have pictures to take in this pass. */
 static guint32 pass_pending(const Sequencer *seq) {
     guint32 pending = 0;
     for (guint i = 0; i < seq->pass.n; i++)
@@ -86,8 +89,8 @@ static void pass_find_next(Sequencer *seq) {
         seq->shot = seq->last_shot = pass->shots[pass->next].shot;
 }
 
-/* Makes all cameras of the turn ready before it begins, because some cameras need more time for
- * this than there is within a turn. */
+/* Makes all cameras ready before the turn begins, because some cameras need more time for this than
+ * there is between two shots. Returns FALSE if a camera does not respond. */
 static gboolean pass_arm(Sequencer *seq) {
     for (guint i = 0; i < seq->pass.n; i++)
         for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
@@ -119,13 +122,14 @@ void sequencer_pass_start(Sequencer *seq) {
 }
 
 /* Computes the time at which the cameras must be triggered for a shot. Returns FALSE if the time is
- * not known yet. */
+ * not known yet, or if it is so far away that later reports of the position can make it more
+ * accurate. */
 static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *shot,
                                 gint64 *ret_us) {
     const struct axis_motion *motion = &seq->devices->turntable->motion;
     const double at_deg = passes_at_deg(&shot->shot->pass, shot->shot->turntable_deg);
-    /* Passes count from the planned beginning of the pass, the axis counts from the angle at which
-     * it stood. */
+    /* The plan counts the angle from the planned beginning of the pass, the axis counts it from the
+     * angle at which it stood. */
     const double turned = at_deg - shot->shot->pass.from_deg;
     gint64 lead_us = 0, us;
     if (!axis_passes_at(seq->devices->turntable,
@@ -137,7 +141,7 @@ static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *sh
                 MAX(lead_us, seq->devices->cameras[c]->format.trigger_us +
                                  sequencer_exposure_us(seq, shot->shot, 0, &shot->cameras[c]) / 2);
     *ret_us = us - lead_us;
-    /* One of the next two reports may give a more accurate time. */
+    /* Wait while at least two more reports of the position will arrive before that time. */
     return *ret_us - clock_now_us(seq->devices->clock) <= (gint64)(2e3 * motion->report_ms);
 }
 
@@ -146,7 +150,9 @@ static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
         g_autoptr(GError) error = NULL;
         const guint32 bit = 1u << c;
         if (!(shot->pending & bit) || seq->waiting & bit)
-            continue; /* the camera's last frame is still awaited: the next turn takes this shot */
+            /* the camera has no picture to take, or its last frame is still awaited; in the latter
+             * case the picture is taken in another turn of the table */
+            continue;
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
             seq->exposing |= bit;
             seq->waiting |= bit;
@@ -169,7 +175,8 @@ static void pass_on_timer(gpointer data) {
         sequencer_pass_step(seq);
 }
 
-/* Waits for the time of the next shot, when this time is known. */
+/* Sets the timer to the trigger time of the next shot if this time is known. Skips shots whose time
+ * has passed. */
 static void pass_schedule(Sequencer *seq) {
     struct sequencer_pass *pass = &seq->pass;
     gint64 at_us;
@@ -183,7 +190,8 @@ static void pass_schedule(Sequencer *seq) {
     }
 }
 
-/* Passes on an accepted frame with the angle at which it was exposed. */
+/* Passes on an accepted frame. off_deg is the difference of the table's angle in the middle of the
+ * exposure from the planned angle. */
 static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double off_deg) {
     struct pass_shot *shot = &seq->pass.shots[told->shot];
     const double stored_off_deg = ldexp(rint(ldexp(off_deg, POSE_BITS)), -POSE_BITS);
@@ -206,7 +214,9 @@ static void pass_refuse(Sequencer *seq, guint shot, int camera, const GError *er
     sequencer_count_refusal(seq, camera, &seq->pass.shots[shot].cameras[camera], error);
 }
 
-/* Passes on the frames whose poses are known. */
+/* Passes on the frames for which the table has reported its angle during the exposure. Refuses
+ * frames that were exposed too far from the planned angle, or for which the table has stopped
+ * without such a report. */
 static void pass_tell(Sequencer *seq) {
     const Axis *table = seq->devices->turntable;
     while (seq->state == PASSING && !g_queue_is_empty(&seq->pass.told)) {
@@ -240,7 +250,8 @@ static void pass_tell(Sequencer *seq) {
     }
 }
 
-/* Returns whether a frame of a shot, or the pose of a frame, is still awaited. */
+/* Returns whether the frame that a camera takes in a shot, or the table's angle during its
+ * exposure, is still awaited. */
 static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
     if (seq->waiting & 1u << camera && seq->units[camera].passing == shot)
         return TRUE;
@@ -262,8 +273,9 @@ static gboolean pass_needs_more(const Sequencer *seq) {
     return FALSE;
 }
 
-/* The table has stopped and all frames have arrived: passes again, or continues with the next
- * shot. */
+/* Called when the table has stopped and all frames have arrived. Prepares another turn if pictures
+ * are missing, continues with the next shot if none are missing, or fails after too many turns
+ * without an accepted picture. */
 static void pass_end(Sequencer *seq) {
     struct sequencer_pass *pass = &seq->pass;
     const gboolean more = pass_needs_more(seq);

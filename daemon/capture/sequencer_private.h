@@ -10,8 +10,8 @@ enum state { IDLE, HOMING, PREPARING, EXPOSING, PASSING };
 struct sequencer_camera { /* state of a camera in a shot */
     int refused;          /* number of refusals in a row */
     int retakes;          /* in this shot */
-    /* number of times in this shot that the exposure was shortened, each time to a quarter of the
-     * shortest exposure */
+    /* number of times in this shot that the first exposure, which is the shortest, was shortened to
+     * a quarter */
     int shortened;
 };
 
@@ -19,12 +19,12 @@ struct sequencer_unit { /* a camera */
     Sequencer *sequencer;
     int camera;
     gint64 rest_until_us;
-    guint passing; /* in a pass, the index of the shot that it takes */
+    guint passing; /* in a pass, the index of the shot that was triggered last */
 };
 
-struct pass_shot { /* a shot of the pass under way */
+struct pass_shot { /* a shot of the pass that is under way */
     const struct session_shot *shot;
-    guint32 pending; /* bits of cameras that have not taken it yet */
+    guint32 pending; /* bits of cameras that have not taken the shot yet */
     struct sequencer_camera cameras[RIG_MAX_CAMERAS];
 };
 
@@ -49,7 +49,7 @@ struct Sequencer {
     gboolean pausing;
     const GPtrArray *shots;
     guint next; /* index of the shot after the one under way */
-    /* last_shot is the shot under way, or otherwise the last one */
+    /* the shot under way, or NULL; the last shot that was begun, including the one under way */
     const struct session_shot *shot, *last_shot;
     int sub, n_subs;
     /* bits of cameras that must still be triggered for this picture, or in this pass */
@@ -65,16 +65,20 @@ struct Sequencer {
 
 /* Stops everything and reports a fault. */
 void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig);
-/* Finishes: all shots are taken, or the last one before a pause. */
+/* Makes the rig safe and calls the hook finished. To be called when all shots are taken, or the
+ * shot under way before a pause. */
 void sequencer_finish(Sequencer *seq);
 /* Takes the next steps that are possible now. */
 void sequencer_advance(Sequencer *seq);
 /* Moves the stage to the goal that follows the picture under way. */
 void sequencer_go_on(Sequencer *seq);
-/* Continues with the next shot, or finishes. All pictures of the present shot or pass are taken. */
+/* Begins the next shot, or finishes if there is none or a pause was requested. To be called when
+ * all pictures of the present shot or pass are taken. */
 void sequencer_next_shot(Sequencer *seq);
 
-/* Sets a camera up for a picture and triggers it. state is the camera's state in the shot. */
+/* sequencer_make_ready() configures and arms a camera for a picture. sequencer_trigger() also
+ * triggers it. sequencer_exposure_us() returns the exposure of the picture. sub is the index of the
+ * picture in the shot, and state is the camera's state in the shot. */
 gboolean sequencer_make_ready(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                               const struct sequencer_camera *state, GError **error);
 gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
@@ -94,8 +98,9 @@ gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camer
 gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            struct sequencer_camera *state, const Frame *frame);
 
-/* In sequencer_pass.c. sequencer_pass_begin() begins with the shot under way, the first shot of its
- * pass in this run. The other shots of the pass are the shots that follow it. */
+/* The following functions are in sequencer_pass.c. sequencer_pass_begin() begins a pass. Its first
+ * shot is the shot under way, and its other shots are those that follow in seq->shots and have the
+ * same pass. */
 void sequencer_pass_begin(Sequencer *seq);
 void sequencer_pass_clear(Sequencer *seq);
 /* Starts the turn of the turntable. The stage has reached the place where the pass begins. */
@@ -103,9 +108,10 @@ void sequencer_pass_start(Sequencer *seq);
 /* To be called when the turntable has reported its position or has stopped, and when a camera has
  * answered. */
 void sequencer_pass_step(Sequencer *seq);
-/* Takes the frame of a camera (with a reference of its own), or the error if there is no frame. */
+/* Called when a camera has delivered a frame of the pass, or an error instead of it.
+ * sequencer_pass_take() takes a reference of the frame. */
 void sequencer_pass_take(Sequencer *seq, int camera, Frame *frame);
 void sequencer_pass_refused(Sequencer *seq, int camera, const GError *error);
-/* Returns whether no shot of the pass has been taken in part, so that the pass can be
- * interrupted. */
+/* Returns whether no picture of the pass has been taken yet, so that the capture can pause
+ * immediately. */
 gboolean sequencer_pass_is_untouched(const Sequencer *seq);

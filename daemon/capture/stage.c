@@ -14,8 +14,8 @@ struct track { /* an axis */
 };
 
 struct stage_light { /* a lamp or a laser */
-    gboolean asked;  /* last command */
-    gboolean on;     /* last report */
+    gboolean asked;  /* whether the last command was "on" */
+    gboolean on;     /* whether the light is on according to its last report */
     gint64 since_us;
     int pending; /* for lamps: number of switch commands without an answer */
 };
@@ -59,7 +59,8 @@ char *stage_advise(const char *text, const GError *error) {
     return g_strdup_printf("%s. %s, then continue.", text, advice(error));
 }
 
-/* Describes a device by its class and name, which an error from a bus may lack. */
+/* Returns the text of an error with advice. If the error does not name the device, class and name
+ * of the device come first. */
 static char *describe(const char *class_name, const char *name, const GError *error) {
     g_autofree char *device = g_strdup_printf("%s %s", class_name, name);
     const gboolean named = g_strcmp0(error_details_subject(error), device) == 0;
@@ -74,7 +75,8 @@ static void fault(Stage *stage, const char *kind, const char *name, const GError
         stage->hooks.fault(name, reason, stage->hooks.data);
 }
 
-/* A light that does not confirm "off" may still be lit. This is always reported. */
+/* Reports that a light has failed. A light that does not confirm "off" may still be lit; this is
+ * reported even while the stage is inactive. */
 static void light_fault(Stage *stage, const char *kind, const char *name, gboolean on,
                         const GError *error) {
     if (on) {
@@ -232,7 +234,8 @@ const Interlock *stage_open_interlock(const Stage *stage) {
     return NULL;
 }
 
-/* Commands those lights off again that did not confirm it when the rig was made safe. */
+/* Commands the lights off again that did not confirm that they are off when the rig was made
+ * safe. */
 static void darken(Stage *stage) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps && stage->active; i++) {
@@ -274,8 +277,8 @@ static gboolean lasers_are(const Stage *stage, int lit) {
 static gboolean lamps_are(const Stage *stage, int lit) {
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
         gboolean wanted = i == lit;
-        /* A lamp that is switched off and on again has not answered the first command when its
-         * state is read. */
+        /* A lamp that was switched off and on again has the wanted state before it has answered the
+         * first command. It is ready only when it has answered both. */
         if (stage->lamps[i].on != wanted || stage->lamps[i].asked != wanted ||
             stage->lamps[i].pending > 0)
             return FALSE;

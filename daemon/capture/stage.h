@@ -7,20 +7,22 @@
 
 struct stage_goal {
     double turntable_deg, arc_deg, arm_deg, probe_deg;
-    /* the lamp and laser that are lit; −1 for none. A laser that is mounted by hand is given by its
-     * unit, a lamp on the probe by its first stop. */
+    /* index of the lamp and of the laser that are lit; −1 for none. A laser that is mounted by hand
+     * is given by its unit, a lamp on the probe by its first stop. */
     int lamp, laser;
     int sweep; /* the laser whose sweep axis must stand at sweep_deg; −1 if none */
     double sweep_deg;
 };
 
 struct stage_hooks {
-    /* called when something has arrived, was switched or is homed */
+    /* called when an axis has arrived, is homed or reports its position during stage_turn(), and
+     * when a light was switched */
     void (*changed)(gpointer data);
     /* Called on a fault. reason says what happened, on which device, and what to do. May be called
      * from within stage_home() and stage_pursue(). */
     void (*fault)(const char *source, const char *reason, gpointer data);
-    /* Called while the stage is inactive: a light that was commanded off has not confirmed it. */
+    /* Called while the stage is inactive, if a light that was commanded off has not confirmed that
+     * it is off. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
@@ -34,7 +36,7 @@ void stage_free(Stage *stage); /* switches and moves nothing; NULL is ignored */
 const Interlock *stage_open_interlock(const Stage *stage);
 
 /* Homes all axes together, each as soon as it stands still. Commands all lights off that may be on.
- * The stage is homed only when all of them are off. */
+ * The stage is homed when all axes are homed and all lights are off. */
 void stage_home(Stage *stage);
 gboolean stage_is_homed(const Stage *stage);
 
@@ -43,19 +45,18 @@ gboolean stage_is_homed(const Stage *stage);
 void stage_pursue(Stage *stage, const struct stage_goal *goal);
 
 /* Turns the turntable by an angle at a speed (axis_turn()). The turntable must stand still before.
- * Its position reports and its arrival are reported as changes. Afterwards the stage does not
- * assume that the turntable stands at the position of any goal. */
+ * The hook changed is called for each position that the turntable reports and when it has arrived.
+ * Afterwards the position of the turntable counts as unknown, so that the next goal moves it. */
 void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 
 /* Returns whether all axes and lights are as the goal says. *ret_at_us is the time from which the
  * light is stable. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
-/* Brings the rig into the safe state immediately. Positions are unknown afterwards. Until
- * stage_home() no hook except unsafe is called. */
+/* Brings the rig into the safe state immediately. Returns FALSE with an error if a device is not
+ * safe. Until the next stage_home() no hook except unsafe is called. */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* Returns the text of a device error. Advice follows if the text does not contain it already.
- * g_free(). text is the message of the error, or error_details_text() if the reader knows the
- * device. */
+/* Returns text, followed by advice if the error has none, and by "then continue"; g_free(). text is
+ * the message of the device error, or error_details_text() if the reader knows the device. */
 char *stage_advise(const char *text, const GError *error);

@@ -4,7 +4,8 @@
 
 #include <math.h>
 
-/* Computes the mean of each colour above black, over a square of side × side pixels. */
+/* Computes the mean of each colour above black over the square of side × side pixels at (x0, y0). A
+ * monochrome frame gives three equal values. */
 static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb[3]) {
     double sum[3] = {0};
     int n[3] = {0};
@@ -21,8 +22,8 @@ static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb
     }
 }
 
-/* Returns the value that sorting would put at index k. Only the part that contains it is divided
- * further. */
+/* Returns the value that would have index k if the n values were sorted (quickselect). Changes the
+ * order of the values. */
 static float select_value(float *values, gsize n, gsize k) {
     gssize low = 0, high = (gssize)n - 1, at = (gssize)k;
     while (low < high) {

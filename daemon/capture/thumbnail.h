@@ -1,6 +1,6 @@
-/* A small picture of a camera's frame, for people. The colours of the filter are merged. The
- * picture is at most THUMBNAIL_SIDE pixels wide and high, in sRGB, with the 99th percentile as
- * white. Pure functions; any thread. */
+/* A small picture of a camera's frame, for people. The pixels of a tile of the colour filter become
+ * one pixel. The picture is at most THUMBNAIL_SIDE pixels wide and high, in sRGB, with the 99th
+ * percentile as white. Pure functions; any thread. */
 #pragma once
 
 #include "drivers/frame.h"
@@ -13,7 +13,7 @@ struct capture_thumbnail {
     double time_s;
 };
 
-/* ret_rgb is width × height × 3; g_free(). */
+/* Makes a thumbnail. *ret_rgb has height rows of width pixels of 3 bytes; g_free(). */
 void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb);
 
 /* The same as thumbnail_make(), with at most max_pixels pixels in width and in height. Each pixel

@@ -1,7 +1,7 @@
 #include "time_left.h"
 
-/* For the mean delay, this number of shots without a delay is added to the shots that were exposed.
- * The first shots then do not count too much. */
+/* The mean delay is computed as if this number of further shots had had no delay, so that the first
+ * shots do not have too much influence. */
 #define DOUBTED 0.5
 
 gboolean time_left_load(struct time_left *left, const struct capture_session *session,
@@ -29,8 +29,8 @@ static struct shots_left *plan_shots(const struct capture_session *session,
     return ret;
 }
 
-/* Returns the time that shots will take if they are delayed as much as the earlier shots of their
- * kind. */
+/* Returns the predicted time of the shots: the time of the plan and, for each shot, the mean delay
+ * of the earlier shots of its kind. At least 0. */
 static double predict(const struct time_left *left, const struct shots_left *shots) {
     double sum_s = shots->planned_s;
     for (int k = 0; k <= SHOT_SWEEP; k++)

@@ -1,40 +1,40 @@
-/* The predicted time until a session is complete. The plan gives the time of each shot. It does not
- * know how fast this rig is, so the prediction learns from the shots of each kind how late they
- * are. Owned by the Capture. Main loop's thread. */
+/* The predicted time until a session is complete. The plan gives the time of each shot. The rig may
+ * be slower or faster than the plan, so the prediction learns the mean delay of the shots of each
+ * kind. Owned by the Capture. Main loop's thread. */
 #pragma once
 
 #include "capture_session.h"
 
-/* The work that is left before a shot: the time according to the plan, and the number of shots of
- * each kind (enum session_shot_kind). */
+/* The work that is left from a shot on: the time according to the plan, and the number of shots of
+ * each kind (enum session_shot_kind), including that shot. */
 struct shots_left {
     double planned_s;
     int n[SHOT_SWEEP + 1];
 };
 
 struct time_left {
-    double predicted_s, lower_bound_s; /* of the whole session, by the plan */
-    /* The work that is left before each of the n_shots shots of this run and, in the last element,
+    /* predicted time of the whole session and its lower bound, according to the plan */
+    double predicted_s, lower_bound_s;
+    /* n_shots + 1 elements: the work that is left before each of the n_shots shots of this run, and
      * after the last shot. NULL before the run. */
     struct shots_left *plan;
     guint n_shots;
-    /* The time by which the shots of each kind took longer than planned, and the number of these
-     * shots. */
+    /* For each kind of shots: the time by which they took longer than planned, and their number. */
     struct {
         double late_s;
         int n;
     } learnt[SHOT_SWEEP + 1];
     guint n_exposed; /* the number of exposed shots when the time left was last predicted */
-    double at_s;     /* the time of that prediction */
+    double at_s;     /* time of the last prediction on the session's clock */
     double left_s;   /* the prediction */
-    double min_s;    /* lower bound until the next exposure */
+    double min_s;    /* minimum of the time left that is shown until the next prediction */
 };
 
 gboolean time_left_load(struct time_left *left, const struct capture_session *session,
                         GError **error);
 void time_left_clear(struct time_left *left);
 
-/* Begins a run of these n shots, which begins with homing. */
+/* Begins a run of these n shots, and predicts its time, including homing. */
 void time_left_begin(struct time_left *left, const struct capture_session *session,
                      const struct session_shot *const *shots, guint n);
 
@@ -42,15 +42,17 @@ void time_left_begin(struct time_left *left, const struct capture_session *sessi
  */
 void time_left_predict(struct time_left *left, guint n, double at_s);
 
-/* Assigns the time since the last prediction to the shots that were exposed since then. The last of
- * them is shot n of the run and is of this kind. Call it before time_left_predict(). If several
- * cameras end the same shot, each adds its additional time. */
+/* Learns from the shots that were exposed since the last prediction, up to shot n of the run, which
+ * was exposed at at_s. Their delay counts for this kind, the kind of shot n. Call it before
+ * time_left_predict(). It may be called for each camera of shot n; a later camera adds the time
+ * since the earlier one. */
 void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint n, double at_s);
 
-/* Returns the time left at now_s, counted down from the last prediction. */
+/* Returns the time left at now_s: the last prediction minus the time since then, but at least
+ * min_s. */
 double time_left_at_s(const struct time_left *left, double now_s);
 
-/* Returns the time left if a run begins anew with these n shots. learnt says whether the times that
- * this run has measured are used. */
+/* Returns the time of a new run of these n shots, including homing. learnt is TRUE if the delays
+ * that this run has measured are added. */
 double time_left_of_new_run_s(const struct time_left *left, const struct capture_session *session,
                               const struct session_shot *const *shots, guint n, gboolean learnt);

@@ -15,7 +15,7 @@ struct Hooks {
     struct event *event; /* the event that is handled; NULL if there is none */
     GQueue waiting;      /* of struct event, the oldest first */
     GQueue programs;     /* paths (char *) of the programs that must still run for the event */
-    gboolean busy;       /* the first program of the queue runs */
+    gboolean busy;       /* whether the first program of the queue runs */
     GCancellable *cancellable;
 };
 
@@ -28,8 +28,8 @@ static void event_free(gpointer data) {
     g_free(event);
 }
 
-/* Returns whether only root, or the user of this program, could have put the file there. Otherwise
- * writes a warning. */
+/* Returns whether the file belongs to root or to the user of this program, and nobody else may
+ * write it. Otherwise writes a warning to the log. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;

@@ -1,14 +1,14 @@
 /*
- * Runs the executables of a folder when something happens to a capture, or shows notifications on
- * a desktop. Events are handled one after the other, and so are the executables of an event. The
- * failure of an executable is written to the log, and the next executable is run. All functions
- * belong to the main loop's thread.
+ * Runs the executables of a folder at each event of a capture or of the rig, or shows events as
+ * notifications on a desktop. Events are handled one after the other, and so are the executables
+ * of an event. The failure of an executable is written to the log, and the next executable is run.
+ * All functions belong to the main loop's thread.
  */
 #pragma once
 
 #include "hooks_conf.h"
 
-/* Largest number of waiting events. If there are more, the oldest are dropped. */
+/* Maximum number of waiting events. If there are more, the oldest one is dropped. */
 #define HOOKS_MAX_WAITING 1000
 
 typedef struct Hooks Hooks;
@@ -16,7 +16,7 @@ typedef struct Hooks Hooks;
 /* Makes hooks. conf is borrowed. */
 Hooks *hooks_new(const struct hooks_conf *conf);
 
-/* Ends the program that runs. NULL is ignored. */
+/* Kills the program that runs, and frees the hooks. NULL is ignored. */
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
@@ -43,5 +43,5 @@ char *hooks_text(const char *what, GVariant *details);  /* one or two further li
 char *hooks_json(const char *what, GVariant *details, gint64 time_s);
 
 /* Shows an event as a desktop notification (org.freedesktop.Notifications), through this connection
- * to the session bus. Does not wait until it is shown. Returns FALSE if it could not be sent. */
+ * to the session bus. Does not wait for an answer. Returns FALSE if the connection is closed. */
 gboolean hooks_show(GDBusConnection *session_bus, const char *what, GVariant *details);

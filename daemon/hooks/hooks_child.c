@@ -8,8 +8,8 @@
 
 #define KILL_S 3
 #define CHUNK  4096
-/* Seconds to wait for the last output if a process that the program has left behind holds the
- * pipe. */
+/* Seconds to wait for further output after the program has ended. A process that it has left behind
+ * may hold the pipe open. */
 #define DRAIN_S 1
 
 struct child {
@@ -64,7 +64,8 @@ static void take_output(struct child *child, gsize n) {
             g_string_append_c(child->line, (char)child->chunk[i]);
 }
 
-/* Runs between fork and exec. Makes a process group, so that all of it can be ended. */
+/* Runs between fork and exec. Makes a process group, so that the program and the processes that it
+ * starts can be ended together. */
 static void prepare_child(gpointer data) {
     setpgid(0, 0);
     signal(SIGPIPE, SIG_DFL);
@@ -118,7 +119,7 @@ static gboolean on_drain(gpointer data) {
 static void on_exit_of_child(GObject *source, GAsyncResult *result, gpointer data) {
     struct child *child = data;
     g_subprocess_wait_finish(G_SUBPROCESS(source), result, NULL);
-    child_kill(child, SIGKILL); /* ends the processes that it has left behind */
+    child_kill(child, SIGKILL); /* ends the processes that the program has left behind */
     child->exited = TRUE;
     g_clear_handle_id(&child->limit_id, g_source_remove);
     g_clear_handle_id(&child->kill_id, g_source_remove);
@@ -183,7 +184,8 @@ void hooks_child_run(const char *const *argv, const char *const *environ, const 
     child->line = g_string_new(NULL);
     g_task_set_task_data(task, child, child_free);
     if (child->group > 1)
-        setpgid(child->group, child->group); /* called by parent and child; the first succeeds */
+        /* parent and child both call it, so that the group exists when either continues */
+        setpgid(child->group, child->group);
     child->limit_id = g_timeout_add((guint)(time_limit_s * 1000), on_limit, child);
     char *own_input = g_strdup(input);
     g_output_stream_write_all_async(g_subprocess_get_stdin_pipe(process), own_input,

@@ -1,21 +1,21 @@
-/* A program that is run for an event: its input, its time limit and its output. All functions
- * belong to the main loop's thread. */
+/* Runs a program for an event, with an input and a time limit, and writes its output to the log.
+ * All functions belong to the main loop's thread. */
 #pragma once
 
 #include <gio/gio.h>
 
-/* Number of bytes of a program's output that are passed on. The rest is read and dropped. */
+/* Maximum number of bytes of a program's output that are written to the log. The rest is read and
+ * dropped. */
 #define HOOKS_CHILD_MAX_OUTPUT 16384
 
 /* Runs argv. input is written to its standard input. environ is its environment; NULL means the
- * environment of this program. Each line that it prints goes to the log. After the time limit, the
- * program and all processes that it has started are ended: by SIGTERM, and three seconds later by
- * SIGKILL. */
+ * environment of this program. Each line that the program prints is written to the log. After the
+ * time limit, the program and all processes of its process group get SIGTERM, and three seconds
+ * later SIGKILL. If cancellable is cancelled, they are killed. */
 void hooks_child_run(const char *const *argv, const char *const *environ, const char *input,
                      double time_limit_s, GCancellable *cancellable, GAsyncReadyCallback callback,
                      gpointer data);
 
-/* Returns the result. It is FALSE if the program could not be started, took too long, or ended with
- * an exit code that is not 0. If it was cancelled, the program is killed. The error names the
- * program. */
+/* Returns TRUE if the program has ended with exit code 0. Returns FALSE with an error if it could
+ * not be started, took too long, was cancelled, or ended by a signal or with another exit code. */
 gboolean hooks_child_finish(GAsyncResult *result, GError **error);

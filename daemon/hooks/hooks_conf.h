@@ -1,4 +1,4 @@
-/* The file hooks.conf, which says what happens when a capture reaches a milestone. */
+/* The configuration file of mesorig-hooks, hooks.conf. */
 #pragma once
 
 #include "base/options.h"
@@ -17,6 +17,6 @@ void hooks_conf_clear(struct hooks_conf *conf);
 typedef struct hooks_conf HooksConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(HooksConf, hooks_conf_clear)
 
-/* Returns the keys of a section, of which there is only "hooks". Returns NULL for any other
- * name. */
+/* Returns the option table of the section [class_name]. The only section is [hooks]; for any other
+ * name, returns NULL. */
 const struct option *hooks_conf_options(const char *class_name);

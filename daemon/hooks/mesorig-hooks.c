@@ -1,5 +1,5 @@
 /* mesorig-hooks: reports events of captures and of the rig to other programs and to the desktop. It
- * is a separate process that receives the daemon's signals and has no rights to call methods. */
+ * is a separate process that receives the daemon's signals and calls no methods. */
 #include "base/program.h"
 #include "hooks.h"
 
@@ -11,7 +11,7 @@
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 
-#define AGAIN_S 2 /* seconds until a daemon that has gone is searched for again */
+#define AGAIN_S 2 /* seconds between attempts to connect to a daemon that does not answer */
 
 static char *address, *bus, *conf_path;
 static gboolean desktop, check;
@@ -38,7 +38,8 @@ struct program {
     GDBusConnection *connection;
     GCancellable *cancellable;
     guint again_id;
-    char *away; /* reason why no daemon answers at the address; NULL if one does */
+    /* reason why no daemon answers at the address; NULL if one answers or none was tried yet */
+    char *away;
     int exit_code;
 };
 
@@ -84,7 +85,8 @@ static void on_event(GDBusConnection *connection, const char *sender, const char
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
+/* Reports why the daemon cannot be reached, unless the reason is the same as before, and tries
+ * again after AGAIN_S. Takes ownership of why. */
 static void stay_away(struct program *program, GError *why) {
     if (g_strcmp0(program->away, why->message) != 0)
         g_printerr("mesorig-hooks: %s; mesorig-hooks tries again every %d s\n", why->message,
@@ -95,8 +97,8 @@ static void stay_away(struct program *program, GError *why) {
     program->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, program);
 }
 
-/* A daemon with its own socket may start again, so this program waits for it. If a bus has ended,
- * this program also ends. The program that started it, such as systemd, starts it again. */
+/* If a daemon with its own socket has ended, this program waits until the daemon has started again.
+ * If a bus has ended, this program also ends, and systemd starts it again. */
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
     struct program *program = data;
     if (program->address) {
@@ -111,7 +113,7 @@ static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *err
     g_main_loop_quit(program->loop);
 }
 
-/* Takes ownership of connection. */
+/* Subscribes to the daemon's signals on a connection. Takes ownership of connection. */
 static void listen_to(struct program *program, GDBusConnection *connection) {
     static const struct {
         const char *name;
@@ -154,7 +156,8 @@ static gboolean connect_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Runs until a signal ends the program, or the bus ends. Returns FALSE if there is no bus. */
+/* Receives the daemon's signals until SIGINT or SIGTERM ends the program, or the bus ends. Returns
+ * FALSE with an error if there is no bus. */
 static gboolean hear(struct program *program, GError **error) {
     program->cancellable = g_cancellable_new();
     if (program->address) {
@@ -206,7 +209,7 @@ static void tell_made_up(struct program *program) {
         g_dbus_connection_flush_sync(program->screen, NULL, NULL);
 }
 
-/* Returns an exit code. */
+/* Does what the command line requests. Returns an exit code. */
 static int run(const struct hooks_conf *conf, GError **error) {
     struct program program = {.loop = g_main_loop_new(NULL, FALSE),
                               .address = address ? address

@@ -49,10 +49,11 @@ static int fail(const GError *error) {
     return 1;
 }
 
-/* Makes the rig safe. systemd also runs this as ExecStopPost, with SERVICE_RESULT set. It does so
- * even if the service could not start because another daemon has the rig, which must not be
- * switched off in this case. Devices that are not safe afterwards are left to a guardian, unless
- * one is already at work. */
+/* Carries out --safe-state: makes the rig safe and returns an exit code. systemd also runs this as
+ * ExecStopPost, with SERVICE_RESULT set, even if the service could not start because another daemon
+ * has the rig open. That rig must not be switched off, which is why the role is then LOCK_GUARDIAN.
+ * When run by systemd, leaves devices that are not safe afterwards to a guardian, unless one is
+ * already at work. */
 static int safe_state(const char *path) {
     const gboolean service = g_getenv("SERVICE_RESULT") != NULL;
     g_autoptr(GError) error = NULL;
@@ -70,7 +71,8 @@ static int safe_state(const char *path) {
     return safe ? 0 : 1;
 }
 
-/* Writes a message with its level to the journal, or elsewhere a line that people can read. */
+/* Writes a message to the journal if stderr is connected to it. Otherwise prints a line with time,
+ * level and message to stderr. */
 static GLogWriterOutput write_log(GLogLevelFlags level, const GLogField *fields, gsize n,
                                   gpointer data) {
     const char *message = NULL, *domain = NULL;
@@ -168,7 +170,7 @@ static void on_name_lost(GDBusConnection *connection, const char *name, gpointer
 
 static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
-        /* The mask applies only to the socket: only its owner may connect. */
+        /* The mask makes a socket to which only its owner may connect. */
         const mode_t before = umask(0077);
         daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);

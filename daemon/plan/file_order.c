@@ -3,8 +3,8 @@
 
 #include "base/config.h"
 
-/* Returns whether the file has one section and lacks the other. A file that cannot be read is
- * reported later, where it is needed. */
+/* Returns whether the file has the section [one] and not the section [other]. Returns FALSE if the
+ * file cannot be read; the code that needs the file reports that later. */
 static gboolean has_only(const char *path, const char *one, const char *other) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(Config) config = config_load_checked(path, mistakes);

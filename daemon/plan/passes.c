@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Maximum delay that the daemon itself adds to a trigger or a report. */
+/* Maximum delay in seconds that the daemon itself adds to a trigger or a report. */
 #define HOST_S 0.005
 /* The angles of the table at which passes begin and end are multiples of this. */
 #define STEP_DEG 1e-3
@@ -119,8 +119,8 @@ static void measure(struct group *group, const struct session_conf *conf, const 
     group->exposure_s = exposure_s_of(conf);
     group->frame_s = slowest_s(timing->trigger_us, cameras) + group->exposure_s;
     group->readout_s = slowest_s(timing->readout_us, cameras);
-    /* Before the first trigger, the table makes two reports at its final speed. After the last
-     * exposure it makes one. */
+    /* Before the first trigger there is time for at least two reports of the position at the final
+     * speed, and after the last exposure for at least one. */
     group->lead_deg =
         ramp + v * (1e-3 * (table->settle_ms + 3 * table->report_ms) + HOST_S + group->frame_s);
     group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);
@@ -191,7 +191,8 @@ static gboolean can_be_in_pass(const struct session_shot *shot) {
     return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
 }
 
-/* Returns whether two shots differ only in the angle of the turntable. */
+/* Returns whether two shots of the same lamp differ only in the angle of the turntable and in their
+ * cameras. */
 static gboolean are_alike(const struct session_shot *a, const struct session_shot *b,
                           const struct rig *rig) {
     return can_be_in_pass(a) && can_be_in_pass(b) && a->device == b->device &&
@@ -241,8 +242,8 @@ static int compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts alike shots in the order in which the table passes them. The shot after the widest gap is
- * the first. */
+/* Sorts shots that are alike (are_alike()) by the angle of the table. If the table turns without
+ * limits, the order begins with the shot after the widest gap between two angles. */
 static void sort(GArray *alike, gboolean wraps) {
     const guint n = alike->len;
     guint first = 0;
@@ -270,7 +271,8 @@ static char *key_of(const struct session_shot *shot, const struct rig *rig) {
                            rig_arm_deg(rig, shot->cameras));
 }
 
-/* Returns lists of alike shots by their keys. */
+/* Returns a table that maps the key of each group of alike shots to a GArray of copies of these
+ * shots. */
 static GHashTable *list_alike(const GArray *shots, const struct rig *rig) {
     GHashTable *table =
         g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_array_unref);
@@ -291,7 +293,7 @@ static GHashTable *list_alike(const GArray *shots, const struct rig *rig) {
 
 /* Takes the list of a shot out of the table and returns it. The caller then owns it. Returns NULL
  * if the shot has no key or if its list is empty. Also returns NULL, and sets *ret_later to TRUE,
- * if the table has no list for the key (any more). The caller therefore gets each list once, with
+ * if the table has no list for the key (any more). The caller therefore gets each list once, for
  * the first of its shots. */
 static GArray *take_list(GHashTable *table, const struct session_shot *shot, const struct rig *rig,
                          gboolean *ret_later) {
@@ -305,7 +307,7 @@ static GArray *take_list(GHashTable *table, const struct session_shot *shot, con
     return alike;
 }
 
-/* Returns whether at least some of the sorted shots would be in passes. */
+/* Returns whether passes_set() would put at least some of the sorted shots into passes. */
 static gboolean any_in_pass(GArray *alike, const struct session_conf *conf, const struct rig *rig,
                             const struct rig_timing *timing) {
     g_autofree struct session_shot *copies =
@@ -348,7 +350,8 @@ GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, co
         }
         g_array_index(shots, struct session_shot, n++) = shot;
     }
-    /* the followers own the strings of these shots: g_array_set_size() would free them */
+    /* not by g_array_set_size(), which could free the strings of shots that followers now
+     * contains */
     shots->len = n;
     return followers;
 }

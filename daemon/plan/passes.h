@@ -1,11 +1,11 @@
 /* Pictures that are taken while the turntable turns ([capture] motion = continuous): the shots of
  * lamps that share a pass, the speed of the turntable, and the time that passes take.
  *
- * A pass is a turn of the table in the positive direction, with one lamp lit and all other axes
- * standing. It begins before its first shot. In this part the table accelerates, settles, and
- * reports its position for the first time at its final speed. The pass ends after its last shot. If
- * a pass takes longer than stopping at each of its angles, its shots are not in a pass, and their
- * pass number is 0.
+ * A pass is a turn of the turntable ("table") in the positive direction, with one lamp lit and all
+ * other axes standing. It begins before its first shot, so that the table can accelerate, settle,
+ * and report its position for the first time at its final speed. The pass ends after its last
+ * shot. If stopping at each angle is quicker, the shots are not in a pass, and their pass number
+ * is 0.
  *
  * A point at the sample's corner, at the distance r from the axis, moves by ω r t during an
  * exposure of t. The pose of a frame is known to within ω r 2 δ. Here δ is the maximum error of the
@@ -29,7 +29,8 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
 struct passes_speed {
     double deg_s;
     gboolean by_axis; /* the speed is the maximum speed of the turntable */
-    /* If by_axis is FALSE: the speed is limited by the error of the pose, not by the blur. */
+    /* If by_axis is FALSE: TRUE if the error of the pose limits the speed, FALSE if the blur
+     * does. */
     gboolean by_pose;
     double blur_texels, blur_mm; /* blur of the sample's corner at that speed */
     double pose_texels;          /* movement of the sample's corner during 2 δ at that speed */
@@ -42,31 +43,32 @@ struct passes_speed passes_speed(const struct session_conf *conf, const struct r
 int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
                const struct rig *rig, const struct rig_timing *timing, int number);
 
-/* Returns the time from the end of a shot's exposure to the end of the exposure of the shot that
- * the table passes next. Returns G_MAXDOUBLE if the two shots cannot be in one pass. */
+/* Returns the time from the end of the exposure of before to the end of the exposure of shot if the
+ * table passes both in one pass. Returns G_MAXDOUBLE if the two shots cannot be in one pass. */
 double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
                       const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing);
 
 /* Prepares shots for ordering. Shots that differ only in the angle of the turntable must follow
- * each other if at least some of them would be in a pass. The function removes all but the first of
- * such shots from an array of struct session_shot. The shots are put back after that first shot, in
- * the order in which the table passes them. */
+ * each other if at least some of them would be in a pass. passes_take_followers() removes all but
+ * the first of such shots from an array of struct session_shot, and returns the removed shots.
+ * passes_put_back() puts them back after that first shot, in the order in which the table passes
+ * them. */
 GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing);
 void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig);
 
-/* Returns the angle of a shot in the coordinates of its pass: between from_deg and from_deg +
- * by_deg. */
+/* Returns the angle of a shot plus a multiple of 360°, so that it is between from_deg and from_deg
+ * + by_deg of the pass. Returns the angle itself if pass->number is 0. */
 double passes_at_deg(const struct session_pass *pass, double turntable_deg);
 
-/* Returns the seconds before the trigger of a shot in a pass. They count from the beginning of the
- * pass or, if before is in the same pass, from the end of before's exposure. frame_s is the time
- * from a trigger to the end of its exposure, which takes exposure_s. */
+/* Returns the time in seconds until the trigger of a shot in a pass. It is counted from the
+ * beginning of the pass or, if before is in the same pass, from the end of before's exposure.
+ * frame_s is the time from a trigger to the end of its exposure, which takes exposure_s. */
 double passes_lead_s(const struct session_shot *before, const struct session_shot *shot,
                      double frame_s, double exposure_s, const struct axis_motion *table);
 
-/* Returns the time from the end of a shot's exposure, after which its pass takes nothing more,
- * until the table stands still. */
+/* Returns the time in seconds from the end of the exposure of the last shot of a pass until the
+ * table stands still. */
 double passes_exit_s(const struct session_shot *shot, double exposure_s,
                      const struct axis_motion *table);

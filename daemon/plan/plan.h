@@ -2,15 +2,15 @@
  * function: it opens no devices and moves nothing, and the same input gives the same plan.
  *
  * Every view is taken under every light and swept from every laser position. A view is a camera
- * with the turntable at an angle τ. A light is a lamp at the arc angle α = φ_l + τ, or a lamp that
- * is fixed at the azimuth φ_l + τ. The plan is therefore a set of poses (τ, α), each with
- * its shots.
+ * with the turntable at an angle τ. A light is a direction of azimuth φ_l relative to the
+ * turntable: a lamp on the arc at the arc angle α = φ_l + τ, or a lamp that is fixed at the
+ * azimuth φ_l + τ. The plan is therefore a set of poses (τ, α), each with its shots.
  *
  * Cameras on an arm and lamps on a probe have views and lights at each of their stops. With these
  * axes poses are (τ, α, β, γ), where β and γ are the angles of arm and probe. A pose without a
  * camera of the arm is taken with the arm at the first stop of the rig. A pose without a lamp of
- * the probe is taken with the probe at its first stop. An axis that the rig lacks stands at 0, and
- * its struct rig_timing has the limits 0 to 0.
+ * the probe is taken with the probe at its first stop. An axis that the rig does not have stands
+ * at 0, and its struct rig_timing has the limits 0 to 0.
  *
  * Fixed lamps give all lights of all views only if their arrangement looks the
  * same from all angles of the turntable that the views need. Shots under a light that no lamp gives
@@ -19,11 +19,11 @@
  * All axes move together. All orders make the same exposures and differ only in the moves. The
  * planner chooses the order with the shortest predicted time.
  *
- * The prediction follows the sequencer. Before a shot, everything is prepared together while frames
- * are read out: the axes move, the lamp or laser is switched on and warms up, the sweep axis moves
- * to its first step. A lamp that the previous shot has left on is warm. plan_time.c has the model
- * and proves a lower bound of the time of any order. Before each shot, at least the warm-up of its
- * lamp must pass or, if the lamp was left on, the quickest move into its pose.
+ * The prediction follows the sequencer. Before a shot, everything is prepared together while
+ * frames are read out: the axes move, the lamp or laser is switched on and warms up, the sweep
+ * axis moves to its first step. A lamp that the previous shot has left on is warm. plan_time.c has
+ * the model and proves a lower bound of the time of any order. Each shot takes at least the
+ * warm-up of its lamp or, if the lamp was left on, the quickest move into its pose.
  *
  * If lamps take longer to warm up than axes take to move, the quickest order visits the poses once
  * for each lamp.
@@ -32,9 +32,10 @@
  * stop (passes.h). The lower bound assumes the given passes in any order.
  *
  * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
- * positions. The block of the present position comes first, which needs the fewest mountings.
- * Predictions include the homing of the axes at the beginning, which takes the axes' homing_s. They
- * do not include the time that the operator needs for a mounting, nor the homing after it. */
+ * positions. The block of the present position comes first, because this needs the fewest
+ * mountings. Predictions include the homing of the axes at the beginning, which takes the axes'
+ * homing_s. They do not include the time that the operator needs for a mounting, nor the homing
+ * after it. */
 #pragma once
 
 #include "passes.h"
@@ -55,14 +56,15 @@ gboolean plan_check_order(const char *rig_path, const char *session_path, GError
 
 struct plan {
     struct session_plan session; /* grid, directions, shots; owned by the plan */
-    /* number of visits: a pose may be visited again for another lamp */
+    /* number of visits of poses; a pose may be visited several times, for different lamps */
     int n_poses;
     /* number of camera frames to be triggered, including those of brackets and sweeps */
     int n_frames;
-    /* predicted bytes on disk if the cameras see the lines wherever they pass the sample, and all
-     * shots are taken */
+    /* predicted bytes on disk if the cameras see the laser lines wherever they pass the sample, and
+     * all shots are taken */
     guint64 bytes;
-    /* predicted bytes on disk if the cameras see no lines, and the first round is sufficient */
+    /* predicted bytes on disk if the cameras see no laser lines, and the first round is
+     * sufficient */
     guint64 bytes_least;
     double predicted_s;
     double lower_bound_s;
@@ -73,7 +75,7 @@ struct plan {
     /* with STOP_COVERED or SAMPLING_ADAPTIVE the predicted time if the first round is sufficient;
      * otherwise predicted_s */
     double first_s;
-    int n_first; /* number of shots of the first round, which come first */
+    int n_first; /* number of shots of the first round, which come first in session.shots */
     /* numbers of shots that are taken only if the first round is not sufficient */
     int n_later_sweeps, n_later_lamps;
     /* with MOTION_CONTINUOUS the number of passes, and of the shots that are taken in them */
@@ -137,34 +139,34 @@ guint64 plan_database_bytes(int n_shots);
 /* Returns the time that the axes take to home, all together. */
 double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 
-/* Finds which of n shots belong to the first round of [lasers] stop = covered (ret_first, n). These
- * are all shots except the sweeps that may add little according to the rig's geometry. The sweeps
- * of each turntable angle are chosen one after the other. Each time, the sweep is chosen whose sum
- * of coverage_model_adds() over its cameras is the largest. The order of the shots does not matter.
- * Without STOP_COVERED, all shots belong to the first round. */
+/* Sets ret_first[i] to whether shot i of n belongs to the first round of [lasers] stop = covered.
+ * These are all shots except the sweeps that may add little according to the rig's geometry. The
+ * sweeps of each turntable angle are chosen one after the other. Each time, the sweep is chosen
+ * whose sum of coverage_model_adds() over its cameras is the largest. The order of the shots does
+ * not matter. Without STOP_COVERED, all shots belong to the first round. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 
-/* Finds which of n shots of lamps belong to the first round of [lights] sampling = adaptive.
- * ret_first (n) is set only for these. The first round has [lights] first shots for each turntable
- * angle, spread over all pairs of a view and a light of this rig, and prefers shots that take less
- * time. The first round is the same for all materials, and a larger first contains the shots of a
- * smaller one. Without SAMPLING_ADAPTIVE nothing is set. */
+/* Sets ret_first[i] to TRUE for those of n shots that are of lamps and belong to the first round of
+ * [lights] sampling = adaptive. The other elements do not change. The first round has [lights]
+ * first shots for each turntable angle, spread over all pairs of a view and a light of this rig,
+ * and prefers shots that take less time. The first round is the same for all materials, and a
+ * larger first contains the shots of a smaller one. Without SAMPLING_ADAPTIVE nothing is set. */
 void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing, const struct session_shot *const *shots,
                       int n, gboolean *ret_first);
 
 /* Gives the time that each of n shots adds to a round if its pose is visited only for this shot,
- * coming from the nearest pose of another shot. The time is 0 for shots that are skipped or not of
- * lamps. */
+ * coming from the nearest pose of another shot. ret_s has n values in seconds. The time is 0 for
+ * shots that are skipped or not of lamps. */
 void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, const struct session_shot *const *shots,
                         int n, double *ret_s);
 
 /* Makes a chain of lamp shots that follow each other quickly. It begins with chain[0] and always
  * continues with the one of the n shots that takes the least time after the last. It ends when the
- * chain has most shots or no shot is left. Returns the length of the chain. ret_s is the time of
- * all its shots except the first. */
+ * chain has most shots or no shot is left. chain has indices of shots. Returns the length of the
+ * chain. *ret_s is the time of all its shots except the first. */
 int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, const struct session_shot *const *shots, int n,
                     int most, int *chain, double *ret_s);
@@ -192,8 +194,8 @@ GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n);
 CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
                                 const struct session_shot *const *shots, const GArray *group);
 
-/* Gives the sweep angles at which a laser's sheet passes the edges of the sample's box with its
- * margin. */
+/* Computes the angles of the sweep axis between which a laser's sheet passes over the sample's box
+ * with its margin. */
 void plan_sweep_deg(const struct session_conf *conf, const struct rig *rig, int laser,
                     double turntable_deg, double arc_deg, double *ret_from_deg, double *ret_to_deg);
 

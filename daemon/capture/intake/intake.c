@@ -12,22 +12,24 @@
 /* Frames of a sweep are handed over in batches, because waking a worker costs more than its work.
  */
 #define BATCH 8
-/* LASER_PIXELS pixels with a signal above the threshold are a laser line. MIN_LASER_PIXELS pixels
- * above half the threshold are also a line, if the line lit them in the middle of the sweep, and if
- * they are at least half of the pixels that it lit there. */
+/* The laser is on if LASER_PIXELS pixels are above the threshold. It is also on if MIN_LASER_PIXELS
+ * pixels that the line lit in the middle of the sweep are above half the threshold, and these are
+ * at least half of the pixels that the line lit there. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
-/* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
+/* Nice values of the threads. The main loop, which moves axes and triggers cameras, has the highest
+ * priority (0), then the workers that take frames, then the threads that write sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
 
 struct job {
     guint generation;
-    /* The camera of the lane, or a further stop of it. The job owns the frame. */
+    /* A frame of the lane's camera, or of another stop of that camera on the arm. The job owns the
+     * frame. */
     struct taken_frame taken;
 };
 
-/* A sweep of which all frames were taken. */
+/* A sweep all of whose frames were taken. */
 struct complete_sweep {
     guint generation;
     struct taken_frame last; /* the frame is owned */
@@ -48,10 +50,10 @@ struct lane {
     GThread *thread;
     GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
     GPtrArray *batch;
-    GThreadPool *finisher; /* of one thread, of struct complete_sweep */
+    GThreadPool *finisher; /* one thread, which finishes sweeps (struct complete_sweep) */
     GMutex mutex;
     GCond finished;
-    int n_complete; /* guarded by mutex */
+    int n_complete; /* number of sweeps that are not finished yet; guarded by mutex */
 
     guint generation;
     const struct session_shot *shot; /* the shot that is being collected */
@@ -59,9 +61,9 @@ struct lane {
     Frame *bracket[PLAN_MAX_BRACKET];
     guint32 *sums;
     Sweep *sweep, *short_sweep;
-    Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
+    Frame *sweep_first, *sweep_middle[2]; /* frames with the longer exposure, for is_laser_seen() */
     gboolean laser_seen;
-    GError *error; /* the first error of keeping the frames of the shot */
+    GError *error; /* the first error of writing a raw frame of the shot */
     struct intake_darks darks;
 };
 
@@ -78,7 +80,7 @@ struct Intake {
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* read by workers */
-    gsize bytes;      /* of frames that wait for a worker; written by workers */
+    gsize bytes;      /* bytes of frames and sweeps that wait for a worker; written by workers */
     int full;         /* read by workers */
     int steps_over;   /* written by workers */
 };
@@ -183,7 +185,8 @@ static void finish_dark(struct lane *lane, const struct taken_frame *taken) {
     return_result(lane, lane->generation, &result);
 }
 
-/* Finds the marks next to the sample. Returns NULL if there are none. */
+/* Measures the marks on the turntable in a picture under a lamp. Returns an array of struct
+ * fiducial_seen, or NULL if the rig has no marks. */
 static GArray *measure_marks(const struct lane *lane, const struct taken_frame *taken,
                              const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
@@ -205,8 +208,8 @@ static GArray *measure_marks(const struct lane *lane, const struct taken_frame *
     return marks;
 }
 
-/* Curvature of the sensor's response for the merge; 0 where it is within the noise of the
- * calibration. */
+/* Returns bend_per_dn for radiance_merge(); 0 if the calibration does not know the curvature of the
+ * sensor's response, or if the curvature is less than three times its error. */
 static double bend_of(const struct lane *lane, const struct taken_frame *taken,
                       const Frame *frame) {
     const struct calibration *calibration = lane->intake->setup.calibration;
@@ -250,8 +253,9 @@ static void finish_lamp(struct lane *lane, const struct taken_frame *taken) {
     return_result(lane, lane->generation, &result);
 }
 
-/* In lockstep the clock stands from the moment when work is given to a worker until the main loop
- * has taken the result. If the worker called clock_release(), time could pass before that. */
+/* In lockstep (clock_is_lockstep()) the clock stands from the moment when work is given to a worker
+ * until the main loop has taken the result. The main loop releases the clock. If the worker did
+ * that, time could pass before the main loop has taken the result. */
 static void begin_step(Intake *intake) {
     if (clock_is_lockstep(intake->setup.devices->clock))
         clock_hold(intake->setup.devices->clock);
@@ -281,7 +285,8 @@ static void add_bytes(Intake *intake, gssize bytes) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
-/* Runs in the finisher. On Linux, setpriority() applies only to the calling thread. */
+/* Evaluates and writes a sweep, in the thread of the finisher. On Linux, setpriority() applies only
+ * to the calling thread. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct complete_sweep *complete = data;
     struct lane *lane = lane_data;
@@ -335,7 +340,8 @@ static void queue_sweep(struct lane *lane, const struct taken_frame *last) {
     g_thread_pool_push(lane->finisher, complete, NULL);
 }
 
-/* Adds to the sweep the frames that have one of its two exposures. */
+/* Adds the frames with the shorter exposure (shorter is TRUE) or with the other exposure to a
+ * sweep. Makes the sweep if it is NULL and there are such frames. */
 static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct session_conf *conf,
                    gboolean shorter) {
     const struct taken_frame *first = &jobs[0]->taken;
@@ -352,7 +358,7 @@ static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct s
         sweep_add_some(*sweep, pixels, count);
 }
 
-/* Keeps the first frame of a sweep, and those next to its middle, for is_laser_seen(). */
+/* Keeps the first frame of a sweep and the one or two frames in its middle for is_laser_seen(). */
 static void keep_for_end(struct lane *lane, const struct taken_frame *taken) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const int n = taken->shot->sweep_steps, step = shot_sweep_step(conf, taken->shot, taken->sub);
@@ -371,10 +377,10 @@ static gboolean is_brighter(const Frame *frame, const Frame *than, double margin
 }
 
 /* Returns whether the last frame of a sweep shows the laser. This frame is taken in the middle of
- * the sweep with the laser off. The laser is seen if many pixels are brighter than their dark
- * level. It is also seen if many pixels are brighter than in the first frame, because the laser may
- * have lit the dark frames. If the laser lit only a few pixels in the middle, a few of them
- * suffice. */
+ * the sweep with the laser off. The laser is seen if LASER_PIXELS pixels are brighter than their
+ * dark level. It is also seen if LASER_PIXELS pixels are brighter than in the first frame, because
+ * the laser may also have lit the dark frames. If the laser lit only a few pixels in the middle of
+ * the sweep, MIN_LASER_PIXELS and half of them suffice. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;
@@ -392,7 +398,8 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Takes consecutive frames of a sweep. The frame without the laser is passed separately. */
+/* Takes n consecutive frames of a sweep, or only the last frame, which is taken with the laser
+ * off. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct taken_frame *first = &jobs[0]->taken;
@@ -419,7 +426,7 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
         lane_reset(lane);
     lane->shot = taken->shot;
     lane->generation = job->generation;
-    /* Frames come in order. A frame out of order would be stored as another frame. */
+    /* Frames must come in order, because a frame is identified only by its position. */
     g_return_if_fail(taken->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == shot_n_frames(conf, taken->shot);
@@ -613,7 +620,8 @@ void intake_take(Intake *intake, const struct taken_frame *taken) {
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* No frames come while the intake is full. Therefore incomplete batches are also flushed. */
+    /* No frames come while the intake is full, so an incomplete batch would not become complete.
+     * All batches are therefore given to the workers now. */
     for (guint i = 0; i < intake->lanes->len; i++)
         flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);

@@ -29,14 +29,15 @@
  *
  * SHOT_SWEEP has one part "sweep" with the channels "intensity", "peak", "second_intensity",
  * "second_peak" and "width" (float), as in frames/sweep.h. mesorig.unit is "DN". mesorig.laser
- * (string) names the laser. sweep.from_deg, sweep.to_deg (double) and sweep.steps (int) say that
- * frame k is taken at from + (to − from)·k/(steps − 1). With laser_short_us, two frames are taken
- * there, the short one first (sweep_set_shorter()). With keep_laser_frames, each frame is also kept
- * as laser/SHOT_CAMERA/0000.exr (0000_short.exr): part "frame", channel "Y", raw DN, float, or half
+ * (string) names the laser. Step k of the sweep is taken at the angle from + (to − from)·k/(steps
+ * − 1), with the attributes sweep.from_deg, sweep.to_deg (double) and sweep.steps (int). With
+ * laser_short_us, two frames are taken at each step, the one with the short exposure first
+ * (sweep_set_shorter()). With keep_laser_frames, each frame is also kept as
+ * laser/SHOT_CAMERA/0000.exr (0000_short.exr): part "frame", channel "Y", raw DN, float, or half
  * for at most 11 bits.
  *
- * Only the session stores when a frame was taken. The files of a shot that is taken again are
- * therefore equal, byte for byte, to those of an undisturbed shot.
+ * The time when a frame was taken is stored only in the database of the session. The files of a
+ * shot that is taken again are therefore equal, byte for byte, to those of an undisturbed shot.
  */
 #pragma once
 
@@ -51,24 +52,25 @@ struct intake_setup {
     struct devices *devices;
     const struct session_conf *conf;
     const char *directory; /* of the session */
-    /* Size of the waiting frames and sweeps at which the intake is full; 0 for 512 MiB. */
+    /* Bytes of waiting frames and sweeps at which the intake is full; 0 for 512 MiB. */
     gsize full_bytes;
     /* Radiometry of the fiducials and linearity of the sensors. If it is NULL, fiducials are not
      * searched for, and sensors count as linear. */
     const struct calibration *calibration;
 };
 
-/* A camera's part of a shot, which is on disk or could not be written. */
+/* The result of a camera for a shot. Its file was written, unless error, uneven or laser_seen is
+ * set. */
 struct intake_result {
     const struct session_shot *shot;
     /* The row of the frame. path, sha256 and bytes are set if the file was written. */
     struct session_frame frame;
     GError *error;
-    double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure */
-    double dark_dn;      /* SHOT_DARK: maximum of the means of the exposures */
+    double signal_dn;    /* SHOT_LAMP: mean of the longest exposure above dark, in DN */
+    double dark_dn;      /* SHOT_DARK: mean level of the exposure with the highest mean, in DN */
     const GArray *marks; /* SHOT_LAMP: of struct fiducial_seen that this camera saw, or NULL */
     gboolean uneven;     /* SHOT_LAMP: the exposures disagree; nothing is written */
-    gint64 saturated;    /* SHOT_LAMP: pixels, in the shortest exposure */
+    gint64 saturated;    /* SHOT_LAMP: number of pixels that are saturated in every exposure */
     gboolean laser_seen; /* SHOT_SWEEP: the frame after the laser was switched off is not dark */
 };
 
@@ -89,14 +91,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
  * reference of the frame. */
 void intake_take(Intake *intake, const struct taken_frame *taken);
 
-/* Returns whether too many frames wait for the workers. No camera may be triggered until room() is
- * called. A virtual clock is held meanwhile, because writing takes no simulated time. */
+/* Returns whether too many frames wait for the workers. No camera may then be triggered until the
+ * hook room is called. A virtual clock is held meanwhile, because writing takes no simulated
+ * time. */
 gboolean intake_is_full(const Intake *intake);
 
 /* Forgets all shots whose results have not been returned. Their results are dropped. */
 void intake_discard(Intake *intake);
 
-/* Takes a camera's dark levels from the file of an earlier dark shot. To be called before the first
+/* Reads a camera's dark levels from the file of an earlier dark shot. To be called before the first
  * frame. */
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error);

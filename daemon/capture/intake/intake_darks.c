@@ -2,9 +2,9 @@
 
 #include <math.h>
 
-/* With dark frames at two exposures, uses a line through each pixel's two values. With dark frames
- * at one exposure, uses the values of that exposure. Otherwise uses the sensor's nominal black
- * level. */
+/* Estimates the dark level of each pixel at an exposure. With dark frames at two exposures,
+ * interpolates linearly between the pixel's two values, or extrapolates. With dark frames at one
+ * exposure, uses the values of that exposure. Otherwise uses the sensor's nominal black level. */
 static void guess_dark(const struct intake_darks *darks, gint64 exposure_us, const Frame *frame,
                        struct intake_dark *ret) {
     const struct intake_dark *known[2] = {NULL, NULL};

@@ -8,12 +8,14 @@
 struct intake_dark {
     gint64 exposure_us;
     double mean_dn;
-    float *pixels; /* NULL if it is not known */
+    float *pixels; /* dark level of each pixel in DN; NULL if it is not known */
 };
 
 struct intake_darks {
     struct intake_dark levels[SHOT_MAX_DARKS];
-    struct intake_dark guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures without dark frames */
+    /* interpolated levels for exposures without dark frames; the index is that of the frame in its
+     * shot */
+    struct intake_dark guesses[PLAN_MAX_BRACKET];
 };
 
 /* Sets the dark level of an exposure. Takes ownership of pixels. index is an index of

@@ -15,7 +15,8 @@ static const char *const sweep_channels[] = {"intensity",   "peak",  "second_int
 
 #define HALF_BITS 11 /* a half float stores integers of up to this number of bits exactly */
 
-/* Below this size, compression saves little and takes longer than all other work on a frame. */
+/* Up to this number of pixels, compression saves little and takes longer than all other work on a
+ * frame. */
 #define SMALL_PIXELS (256 * 256)
 
 static enum exr_compression compression_of(const struct intake_file *file) {
@@ -62,7 +63,8 @@ static void fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
-/* Writes exr to the file of the shot, and frees exr. */
+/* Writes exr to the file of the shot, syncs it, and sets path, sha256 and bytes of ret_frame. Frees
+ * exr in any case. */
 static gboolean intake_write_frame(const struct intake_file *file, struct exr_file *exr,
                                    struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
@@ -136,7 +138,8 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
                     g_strerror(code));
         return FALSE;
     }
-    /* Frames of a sweep arrive faster than they can be compressed. */
+    /* Frames of a sweep are not compressed, because they arrive faster than they can be
+     * compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
     const int step = sweep ? shot_sweep_step(file->conf, file->shot, sub) : sub;
     const int last = shot_n_frames(file->conf, file->shot) - 1;

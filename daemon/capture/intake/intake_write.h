@@ -5,23 +5,25 @@
 #include "plan/plan.h"
 
 struct intake_file {
-    const char *directory; /* of the session */
+    const char *directory; /* the session directory */
     const struct session_shot *shot;
     int camera;
     const char *camera_name;
     const char *source_name; /* name of the lamp or laser; NULL for dark */
     const struct session_conf *conf;
     const struct rig *rig;       /* nominal, for the angles of arm and probe */
-    const Frame *last;           /* the last frame of the file */
+    const Frame *last;           /* the last frame that the file contains or was computed from */
     double turntable_deg;        /* angle of the turntable, in the middle of last if it turned */
     gboolean turned;             /* the turntable turned during the exposure */
-    const Frame *const *bracket; /* SHOT_LAMP: all frames */
+    const Frame *const *bracket; /* SHOT_LAMP: the frames of all exposures, the shortest first */
     double dark_dn;
-    gint64 saturated;    /* SHOT_LAMP: number of pixels that are saturated in every exposure */
-    double shorter_from; /* SHOT_LAMP: DN/ms (intake.h); 0 if there is only one exposure */
+    gint64 saturated; /* SHOT_LAMP: number of pixels that are saturated in every exposure */
+    /* SHOT_LAMP: value in DN/ms from which pixels are saturated in the longest exposure; 0 if
+     * there is only one exposure */
+    double shorter_from;
 };
 
-/* Write and sync the file, and set path, sha256 and bytes of ret_frame. */
+/* Write and sync the file of a shot, and set path, sha256 and bytes of ret_frame. */
 gboolean intake_write_lamp(const struct intake_file *file, const float *radiance,
                            struct session_frame *ret_frame, GError **error);
 gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposures_us,

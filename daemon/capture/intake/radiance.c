@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Exposures disagree if their mean difference is above this part of full scale. */
+/* Minimum mean difference of two exposures that disagree, as a part of full scale. */
 #define UNEVEN_PART 0.0025
 
 int radiance_saturation(int bits) {
@@ -26,8 +26,9 @@ static double mean_above(const Frame *frame, const float *dark) {
     return n > 0 ? sum / n : 0;
 }
 
-/* Inverts y = x·(1 − bend·x). Beyond the vertex of the parabola there is no solution. The result is
- * then the vertex. */
+/* Returns the signal x for a pixel of y = x·(1 − bend·x) DN above dark. Beyond the vertex of the
+ * parabola there is no solution; the result is then continued from the vertex in proportion to
+ * y. */
 static inline float straight(float above_dark, float bend) {
     if (bend == 0)
         return above_dark;
@@ -37,11 +38,11 @@ static inline float straight(float above_dark, float bend) {
 
 /* The value of a pixel is Σ x_i / Σ t_i, with x_i DN above dark at exposure t_i. The sums go over
  * the first k exposures, the shortest first. Exposure k is the longest one that is below the limit
- * according to this mean. If each exposure whose own value is above the limit were left out,
- * exposures that are brighter because of noise would be missing, and the mean would be too dark.
- * The error of this mean is uncorrelated with the additional error of a mean of fewer exposures,
- * because weights by exposure are optimal for photon noise. The choice of k therefore causes no
- * bias. */
+ * according to this mean. If instead each exposure whose own value is above the limit were left
+ * out, exposures that are brighter because of noise would be missing, and the mean would be too
+ * dark. The error of this mean is uncorrelated with the additional error of a mean of fewer
+ * exposures, because weights by exposure are optimal for photon noise. The choice of k therefore
+ * causes no bias. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;

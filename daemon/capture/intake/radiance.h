@@ -1,6 +1,6 @@
 /*
  * Converts raw pictures to linear radiance: means of dark frames, merging of an exposure bracket.
- * Pure functions over arrays; any thread.
+ * Pure functions on arrays; any thread.
  *
  * Values are DN above dark per millisecond of exposure at 0 dB. Radiance is such a value times 1000
  * divided by the camera's response (DN per second per W·sr⁻¹·m⁻²), apart from vignetting. The unit
@@ -19,14 +19,15 @@ struct radiance_stats {
     /* Number of pixels that are saturated in every exposure. They have the value of the shortest
      * exposure. */
     gint64 saturated;
-    double signal_dn; /* mean above dark of the longest exposure */
+    double signal_dn; /* mean of the longest exposure above dark, in DN */
 };
 
 /* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
  * pixel at the exposure of frame i. The exposures of a pixel are weighted by their length.
- * Exposures that are saturated according to the mean are left out, so that noise causes no bias. A
- * sensor that shows linear·(1 − bend·linear) DN above dark is corrected first; bend_per_dn is 0 for
- * a linear sensor. ret has width × height values. */
+ * Exposures that are saturated according to the merged value, and not according to their own noisy
+ * value, are left out, so that noise causes no bias. The curvature of the sensor is corrected
+ * first: a signal of x DN is read as x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is 0 for a
+ * linear sensor. ret has width × height values. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
@@ -44,11 +45,11 @@ double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gai
 /* Sets each pixel to 1 if it is saturated in all frames, otherwise to 0. */
 void radiance_mark(const Frame *const *frames, int n, float *ret);
 
-/* Adds a frame to sums. The sums of n frames divided by n are the dark level. */
+/* Adds each pixel of a frame to its sum. radiance_mean() computes the dark level from the sums. */
 void radiance_add(const Frame *frame, guint32 *sums);
-/* Writes the dark level of every pixel and returns their mean. */
+/* Computes the dark level of every pixel from the sums of n frames, and returns the mean of these
+ * levels. */
 double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret);
 
-/* Returns the number of pixels more than margin_dn above dark, which a laser lights if it stays
- * on. */
+/* Returns the number of pixels that are more than margin_dn above dark. */
 gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn);

@@ -1,6 +1,6 @@
-/* A frame on its way from the camera into the session. The sequencer fills this envelope when it
- * accepts the frame. The capture adds the time, the intake adds the file, and the session stores
- * the row. The struct is handed on by value. Whoever keeps it takes a reference of the frame. */
+/* A frame on its way from the camera into the session. The sequencer fills the struct when it
+ * accepts the frame. The capture sets the time in row, the intake adds the file, and the session
+ * stores row. The struct is passed by value. Whoever keeps it takes a reference of the frame. */
 #pragma once
 
 #include "drivers/frame.h"
@@ -8,7 +8,7 @@
 
 struct taken_frame {
     const struct session_shot *shot;
-    int sub; /* the number of the frame among those of its camera in this shot */
+    int sub; /* index of the frame among those of its camera in this shot */
     Frame *frame;
     /* The row of the camera's part of the shot. shot, camera, retakes (of this camera in this shot
      * so far), turned and turntable_deg are set when the frame is accepted. */
