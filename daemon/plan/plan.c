@@ -54,7 +54,7 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
     return FALSE;
 }
 
-struct pose_plan { /* shots of some cameras in one pose */
+struct pose_plan { /* the pose and the cameras of shots that are to be added */
     gint64 turn_udeg, arc_udeg;
     guint32 cameras;
     gint64 probe_udeg; /* each stop of the probe has separate poses */
@@ -120,9 +120,10 @@ static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     return g_string_free(names, FALSE);
 }
 
-/* Adds a shot with the fixed lamp or laser that stands in a direction. At each angle of the
- * turntable this is another device. If there is none, the shot is skipped, as it is for cameras
- * that cannot see the light. */
+/* Adds the shot of a light whose lamp or laser is fixed. The device depends on the angle of the
+ * turntable. If no device stands in the direction of the light, the shot is added as skipped.
+ * Cameras that hide the device, or are hidden by it, get a separate, skipped shot, or an error if
+ * on_blocked is refuse. */
 static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,
                                enum session_shot_kind kind, const struct session_direction *source,
                                GError **error) {
@@ -190,8 +191,9 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
     return TRUE;
 }
 
-/* Returns the positions (struct vec3), with the arc at 0, of the lights on the arc that shine at
- * one azimuth with the probe at an angle. */
+/* Returns the positions (struct vec3), with the arc at 0, of the lamps and lasers on the arc that
+ * give the session's lights of one azimuth with the probe at an angle. Returns an empty array for
+ * the entry of fixed devices. */
 static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) {
     GArray *positions = g_array_new(FALSE, FALSE, sizeof(struct vec3));
 
@@ -212,8 +214,8 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     return positions;
 }
 
-/* Adds a pose for cameras in whose pictures the arc stands: with a shifted arc if that helps,
- * otherwise as skipped. Fails if on_blocked is refuse. */
+/* Adds the shots of a pose for cameras in whose pictures the arc stands: with a shifted arc if
+ * on_blocked is shift and this helps, otherwise as skipped. Fails if on_blocked is refuse. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
     g_autofree char *names = plan_camera_names(b, p.cameras);
@@ -270,8 +272,8 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
     return !blocked || add_blocked(b, p, lights, error);
 }
 
-/* Returns the angles (gint64) of the probe at which the session's lights shine, and the angle for
- * sweeps. */
+/* Returns the angles (gint64, in 1e-6°) of the probe at which the rig's lamps shine, and the angle
+ * for sweeps. */
 static GArray *probe_angles(const struct plan_build *b) {
     GArray *angles = g_array_new(FALSE, FALSE, sizeof(gint64));
 
@@ -290,7 +292,7 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
     g_autoptr(GArray) probes = probe_angles(b);
 
-    /* One dark frame is used for all stops of a camera. */
+    /* A dark frame of a camera on the arm serves for all of its stops. */
     for (guint i = 0; i < b->views->len; i++)
         dark.cameras |= 1u << rig_camera_unit(
                             b->rig, g_array_index(b->views, struct session_direction, i).device);
@@ -345,7 +347,8 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
 
     for (guint v = 0; v < b->views->len; v++) {
         int camera = g_array_index(b->views, struct session_direction, v).device;
-        /* If the exposures are not chosen yet, only the longest one is known. */
+        /* If the exposures are not chosen yet, only the longest one is an upper bound that must
+         * fit. */
         for (int i = conf->is_auto[AUTO_EXPOSURES] ? conf->n_exposures - 1 : 0;
              i < conf->n_exposures; i++)
             if (!plan_check_exposure(b, camera, conf->exposures_us[i], AUTO_EXPOSURES, error))
@@ -367,7 +370,8 @@ static const char *plan_mounted_by_hand(const struct plan_build *b) {
     return NULL;
 }
 
-/* A further round would require the operator to mount the units again. */
+/* Returns FALSE with an error if [lasers] stop = covered is used with a laser unit that is mounted
+ * by hand. A further round would require the operator to mount the unit again. */
 static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     const char *unit = b->conf->laser_stop == STOP_COVERED ? plan_mounted_by_hand(b) : NULL;
     if (unit)
@@ -378,8 +382,8 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     return unit == NULL;
 }
 
-/* With [lights] sampling = adaptive, pictures that are not taken are predicted from other views and
- * lights. */
+/* Returns FALSE with an error if this session cannot use [lights] sampling = adaptive: pictures are
+ * predicted from those of other views, and no laser unit may be mounted by hand. */
 static gboolean plan_check_sampling(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
     if (conf->light_sampling == SAMPLING_ALL)
@@ -400,7 +404,7 @@ static gboolean plan_check_sampling(const struct plan_build *b, GError **error) 
     return unit == NULL;
 }
 
-/* Sets is_first of all shots. */
+/* Sets b->is_first for all shots. */
 static void plan_find_first(struct plan_build *b) {
     const int n = (int)b->shots->len;
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, n + 1);
@@ -411,7 +415,7 @@ static void plan_find_first(struct plan_build *b) {
     plan_first_lamps(b->conf, b->rig, b->timing, list, n, b->is_first);
 }
 
-/* The budget of lamps must be sufficient for their first round. */
+/* Returns FALSE with an error if [lights] budget_min is too short for the first round of lamps. */
 static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
     if (conf->light_sampling == SAMPLING_ALL || conf->light_budget_min <= 0)
@@ -481,8 +485,8 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
 }
 
-/* Returns the lower bound without homing, with the passes that there would be if all shots were of
- * one round. */
+/* Returns the lower bound of the time without homing. The passes are those that there would be if
+ * all shots were of one round. */
 static double plan_bound_s(const struct plan_build *b, const struct plan_pose *poses, int n_poses) {
     g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
@@ -495,8 +499,8 @@ static double plan_bound_s(const struct plan_build *b, const struct plan_pose *p
     return plan_lower_bound_s(shots, poses, n_poses, b->conf, b->rig, b->timing);
 }
 
-/* Returns the time from the pose of the first shot on, with the turntable standing still for all
- * shots. */
+/* Returns the predicted time if the turntable stands still for all shots. It is counted from the
+ * moment when the axes are in the pose of the first shot. */
 static double plan_standing_s(const struct plan_build *b, const struct plan_pose *poses,
                               int n_poses) {
     g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -507,7 +511,7 @@ static double plan_standing_s(const struct plan_build *b, const struct plan_pose
     return plan_total_s(shots, b->conf, b->rig, b->timing, &first_s);
 }
 
-/* Counts the passes and their shots, and sets the speed and blur of a pass. */
+/* Sets plan->n_passes, n_passing and passes. */
 static void plan_count_passes(const struct plan_build *b, struct plan *plan) {
     guint32 cameras = 0;
     int before = 0;
@@ -550,8 +554,8 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
         plan->first_s =
             plan_total_s(round, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     }
-    /* The order does not include the move into its first pose. The other orders begin with the same
-     * move. */
+    /* plan_total_s() does not include the move into the first pose. For the other orders, this move
+     * is assumed to take as long. */
     plan->nested_s += homing_s + first_s;
     plan->standing_s += plan->standing_s > 0 ? homing_s + first_s : 0;
     for (guint i = 0; i < b->shots->len; i++)
@@ -569,7 +573,8 @@ static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
     return why == NULL;
 }
 
-/* Returns how often a laser must be mounted by hand in this order. */
+/* Returns the number of times that laser units must be mounted by hand in the order of the
+ * shots. */
 static int count_mounts(const struct plan_build *b) {
     int in_place[RIG_MAX_LASERS], n = 0;
 
@@ -621,8 +626,9 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
     return array;
 }
 
-/* The planning time grows with the square of the number of poses. The memory grows with the square
- * of the number of the arc's angles. */
+/* Returns FALSE with an error if n, the number of what, exceeds most. The planning time grows with
+ * the square of the number of poses. The memory grows with the square of the number of angles of
+ * the arc. */
 static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most, const char *what,
                                 GError **error) {
     if (n <= (guint64)most)
@@ -643,7 +649,8 @@ static gboolean plan_check_directions(const struct plan_build *b, GError **error
                            error);
 }
 
-/* Checks the size again, with the additional poses of cameras in whose pictures the arc stands. */
+/* Checks the size again when the shots are known. Cameras in whose pictures the arc stands have
+ * added poses and shots. */
 static gboolean check_poses(const struct plan_build *b, GError **error) {
     g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
     for (guint i = 0; i < b->poses->len; i++)

@@ -5,8 +5,9 @@
 #define LARGEST_SHIFT_DEG 20
 #define SHIFT_STEP_UDEG   (UDEG / 10)
 
-/* Returns the free width between a body and the cone from an eye to the disc of radius_mm around
- * the origin. The body is nearer to the origin than the eye. */
+/* Returns the distance of a ball of radius body_mm from the cone between an eye and the disc of
+ * radius_mm around the origin. It is negative if the ball reaches into the cone, and G_MAXDOUBLE if
+ * the ball is behind the disc. The ball is nearer to the origin than the eye. */
 static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius_mm,
                                 double body_mm) {
     double distance = vec3_length(eye);

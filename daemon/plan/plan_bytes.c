@@ -1,11 +1,11 @@
-/* Predicts the disk space of a session, file by file as intake_write.c writes them. */
+/* Predicts the disk space of a session from the files that intake_write.c writes. */
 #include "plan_private.h"
 #include "shot_frames.h"
 
 #include <math.h>
 
-/* Overhead of an uncompressed scan line: its entry in the table of offsets, its number and its
- * size. In a file of several parts, the line also has the number of its part. */
+/* Overhead in bytes of an uncompressed scan line: its entry in the table of offsets, its number and
+ * its size. In a file of several parts, the line also has the number of its part. */
 #define LINE_BYTES      16
 #define PART_LINE_BYTES 20
 /* File systems allocate space in blocks of this size (ext4, XFS, Btrfs, tmpfs). */
@@ -24,27 +24,27 @@
 /* Files with more pixels are compressed with PIZ (intake_write.c). Each block of 32 rows has a
  * separate table of codes, and the size of its values depends on their noise. The size of a file is
  *     pixels · (surroundings + (lit − surroundings) · share) + blocks · table
- * bytes. Here share is the part of the pixels that shows the sample (lamp) or that the laser's line
- * passes (sweep); pixels that are not lit take little space. The constants are a least-squares fit
+ * bytes. Here share is the part of the pixels that show the sample (lamp) or that the laser's line
+ * passes (sweep). Pixels that are not lit take little space. The constants are a least-squares fit
  * over captures of five simulated materials (woven, brick, brushed, peanuts, ridges) at 384² to
- * 1280² pixels. docs/lab/speed.md has the errors, including those of captures that were left out of
- * the fit. */
+ * 1280² pixels. docs/lab/speed.md has the errors, including those of captures that were left out
+ * of the fit. */
 #define SMALL_PIXELS (256 * 256)
 #define BLOCK_ROWS   32
-#define NOISE_BITS   12 /* of the cameras of those captures */
+#define NOISE_BITS   12 /* bits of the cameras of those captures */
 
 struct packing {              /* disk space of a compressed part */
     double surroundings, lit; /* bytes per pixel */
     double table;             /* bytes of a block */
-    double bit; /* bytes per pixel fewer for each bit of the camera below NOISE_BITS */
+    double bit; /* bytes per pixel that are saved for each bit of the camera below NOISE_BITS */
 };
 static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
                             packed_sweep = {0.60, 10.14, 2430, 0},
                             packed_dark = {0.87, 0.87, 2540, 0.22},
                             packed_raw = {0.96, 0.96, 4900, 0.115};
-/* Dark pixels of a lamp's frame take more space the finer the subtracted dark level is: this many
- * bytes for each doubling of the number of dark frames, up to eight. Beyond eight, a half cannot
- * store a finer level. */
+/* Bytes by which a dark pixel of a lamp's frame grows for each doubling of the number of dark
+ * frames, because the subtracted dark level becomes finer. With more than MAX_DIGITS dark frames, a
+ * half float cannot store a finer level. */
 #define DARK_DIGITS 0.13
 #define DARK_FRAMES 4 /* number of dark frames in those captures */
 #define MAX_DIGITS  8
@@ -55,12 +55,11 @@ static const struct packing packed_short_dark = {0.49, 0.49, 1500, 0.11};
 
 struct kind {
     int parts, channels, value_bytes;
-    int head_bytes;                /* attributes of a part */
+    int head_bytes;                /* bytes of the attributes of a part */
     const struct packing *packing; /* NULL if never compressed */
 };
 
-/* Returns the points of the reference plane that the pixels show. Above the horizon there are
- * none. */
+/* Pixels that look above the horizon show no point of the reference plane. */
 struct plan_footprint plan_footprint(const struct session_conf *conf,
                                      const struct rig_camera *camera) {
     const struct vec3 eye = rig_camera_centre_mm(camera);
@@ -77,9 +76,9 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
     return ret;
 }
 
-/* Returns the part of the picture that shows the sample with its margin. For a sweep, it is the
- * part of this region that the line passes, and also of the face around the sample if the session
- * says that the line is visible there. */
+/* Returns the share of a camera's pixels that are lit. Under a lamp, these are the pixels that show
+ * the sample with its margin. For a sweep, they are the pixels that the line passes and that show
+ * the sample with its margin or, if the session has a flat face around the sample, anything. */
 static double lit_share(const struct session_conf *conf, const struct rig *rig,
                         const struct session_shot *shot, const struct plan_footprint *footprint) {
     const double x_mm = conf->grid.width_mm / 2 + conf->sweep_margin_mm;
@@ -131,8 +130,8 @@ static guint64 file_bytes(const struct rig_camera *camera, int bits, double shar
     return (bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
 }
 
-/* seen is TRUE if the camera sees the laser's line wherever it passes the sample, and FALSE if it
- * sees no line. */
+/* Returns the bytes of one camera's part of a shot. seen is TRUE if the camera sees the laser's
+ * line wherever it passes the sample, and FALSE if it sees no line; footprint may then be NULL. */
 static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig,
                           const struct session_shot *shot, int camera, int bits,
                           const struct plan_footprint *footprint, gboolean seen) {

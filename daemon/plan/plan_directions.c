@@ -4,10 +4,10 @@
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_LISTED 12
 
-/* A device for some directions: the position of a camera, or of a lamp or laser with the arc at 0.
- * fixed is set for lamps and lasers that no axis carries. on_arm is set for a camera with the arm
- * at arm_udeg. axis_deg is the position of the axis that carries the device, if axis is not
- * NULL. */
+/* A camera, lamp or laser that can show directions, with its position in spherical coordinates (of
+ * lamps and lasers: with the arc at 0). fixed is set for lamps and lasers that are not on the arc.
+ * on_arm is set for a camera on the arm, with the arm at arm_udeg. axis is the arm or the probe
+ * that carries the device, at axis_deg; NULL if neither does. */
 struct candidate {
     const char *name;
     double theta_deg;
@@ -57,7 +57,7 @@ static struct candidate candidate_of(const char *name, struct vec3 position_mm, 
                               .fixed = fixed};
 }
 
-struct candidates {                  /* of one kind */
+struct candidates {                  /* the devices of one kind */
     const struct session_conf *conf; /* for messages, as kind and section */
     const char *kind, *section;
     char **of; /* the devices whose directions are wanted; NULL for rings */
@@ -65,7 +65,9 @@ struct candidates {                  /* of one kind */
     int n_rings;
     enum session_shot_kind shot; /* kind of the shots; only used for lamps and lasers */
     enum plan_error missing;
-    int sign; /* angle = sign · (φ of the device − φ of the direction) */
+    /* sign of the angle that shows a direction: angle = sign · (φ of the device − φ of the
+     * direction) */
+    int sign;
     /* limits of the turntable, which turns to the angle; NULL if there are none */
     const struct axis_motion *limits;
     struct candidate list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
@@ -105,8 +107,8 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
     return FALSE;
 }
 
-/* Returns the index of an angle that a candidate can use. A camera on the arm can only use an angle
- * for its stop. */
+/* Returns the index of the entry of angles that a candidate can use for the angle udeg, or −1 if
+ * there is none. A camera on the arm cannot use an entry of another stop of the arm. */
 static int find_angle(const GArray *angles, gint64 udeg, const struct candidate *candidate) {
     for (guint i = 0; i < angles->len; i++) {
         const struct plan_angle *angle = &g_array_index(angles, struct plan_angle, i);
@@ -117,17 +119,18 @@ static int find_angle(const GArray *angles, gint64 udeg, const struct candidate 
     return -1;
 }
 
-/* Returns whether the angle between a device and a direction is small enough. */
+/* Returns whether a device and a direction of the same elevation theta_deg are within
+ * PLAN_TOLERANCE_DEG of each other. udeg is the difference of their azimuths. */
 static gboolean is_near(gint64 udeg, double theta_deg) {
     const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
 
     return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
 }
 
-/* Chooses the device for one direction among the devices at its elevation. The axis must be able to
- * bring the device there. Devices are preferred for which an angle that is already needed is
- * sufficient, so that no pose is added. If the rig has no turntable, the device must already stand
- * near the direction. */
+/* Returns the device for one direction among the devices at its elevation, and the angle for it; −1
+ * if there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
+ * preferred whose angle is already in angles, so that no pose is added. If the rig has no
+ * turntable, the device must already stand near the direction. */
 static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,
                   const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;
@@ -173,8 +176,8 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
     return nearest;
 }
 
-/* Returns the first fixed lamp or laser that gives a light at an angle of the turntable that a view
- * needs; −1 if there is none. */
+/* Returns a fixed lamp or laser that gives the light of a direction at any angle of the turntable
+ * that a view needs: the one of the first such angle. Returns −1 if there is none. */
 static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kind, double theta_deg,
                           double phi_deg) {
     for (guint t = 0; t < b->turns->len; t++) {
@@ -187,8 +190,8 @@ static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kin
     return -1;
 }
 
-/* Returns the index of the angle that represents all fixed devices. The angle is added if it is
- * missing. */
+/* Returns the index of the entry of angles that represents all fixed devices. Adds the entry if it
+ * is missing. */
 static int fixed_angle(GArray *angles) {
     const struct plan_angle angle = {.fixed = TRUE};
 
@@ -206,7 +209,8 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-/* Returns whether the axis that carries a device can reach the necessary position. */
+/* Returns whether the arm or probe that carries a device can reach the stop of the device. Returns
+ * TRUE if neither carries it. */
 static gboolean check_axis(const struct candidates *candidates, const struct candidate *c,
                            GError **error) {
     if (!c->axis || c->axis->wraps ||
@@ -220,9 +224,11 @@ static gboolean check_axis(const struct candidates *candidates, const struct can
     return FALSE;
 }
 
-/* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from φ_c −
- * τ, so that the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its
- * own azimuth at α = 0, so that the angle is α − τ. */
+/* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from the
+ * azimuth φ = φ_c − τ, so that the angle of a view is the turntable's τ = φ_c − φ. The light of a
+ * lamp or laser whose azimuth is φ_d at α = 0 comes from φ = φ_d + α − τ, so that the angle of a
+ * light is α − τ = φ − φ_d. angle_of gets the index of the angle of each light; it is NULL for
+ * views. */
 static gboolean add_direction(const struct plan_build *b, const struct candidates *candidates,
                               double theta_deg, double phi_deg, GArray *angles, GArray *directions,
                               GArray *angle_of, GError **error) {
@@ -286,7 +292,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
     return TRUE;
 }
 
-/* Adds the directions of the named devices. */
+/* Adds the directions of the devices that candidates->of names, or of all devices. */
 static gboolean add_devices(const struct plan_build *b, const struct candidates *candidates,
                             GArray *angles, GArray *directions, GArray *angle_of, GError **error) {
     const gboolean all =

@@ -3,18 +3,18 @@
  * directions, so that it is the same for every material.
  *
  * The distance of two pairs of a view v and a light l is d² = |v − v'|² + |l − l'|², of unit
- * vectors in the sample's frame. Shots are added one after the other. Each time, the function adds
- * the shot that reduces the sum of d² from every pair to the nearest taken pair most for each
- * second that it takes (the greedy solution of the k-medoids problem). The first shots of a longer
- * list are those of a shorter one. */
+ * vectors in the sample's frame. Shots are added one after the other. The next shot is the one
+ * with the largest reduction, per second of its time, of the sum of d² from every pair to the
+ * nearest pair that is taken (the greedy solution of the k-medoids problem). A longer list
+ * therefore begins with the shots of a shorter one. */
 #include "plan_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* If there are more pairs than this, they are thinned out evenly before distances are summed over
- * them. */
+/* Maximum number of pairs over which distances are summed. If there are more pairs, every step-th
+ * one is used. */
 #define MAX_TARGETS 4096
 #define FARTHEST    16.0f /* d² before any shot is taken; the maximum between two pairs is 8 */
 
@@ -22,13 +22,16 @@ struct spread {
     const struct rig *rig;
     const struct session_shot *const *shots;
     int n_shots;
-    GArray *views, *lights; /* of struct vec3; views: of turntable angle and camera */
-    int *view_of;           /* n_shots × cameras; −1 if the camera takes no part */
+    /* of struct vec3: unit vectors in the sample's frame; a view belongs to a turntable angle and
+     * a camera */
+    GArray *views, *lights;
+    /* n_shots × cameras: index of the view; −1 if the camera takes no picture in the shot */
+    int *view_of;
     float *view_d2, *light_d2;
     int step; /* every step-th pair is a target */
     /* views × lights: d² to the nearest pair that is taken; −1 if the pair is not a target */
     float *nearest;
-    float *widest; /* for each view: the maximum of nearest */
+    float *widest; /* for each view: the maximum of nearest over the lights */
 };
 
 static gboolean plan_lamps_wanted(const struct session_shot *shot) {
@@ -61,8 +64,8 @@ static int plan_lamps_view(struct spread *s, GHashTable *known, const struct ses
     return at;
 }
 
-/* Adds the directions of all views and lights of the shots. A light has its direction in the first
- * shot with this light. Its directions in other shots differ at most by the shift of the arc. */
+/* Adds the directions of all views and lights of the shots. The direction of a light is that of the
+ * first shot with this light. In other shots it differs at most by the shift of the arc. */
 static void add_directions(struct spread *s) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
     s->view_of = g_new0(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
@@ -114,7 +117,7 @@ static void clear(struct spread *s) {
     g_free(s->widest);
 }
 
-/* Returns the reduction of the sum of d² over the targets by a pair. */
+/* Returns the amount by which taking a pair reduces the sum of d² over the targets. */
 static double pair_gain(const struct spread *s, int view, int light) {
     const guint n_views = s->views->len, n_lights = s->lights->len;
     const float *to_light = s->light_d2 + (gsize)light * n_lights;
@@ -197,8 +200,8 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                              MAX(plan_lead_s(NULL, shots[i], rig, timing), move_s[pose_of[i]]);
 }
 
-/* Returns the time of a shot after another shot of a lamp. The lamp may already be on, the move may
- * be short, or the table may pass without a stop. */
+/* Returns the time that a shot of a lamp takes directly after another one: with a stop or, if that
+ * is quicker, in the same pass. */
 static double after_s(const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing, const struct session_shot *before,
                       const struct session_shot *shot) {
@@ -235,8 +238,8 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
     return length;
 }
 
-/* Returns the shot of the largest gain for its price, or the first of several such shots; −1 if
- * none is left. Gains decrease with each shot that is taken (submodularity). A gain that was
+/* Returns the shot with the largest ratio of gain to price, or the first of several such shots; −1
+ * if no shot is left. Gains decrease with each shot that is taken (submodularity). A gain that was
  * computed earlier is therefore an upper bound, and only the largest bound is computed again
  * (Minoux 1978). */
 static int plan_lamps_best(const struct spread *s, const gboolean *taken, const double *price_s,
@@ -259,8 +262,9 @@ static int plan_lamps_best(const struct spread *s, const gboolean *taken, const 
     }
 }
 
-/* Takes up to wanted shots, each with the largest gain for its price. When a shot has been taken,
- * the price of any other shot is at most the time that it needs directly after that shot. */
+/* Sets ret_first of up to wanted shots, each time of the shot with the largest ratio of gain to
+ * price. When a shot has been taken, the price of any other shot is at most the time that it needs
+ * directly after that shot. */
 static void choose(struct spread *s, const struct session_conf *conf,
                    const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);

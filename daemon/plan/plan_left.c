@@ -1,4 +1,4 @@
-/* Puts the shots of a further round into a quick order. */
+/* Orders shots of a session that is being captured, and predicts the time of lamp shots. */
 #include "plan_private.h"
 
 #include <string.h>

@@ -1,8 +1,8 @@
-/* The notes of a plan: what was planned again or left out, and how the session's numbers affect its
- * time, space and result. */
+/* The notes of a plan: which shots and poses were changed or left out, and how values of the
+ * session file affect time, disk space and result. */
 #include "plan_private.h"
 
-/* texels that are smaller than this part of a pixel of the finest camera get a note */
+/* a note is added if texels are smaller than this part of a pixel of the finest camera */
 #define FINE_TEXEL      0.5
 #define BTF_VALUE_BYTES 6 /* red, green and blue, as half floats */
 
@@ -22,7 +22,8 @@ void plan_clear_note(gpointer note) {
     g_free(((struct plan_note *)note)->text);
 }
 
-/* Notes the exposures that the plan assumes while the exposures are not chosen yet. */
+/* Adds a note with the values that the plan assumes for the keys that are "auto" and not chosen
+ * yet. */
 static void note_auto(const struct session_conf *conf, GPtrArray *notes) {
     g_autoptr(GString) bounds = g_string_new(NULL);
 
@@ -120,8 +121,8 @@ static void note_bytes(const struct plan_build *b, GPtrArray *notes) {
                        : ""));
 }
 
-/* Texels that are much finer than the pixels of the finest camera show no more detail and take
- * space. */
+/* Adds a note if texels are much finer than the pixels of the finest camera: they show no more
+ * detail and take more space. */
 static void note_texels(const struct plan_build *b, GPtrArray *notes) {
     const struct session_grid *grid = &b->conf->grid;
     const double texel_mm = grid->width_mm / grid->width;
@@ -150,7 +151,7 @@ static void note_texels(const struct plan_build *b, GPtrArray *notes) {
                                            ceil(grid->width_mm / finest_mm), size));
 }
 
-/* Notes which results are missing with one view, or between the cameras. */
+/* Adds a note if the session has only one view, or if the rig has no turntable. */
 static void note_views(const struct plan_build *b, GPtrArray *notes) {
     if (b->views->len == 1)
         g_ptr_array_add(notes, g_strdup("one view: the session will have its pictures under each "

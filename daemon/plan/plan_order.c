@@ -4,9 +4,10 @@
 
 /* Maximum number of cost evaluations in the search for a better order. */
 #define SEARCH_BUDGET 300000
-/* Sessions with more shots than this keep the order of their poses. */
+/* Maximum number of shots of a block whose best order is improved by the search. */
 #define SEARCH_LARGEST 1500
-/* Up to this number of shots, all candidates are improved instead of only the best. */
+/* Up to this number of shots, every candidate order is improved by the search, otherwise only the
+ * best one. */
 #define SEARCH_ALL    40
 #define LONGEST_MOVED 8
 
@@ -20,26 +21,29 @@ static gboolean is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
-/* The shots of each pose: lamps by number, then sweeps by the time that they take to prepare. */
+/* The shots of a pose: those of lamps in order of the lamp's index, and sweeps, the one that takes
+ * longest to prepare first. */
 struct pose_shots {
     GArray *lamps, *sweeps; /* of guint */
 };
 
 struct orderer {
     GArray *shots;
-    const int *block_of; /* of each shot */
+    const int *block_of; /* index of the block of each shot */
     int block;           /* the block that is being ordered */
     int before;          /* the last shot of the previous block; −1 if there is none */
-    const struct session_shot *dark; /* the shot before the first one, or NULL */
+    /* the dark shot, which comes before the first shot; NULL if there is none */
+    const struct session_shot *dark;
     const struct rig *rig;
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
     double readout_s;
-    int lit; /* the lamp that the last shot of the order left on; −1 if there is none */
+    /* index of the lamp that is on after the last shot of the order; −1 if no lamp is on */
+    int lit;
 };
 
-/* Returns whether a shot is lit and in the block that is being ordered. */
+/* Returns whether a shot is planned, not dark, and in the block that is being ordered. */
 static gboolean is_ours(const struct orderer *o, guint index) {
     return is_lit(shot_at(o->shots, index)) && o->block_of[index] == o->block;
 }
@@ -106,9 +110,9 @@ static double first_lead_s(const struct orderer *o, const GArray *indices) {
                         : 0;
 }
 
-/* The shot that takes longest to prepare comes first, because it is prepared during the move. The
- * lamps follow in ascending or descending order, so that a lamp that is still on from the previous
- * pose comes first. */
+/* Appends the shots of a pose. Sweeps or lamps come first, whichever take longer to prepare,
+ * because the first shot is prepared during the move. Lamps come in ascending order, or in
+ * descending order if the last of them is still on from the previous pose. */
 static void append_pose(struct orderer *o, Order *order, const struct pose_shots *shots) {
     const GArray *lamps = shots->lamps;
     const gboolean sweeps_first = first_lead_s(o, shots->sweeps) >= first_lead_s(o, lamps);
@@ -124,7 +128,7 @@ static void append_pose(struct orderer *o, Order *order, const struct pose_shots
         append_sweeps(o, order, shots->sweeps);
 }
 
-/* Takes everything in a pose before the next pose. */
+/* Makes an order that takes all shots of a pose before those of the next pose. */
 static void order_by_poses(struct orderer *o, Order *order) {
     g_autofree int *poses = g_new(int, o->moves->n);
     int n = 0;
@@ -164,10 +168,10 @@ static int lamp_beside_sweeps(const struct orderer *o) {
     return best;
 }
 
-/* Takes one lamp in all poses before the next lamp. This is the quickest order if lamps take longer
- * to warm up than axes take to move. The sweeps of a pose are taken next to the shot of the lamp
- * that the parameter beside gives. Sweeps of poses without that lamp come at the end, and so do all
- * sweeps if beside is −1. */
+/* Makes an order that takes the shots of one lamp in all poses before those of the next lamp. This
+ * is the quickest order if lamps take longer to warm up than axes take to move. The sweeps of a
+ * pose are taken next to the shot of the lamp that the parameter beside gives. Sweeps of poses
+ * without that lamp come at the end, and so do all sweeps if beside is −1. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     g_autofree int *poses = g_new(int, o->moves->n);
 
@@ -220,8 +224,8 @@ static void order_nested(const struct orderer *o, Order *order) {
     g_array_sort_with_data(order, compare_nested, (gpointer)o);
 }
 
-/* Returns the shots in an order. The dark shots, which are taken in the first pose, come before
- * them. Skipped shots come after them. */
+/* Returns copies of the shots in the given order. Dark shots come first and get the pose of the
+ * first shot. Skipped shots come last. */
 static GArray *arranged(GArray *shots, const Order *order) {
     GArray *result = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
@@ -245,9 +249,10 @@ static GArray *arranged(GArray *shots, const Order *order) {
     return result;
 }
 
-/* Returns the cost of a step: the time between the end of one shot's exposures and the start of the
- * next. The first shot follows the previous block or the dark frames, which are taken in its pose.
- * The cost after the last shot is its read-out. */
+/* Returns the cost of a step of a path (struct plan_path): the time in seconds between the end of
+ * one shot's exposures and the start of the next. The step to the first shot (from = −1) begins at
+ * the last shot of the previous block or, if there is none, at the dark shot, which is taken in the
+ * same pose. The step from the last shot (to = −1) is its read-out. */
 static double between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
@@ -319,7 +324,8 @@ static Order *nested_of_block(struct orderer *o) {
     return order;
 }
 
-/* Concatenates the blocks. Each block is ordered separately. */
+/* Returns an order of all shots: orders each block with order_block(), and concatenates the
+ * blocks. */
 static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
                         Order *(*order_block)(struct orderer *o)) {
     Order *whole = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -342,10 +348,9 @@ static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
     return whole;
 }
 
-/* Returns the number of blocks, which is the largest number of places that any unit needs. Each
- * sweep is in the block of its place, counted from the unit's present place. Every unit is
- * therefore mounted once at each place, which is the minimum. All other shots are in the first
- * block. */
+/* Sets the block of each shot, and returns the number of blocks, which is the largest number of
+ * places at which any laser unit is needed. The sweeps of a unit's n-th place are in block n. Every
+ * unit is therefore mounted only once at each place. All other shots are in the first block. */
 static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *block_of) {
     int rank[RIG_MAX_LASERS] = {0}, n_blocks = 1;
     guint32 used = 0;
@@ -374,9 +379,9 @@ static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
         *best = order;
 }
 
-/* Returns the quickest of several orders. In some of them, every shot stays in its block by mount,
- * and each block has its best or its nested order. In the others, lamps are distributed over the
- * blocks, because they may be in any block. */
+/* Returns the quickest of several orders. In two of these orders, all lamps are in the first block,
+ * and each block has its best or its nested order. In the two others, lamps are distributed over
+ * the blocks. */
 static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     GArray *shots = o->shots;
     Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
@@ -385,7 +390,7 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
         return best;
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, nested_of_block));
 
-    /* Lamps are taken in a pose that a sweep needs. */
+    /* The lamps of a pose are in the last block that has a sweep in this pose. */
     g_autofree int *last = g_new0(int, o->moves->n);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shot_at(shots, i);
@@ -397,8 +402,8 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
             block_of[i] = last[shot_at(shots, i)->pose];
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
 
-    /* Takes one lamp at a time. If lamps take long to warm up, every block visits the poses with
-     * another lamp. */
+    /* The lamps are distributed over the blocks, so that every block visits the poses with other
+     * lamps. This is quick if lamps take long to warm up. */
     for (guint i = 0; i < shots->len; i++)
         if (shot_at(shots, i)->kind == SHOT_LAMP)
             block_of[i] = shot_at(shots, i)->device % n_blocks;
@@ -406,7 +411,9 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     return best;
 }
 
-/* passed contains shots that follow others in this order, or is NULL. */
+/* Puts shots into the order wanted, and replaces the indices of their poses by numbers of visits.
+ * passed is NULL or contains the shots that passes_take_followers() has removed, which are put
+ * back. Returns the number of visits. */
 static int order_with(GArray *shots, GArray *passed, const struct plan_pose *poses, int n_poses,
                       const struct rig *rig, const struct rig_timing *timing,
                       enum session_order wanted) {
@@ -448,7 +455,7 @@ int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_pose
     return order_with(shots, NULL, poses, n_poses, rig, timing, wanted);
 }
 
-/* Returns the predicted time with passes, and sets the passes. */
+/* Sets the passes of shots in their order. Returns the predicted time without homing. */
 static double passing_order_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing) {
     double first_s;

@@ -1,7 +1,8 @@
-/* Shared by the parts of the planner. plan_directions.c finds the angles that show each direction.
- * plan.c makes shots of them. plan_blocked.c keeps the arc out of the pictures. plan_tour.c orders
- * poses, plan_order.c shots, and plan_search.c improves both. plan_time.c predicts time,
- * plan_bytes.c disk space. plan_notes.c describes what was decided. */
+/* Shared by the parts of the planner. plan_directions.c finds the angles of the axes that show each
+ * direction. plan.c makes the shots at these angles. plan_blocked.c keeps the arc out of the
+ * pictures. plan_tour.c orders poses, plan_order.c shots, and plan_search.c improves both.
+ * plan_time.c predicts time, plan_bytes.c disk space. plan_notes.c describes changes of the plan to
+ * the user. */
 #pragma once
 
 #include "plan.h"
@@ -14,9 +15,9 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle that some view or light needs. With cameras, it is an angle of the turntable at which
- * these cameras show a view. Without cameras, it is the azimuth of a light: the angle of the arc
- * minus the angle of the turntable. All fixed lamps and lasers (those that are not on the arc)
+/* An angle that some view or light needs. For views (cameras is not 0), it is an angle of the
+ * turntable at which these cameras show a view. For lights (cameras is 0), it is the angle of the
+ * arc minus the angle of the turntable. All fixed lamps and lasers (those that are not on the arc)
  * share one entry (fixed). The arc, if the rig has one, stands at 0 for this entry. If one of the
  * cameras is on the arm (on_arm), all cameras of the entry that are on the arm are at one of its
  * stops, arm_udeg. */
@@ -32,7 +33,8 @@ struct plan_build {
     const struct session_conf *conf;
     const struct rig *rig;
     const struct rig_timing *timing;
-    double radius_mm;                /* around the sample */
+    /* radius of the circle around the sample, with the origin as its centre */
+    double radius_mm;
     GArray *views, *lights, *lasers; /* of struct session_direction */
     GArray *turns, *azimuths;        /* of struct plan_angle */
     /* of int: the azimuth of each light and laser position, as an index into azimuths */
@@ -40,12 +42,12 @@ struct plan_build {
     GArray *poses;          /* of struct plan_pose */
     GHashTable *pose_index; /* maps a struct plan_pose to its index in poses + 1 */
     GArray *shots;          /* of struct session_shot; pose: index into poses */
-    /* for each shot, before they are ordered: whether it is of the first round */
+    /* for each shot, in the order before plan_order(): whether it belongs to the first round */
     gboolean *is_first;
     GArray *notes; /* of struct plan_note */
 };
 
-struct plan_note { /* a shot or pose that was planned again or left out, and how often */
+struct plan_note { /* a reason why shots or poses were changed or left out, and their number */
     char *text;
     const char *unit; /* "pose", "shot" */
     int n;
@@ -72,26 +74,27 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
  * distance between the elevation of a ring and the elevation of a camera, lamp or laser. */
 #define PLAN_TOLERANCE_DEG 0.5
 
-gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
+gint64 plan_wrap(gint64 udeg); /* returns the angle modulo 360°, from 0 to below PLAN_FULL_TURN */
 
-/* Returns whether the rig lacks an axis. */
+/* Returns whether the rig does not have this axis. */
 gboolean plan_is_absent(const struct axis_motion *motion);
 
-/* Gives the position of an axis for an angle: the one in [0, 360) if the axis wraps, otherwise the
- * one within its limits that is nearest to 0. Returns FALSE if there is none. */
+/* Computes the position at which an axis has an angle (modulo 360°): the one in [0°, 360°) if the
+ * axis wraps, otherwise one within the limits of the axis, near 0. Returns FALSE if there is
+ * none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
 /* Returns those of the cameras (bits) that cannot see the whole disc of radius_mm around the origin
- * because the arc or a light is in the way, and those that shade a light. lights contains struct
- * vec3: positions at arc 0. */
+ * because the arc or a light is in the way, or that shade the disc from a light. lights contains
+ * the positions of the lights (struct vec3) with the arc at 0. */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
                      const GArray *lights);
 /* The same as plan_blocked() for one fixed light, without the arc. */
 guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
                         double radius_mm);
 
-/* Finds the smallest turn of the arc, up to 20°, after which none of the cameras is blocked.
- * Returns FALSE if the axis can reach no such position. */
+/* Finds the smallest turn of the arc, in steps of 0.1° up to 20°, after which none of the cameras
+ * is blocked. Returns FALSE if there is none within the limits of the axis. */
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
@@ -101,12 +104,12 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
  * laser's line. */
 guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least);
 
-/* Describes the effect of skipped shots on the BTF: the pictures that it will interpolate, and the
- * views that it will lack. Returns NULL if no shots are skipped. g_free() */
+/* Describes the effect of skipped shots on the BTF: the number of pictures that will be predicted,
+ * or the number of views without a BTF. Returns NULL if no shots are skipped. g_free() */
 char *plan_missing(const struct session_plan *plan);
 
-/* Returns the number of steps of a sweep of span_deg by a laser: enough for the line_mm of
- * [lasers], at most sweep_steps. */
+/* Returns the number of steps of a sweep of span_deg: as many as a line of the width [lasers]
+ * line_mm needs, at most [capture] sweep_steps. Returns sweep_steps if line_mm is 0. */
 int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
                      double span_deg);
 
@@ -114,7 +117,7 @@ int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *la
  * orders can be compared quickly. */
 struct plan_axis_moves {
     gboolean wraps;
-    int *at;   /* row of each pose in the table s */
+    int *at;   /* for each pose: index of its position of the axis, a row and a column of s */
     int n;     /* number of different positions of the axis */
     double *s; /* n × n: s[i · n + j] is the time of the move from position i to position j */
 };
@@ -163,10 +166,10 @@ void plan_path_improve(struct plan_path *path, gint64 budget);
  * shorter than floor_s costs floor_s, because something else takes that long during the move. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Orders the shots. On entry shots[i].pose is an index
- * into poses; on return it is the number of the visit. Returns the number of visits. SHOT_DARK come
- * first. Skipped shots come last and have visits that contain no other shots. Sweeps of a laser
- * unit that is mounted by hand come in blocks, one for each of its places.
+/* Orders the shots. On entry shots[i].pose is an index into poses. On return it is the number of
+ * the visit of the pose. Returns the number of visits. SHOT_DARK come first. Skipped shots come
+ * last and have visits that contain no other shots. Sweeps of a laser unit that is mounted by hand
+ * come in blocks, one for each of its places.
  *
  * ORDER_QUICKEST uses the quickest order that is found. ORDER_VIEWS uses the order of a program
  * that does not plan: nested loops over τ, the arm, α, the probe, the lamps and the lasers.
@@ -177,7 +180,8 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct session_conf *conf, const struct rig *rig,
                const struct rig_timing *timing);
-/* The same as plan_order() in the given order, with the turntable standing still for all shots. */
+/* The same as plan_order() with the order wanted and with the turntable standing still for all
+ * shots. */
 int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
                         const struct rig *rig, const struct rig_timing *timing,
                         enum session_order wanted);
@@ -192,7 +196,8 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
                    const struct rig_timing *timing);
 
 /* Returns the minimum time between the last exposure of a shot and the first exposure of the next
- * shot in the same pose: warm-up, return of the sweep axis, read-out. previous may be NULL. */
+ * shot in the same pose: warm-up, return of the sweep axis, read-out. previous is NULL if no shot
+ * precedes. */
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
                    const struct rig *rig, const struct rig_timing *timing);
 
@@ -206,13 +211,14 @@ double plan_shots_move_s(const struct session_shot *from, const struct session_s
 /* Returns the read-out time of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
-/* Returns the time from the pose of the first shot on. ret_first_s is the additional time of the
- * move from 0, where homing leaves the axes, into that pose. */
+/* Returns the predicted time of the shots, counted from the moment when the axes are in the pose of
+ * the first shot. *ret_first_s is the additional time of the move from 0, where homing leaves the
+ * axes, into that pose. */
 double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, double *ret_first_s);
 
-/* Returns a lower bound of the time. shots[i].pose is an index into poses. plan.h and plan_time.c
- * give the argument. */
+/* Returns a lower bound of the time of the shots in any order, without homing. shots[i].pose is an
+ * index into poses. plan_time.c has the proof. */
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
                           const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing);

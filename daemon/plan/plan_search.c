@@ -8,7 +8,8 @@ static double cost(const struct plan_path *t, int from, int to) {
     return t->cost(t->data, from, to);
 }
 
-/* Returns the element at an index, −1 before the first and after the last element. */
+/* Returns the element at an index; −1 if the index is before the first or after the last
+ * element. */
 static int at(const struct plan_path *t, int index) {
     return index < 0 || index >= t->n ? -1 : t->order[index];
 }
@@ -25,13 +26,15 @@ double plan_path_cost(const struct plan_path *path) {
     return sum;
 }
 
-/* Returns the cost of both edges of a segment from a to b between two neighbours. */
+/* Returns the cost of the two steps that join a segment from element a to element b to the elements
+ * at two indices. */
 static double join(const struct plan_path *t, int from_index, int a, int b, int to_index) {
     return cost(t, at(t, from_index), a) + cost(t, b, at(t, to_index));
 }
 
-/* 2-opt: reverses the segment i … j if that reduces the cost. Moves have a direction (backlash), so
- * that the cost of the segment itself also changes. */
+/* 2-opt: reverses segments i … j that cost less in the other direction. The cost of a step may
+ * depend on its direction (backlash), so that the cost within the segment also changes. Returns
+ * whether any segment was reversed. */
 static gboolean improve_by_reversing(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 
@@ -68,7 +71,8 @@ static void move_segment(struct plan_path *t, int i, int k, int j) {
     }
 }
 
-/* Or-opt: moves a segment of a few elements to a place where it costs less. */
+/* Or-opt: moves segments of at most longest_moved elements to places where they cost less. Returns
+ * whether any segment was moved. */
 static gboolean improve_by_moving(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 

@@ -1,4 +1,4 @@
-/* Chooses the laser sweeps that come first, and their number of steps. */
+/* Chooses the laser sweeps of the first round, and computes the number of steps of a sweep. */
 #include "plan_private.h"
 
 #include "mdf/mdf.h"
@@ -73,7 +73,8 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
     return coverage_model_new(vec3_unit(eye), lasers, quality, (int)group->len);
 }
 
-/* Chooses among the sweeps of one turntable angle. Skipped sweeps do not count. */
+/* Sets ret_first of the sweeps of one turntable angle that belong to the first round. Skipped
+ * sweeps do not. */
 static void choose(const struct session_conf *conf, const struct rig *rig,
                    const struct session_shot *const *shots, const GArray *group,
                    gboolean *ret_first) {
@@ -122,9 +123,8 @@ void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
         choose(conf, rig, shots, groups->pdata[g], ret_first);
 }
 
-/* The line is line_mm wide where it crosses the beam's axis at the origin, so that its angle seen
- * from the source is line_mm / distance. Steps that are finer than a certain part of this angle
- * give no more information. */
+/* The line is line_mm wide at the origin, so that its width seen from the laser is the angle
+ * line_mm / distance. Steps finer than this angle / FRAMES_PER_WIDTH give no more information. */
 int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
                      double span_deg) {
     const double distance_mm = vec3_length(laser->position_mm);

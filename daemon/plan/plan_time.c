@@ -2,15 +2,16 @@
 
 #include "shot_frames.h"
 
-/* Prediction of the sequencer's time. Before each picture, everything is prepared together: all
- * axes of the pose move, the lamp or laser is switched on and warms up, and the sweep axis moves to
- * its first step. Frames of the previous picture are read out at the same time. All of this begins
- * at the end of the last exposure of the previous picture. A lamp that is still on from the
- * previous shot stays on and is warm. Within a bracket the sequencer only waits for read-out,
+/* Predicts the time that the sequencer takes. Before each picture, everything is prepared together:
+ * all axes of the pose move, the lamp or laser is switched on and warms up, and the sweep axis
+ * moves to its first step. Frames of the previous picture are read out at the same time. All of
+ * this begins at the end of the last exposure of the previous picture. A lamp that is still on from
+ * the previous shot stays on and is warm. Within a bracket the sequencer only waits for read-out,
  * within a sweep for read-out and the step. A sweep ends with one picture from its middle, after
  * the laser was switched off. */
 
-/* All cameras of a shot are triggered together, so that the slowest camera determines the time. */
+/* Returns the longest time, in seconds, of the cameras of a shot. All of them are triggered
+ * together, so the slowest one determines the time. */
 static double slowest_s(const struct session_shot *shot, const gint64 *camera_us) {
     gint64 longest_us = 0;
 
@@ -50,8 +51,9 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     return sum_s;
 }
 
-/* Returns the time in which the light of a shot becomes ready. For a sweep, the sweep axis is
- * assumed to stand where this sweep ends, because the laser's previous sweep ended there. */
+/* Returns the time in seconds in which the light of a shot becomes ready. For a sweep, the sweep
+ * axis is assumed to stand where this sweep ends, because the laser's previous sweep ended
+ * there. */
 static double light_s(const struct session_shot *previous, const struct session_shot *shot,
                       const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
@@ -80,7 +82,7 @@ struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig 
                               llround(rig_probe_deg(rig, lamp) * UDEG)};
 }
 
-/* All axes move together. */
+/* Returns the time in seconds of a move between two poses. All axes move together. */
 static double pose_move_s(const struct plan_pose *from, const struct plan_pose *to,
                           const struct rig_timing *timing) {
     const struct {
@@ -105,20 +107,20 @@ double plan_shots_move_s(const struct session_shot *from, const struct session_s
     return pose_move_s(&a, &b, timing);
 }
 
-/* The position of the axes, and the time for which the table continues to turn there after a
- * pass. */
+/* The positions of the axes after a shot. exit_s is the time from the end of the shot's exposure
+ * until the turntable stands still after a pass; 0 if it stands. */
 struct place {
     struct plan_pose pose;
     double exit_s;
 };
 
-/* Returns a shot's exposure. In a pass there is only one. */
+/* Returns the first exposure of a shot in seconds. A shot in a pass has only one exposure. */
 static double exposure_s(const struct session_shot *shot, const struct session_conf *conf) {
     return shot_exposure_us(conf, shot, 0) * 1e-6;
 }
 
-/* Returns the time from the end of the last exposure at a place to the first trigger of a shot.
- * *ret_to is the place of the axes after the shot. */
+/* Returns the time in seconds from the end of the last exposure of the previous shot, when the axes
+ * are at from, to the first trigger of a shot. *ret_to is the place of the axes after the shot. */
 static double enter_s(const struct place *from, const struct session_shot *previous,
                       const struct session_shot *shot, const struct session_conf *conf,
                       const struct rig *rig, const struct rig_timing *timing,
@@ -187,7 +189,6 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing) {
     return longest_s;
 }
 
-/* ret_first_s is the time of the first move, from the position where homing leaves the axes. */
 double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, double *ret_first_s) {
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, shots->len);
@@ -209,7 +210,7 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
  *   R be the shortest read-out of any shot,
  *   M the time of the quickest move into p from any other pose of the plan,
  *   M' the time of the quickest move into p from any other pose with the same lamp,
- *   W the time that the light of s takes.
+ *   W the time in which the light of s becomes ready.
  * Then the time before s is at least
  *   l = max(W, R)                    if s is a sweep: its laser was off before;
  *   l = min(max(W, R), max(M', R))   if s has a lamp: the lamp warms up, or it was left on in
@@ -221,13 +222,13 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
  * read-out are added. */
 struct pose_bound {
     double sum_s;   /* Σ l */
-    double extra_s; /* time that the move adds */
+    double extra_s; /* minimum over the shots of max(0, max(M, R) − l) */
     double largest_s;
     double into_s; /* M */
 };
 
-/* Returns the time of the quickest move into a pose from another pose whose count is not 0. Returns
- * the value of none if there is no such pose. */
+/* Returns the time in seconds of the quickest move into a pose from another pose whose element of
+ * counts is not 0. Returns none if there is no such pose. */
 static double quickest_into(const struct plan_moves *moves, int pose, const int *counts,
                             double none) {
     double quickest = G_MAXDOUBLE;
@@ -238,7 +239,8 @@ static double quickest_into(const struct plan_moves *moves, int pose, const int 
     return quickest < G_MAXDOUBLE ? quickest : none;
 }
 
-/* Returns l of a shot, in seconds (see struct pose_bound). */
+/* Returns l of a shot in seconds (defined above struct pose_bound). into_s is M, and readout_s is
+ * R. with_lamp has the number of shots with the same lamp in each pose; it is NULL for a sweep. */
 static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
                          const struct rig *rig, const struct rig_timing *timing,
                          const int *with_lamp, double into_s, double readout_s) {
@@ -281,9 +283,9 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
     }
 }
 
-/* Returns a lower bound of the seconds that the i-th shot takes, which is in a pass. The time
- * counts from the previous shot in the same pass. For the first shot of a pass, it is only the
- * exposure. */
+/* Returns a lower bound of the time in seconds of the shot with index i, which is in a pass. It is
+ * counted from the end of the previous shot in the same pass. For the first shot of a pass, it is
+ * only the time of the frame. */
 static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
                         const struct rig_timing *timing) {
     const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
@@ -299,7 +301,7 @@ static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
                           const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing) {
-    g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots with a separate pose */
+    g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots that are not in a pass */
     double total_s = 0, readout_s = G_MAXDOUBLE, spared_s = 0;
 
     for (guint i = 0; i < shots->len; i++) {

@@ -5,7 +5,8 @@
 
 /* Maximum number of cost lookups in the local search for a better tour. */
 #define SEARCH_BUDGET 300000
-/* Tours with more poses than this are left in the best order by rows. */
+/* Maximum number of poses of a tour that is improved by the search. Longer tours keep the best of
+ * the simple orders. */
 #define SEARCH_LARGEST 3000
 #define LONGEST_MOVED  3
 #define GAIN_S         1e-9
@@ -31,7 +32,8 @@ static int compare_udeg(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Numbers the different positions of an axis, and makes the table of times between them. */
+/* Numbers the different positions of an axis, and makes the table of the times of moves between two
+ * positions. */
 static struct plan_axis_moves axis_moves(const gint64 *udeg, int n,
                                          const struct axis_motion *motion) {
     g_autofree gint64 *sorted = g_memdup2(udeg, sizeof *udeg * (gsize)n);
@@ -88,8 +90,8 @@ void plan_moves_free(struct plan_moves *moves) {
     g_free(moves);
 }
 
-/* A pose, sorted by the stops of arm and probe, then by its row, then by its position in the
- * row. */
+/* A pose with its sort keys: the angles of arm and probe, the angle that is the same for the poses
+ * of its row (row), and the angle that orders the poses of the row (column). */
 struct cell {
     gint64 arm, probe, row, column;
     int pose;
@@ -113,8 +115,8 @@ static int compare_cells(gconstpointer a, gconstpointer b) {
     return x->pose - y->pose;
 }
 
-/* Appends a row at the lowest cost. The row is entered at any of its poses and traversed once
- * around, upwards or downwards. */
+/* Appends the k poses of a row to the tour at the lowest cost. The row may be entered at any of its
+ * poses and is then traversed cyclically, upwards or downwards. */
 static void append_row(struct tour *t, const struct cell *row, int k) {
     int best_start = 0, best_step = 1;
     double best = G_MAXDOUBLE;
@@ -137,8 +139,9 @@ static void append_row(struct tour *t, const struct cell *row, int k) {
         t->order[t->n++] = row[((best_start + i * best_step) % k + k) % k].pose;
 }
 
-/* With ROWS_OF_LIGHT, turntable and arc turn together along a row, so that the light stands still
- * relative to the sample. */
+/* Makes a tour that visits the poses row by row. The poses of a row have the same angle of the arc
+ * (ROWS_OF_ARC), of the turntable (ROWS_OF_TURNTABLE) or of the arc minus the turntable
+ * (ROWS_OF_LIGHT). In the latter case, turntable and arc turn together along a row. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
 

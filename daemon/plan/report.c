@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Two sizes are reported as one if the smaller is more than this part of the larger. */
+/* If the smaller size is at least this part of the larger one, only the larger one is reported. */
 #define MIN_RANGE 0.95
 
 char *report_duration(double seconds) {
@@ -80,7 +80,8 @@ static double get_double(GVariant *report, const char *key) {
     return value;
 }
 
-/* Returns "about 21.3 MB" or, if the sizes differ, "13.1 to 21.3 MB". */
+/* Returns "about 21.3 MB of frames" or, if the sizes differ, "13.1 MB to 21.3 MB of frames, by …",
+ * with the reason for the difference. */
 static char *size_range(GVariant *report, guint64 least, guint64 most) {
     const gboolean lamps = get_int(report, "later_lamps") > 0;
     const gboolean sweeps = get_int(report, "later_sweeps") > 0;
@@ -100,8 +101,8 @@ static char *size_range(GVariant *report, guint64 least, guint64 most) {
     return g_strdup_printf("%s to %s of frames, by %s", min_text, max_text, by->str);
 }
 
-/* Adds a line about the passes, and about the time with a standing table ([capture] motion =
- * continuous). */
+/* With [capture] motion = continuous, adds a line about the passes and a line with the predicted
+ * time if the turntable stands still for all shots. */
 static void add_passes(GVariant *report, GString *text) {
     const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
     const double standing_s = get_double(report, "standing_s");

@@ -3,9 +3,8 @@
 
 #include "plan.h"
 
-/* Returns "a{sv}" with session, poses, shots, frames, mounts, bytes, predicted_s, lower_bound_s,
- * nested_s, notes, and the numbers of views, lights and laser positions. The variant is
- * floating. */
+/* Returns the values of a plan as a floating variant "a{sv}". The method Validate returns the same
+ * dictionary (etc/org.mesorig.Rig1.xml). */
 GVariant *report_plan(const struct session_conf *conf, const struct plan *plan);
 
 /* Returns the report of report_plan() as text of a few lines; g_free(). */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define MAX_DIRECTIONS 1024
-/* The position of a pixel's peak is kept in 15 bits, see frames/sweep.c. */
+/* Limit of the number of steps: frames/sweep.c stores the step of a pixel's peak in 15 bits. */
 #define MAX_SWEEP_STEPS G_MAXINT16
 
 static const struct {
@@ -17,10 +17,11 @@ static const struct {
     {"26", "15:2; 30:6; 45:6; 60:6; 75:6"},
 };
 
-struct fields { /* the session, and values that are checked before they become a part of it */
+struct fields { /* the session, and values that are checked before they are copied into it */
     struct session_conf conf;
     char *name, *prompt;
-    /* Only checked here. The archive reads them again. */
+    /* Keys that are only checked here. The code that makes an archive reads them from the text of
+     * the session file. */
     char *described, *operator_name, *notes, *license;
     double flat_mm, flat_error_mm, flat_radius_mm;
     struct option_doubles flat_hole_mm;
@@ -256,7 +257,9 @@ static int greatest_divisor(int a, int b) {
     return b ? greatest_divisor(b, a % b) : a;
 }
 
-/* Azimuths o1 + k·360/n1 and o2 + l·360/n2 meet where o1 − o2 is a multiple of 360/lcm(n1, n2). */
+/* Returns whether two rings have a direction in common. Two azimuths o1 + k·360/n1 and o2 +
+ * l·360/n2 are equal for some integers k and l if and only if o1 − o2 is a multiple of 360/lcm(n1,
+ * n2). */
 static gboolean rings_meet(const struct ring *a, const struct ring *b) {
     if (fabs(a->theta_deg - b->theta_deg) > 1e-6)
         return FALSE;
@@ -361,7 +364,8 @@ static gboolean read_rings(const struct config_section *section, const struct op
     return ok;
 }
 
-/* Returns FALSE if a heading is wrong. A section that seems to be missing may be that section. */
+/* Checks the headings. Returns FALSE if one of them is wrong. A section that is not found may then
+ * have the wrong heading, so it must not be reported as missing. */
 static gboolean check_sections(const Config *config, Mistakes *mistakes) {
     static const char *const known[] = {"session", "sample",  "views", "lights",
                                         "lasers",  "capture", NULL};
@@ -442,8 +446,8 @@ static gboolean take_sample(const struct config_section *section, struct fields 
     return good;
 }
 
-/* Sets the values that stand for "auto" until they are chosen. A plan with these values has the
- * maximum predicted time. */
+/* Sets upper bounds as the values of keys that are "auto", until values are chosen. A plan with
+ * these values has the maximum predicted time. */
 static void take_bounds(struct session_conf *conf) {
     if (conf->is_auto[AUTO_EXPOSURES]) {
         conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MAX_EXPOSURES;
@@ -527,8 +531,9 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
         config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
 }
 
-/* Reads a section with options, and passes it to take. also lists further keys that are valid, or
- * is NULL. */
+/* Reads a section into f by its option table, and calls take() if it has no mistakes. also lists
+ * further keys that are valid, or is NULL. If all_sections is TRUE, a missing section is a
+ * mistake. */
 static void read_section(const Config *config, const char *class_name, const struct option *options,
                          const char *const *also, struct fields *f,
                          gboolean (*take)(const struct config_section *section, struct fields *f,
@@ -544,7 +549,7 @@ static void read_section(const Config *config, const char *class_name, const str
     }
 }
 
-/* Reads the section without the keys that are "auto", and notes these keys. */
+/* Reads [capture] without the keys that are "auto", and sets is_auto for these keys. */
 static void read_capture(const Config *config, struct fields *f, gboolean all_sections,
                          Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "capture", NULL);
@@ -567,7 +572,8 @@ static void read_capture(const Config *config, struct fields *f, gboolean all_se
     read_section(config, "capture", options, automatic, f, take_capture, all_sections, mistakes);
 }
 
-/* Takes ownership of config. If config is NULL, mistakes contains the reason. */
+/* Fills conf from config. On failure, sets the error from mistakes, and conf is empty. Takes
+ * ownership of config. If config is NULL, mistakes must contain the reason. */
 static gboolean read_config(struct session_conf *conf, Config *config, Mistakes *mistakes,
                             GError **error) {
     struct fields f = {0};

@@ -9,8 +9,8 @@
 #include "selection/coverage_model.h"
 #include "session/session.h"
 
-/* Directions are given as rings, or as the directions of named devices with turntable and arc
- * at 0. */
+/* A session file gives directions as rings, or names devices whose directions, with turntable and
+ * arc at 0, are used. */
 struct ring { /* directions of one elevation: φ = offset + k·360/count */
     double theta_deg, offset_deg;
     int count;
@@ -25,8 +25,9 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 enum auto_key { AUTO_EXPOSURES, AUTO_LASER, AUTO_SHORT, AUTO_KEYS };
 extern const char *const auto_key_names[AUTO_KEYS]; /* "exposures_us", … */
 
-#define AUTO_MAX_EXPOSURES 3 /* of a bracket */
-/* Minimum and maximum factor from one exposure to the next. */
+#define AUTO_MAX_EXPOSURES 3 /* number of exposures of a bracket */
+/* Factor between the exposures that a plan assumes, and maximum factor between those that are
+ * chosen. */
 #define AUTO_FACTOR     4
 #define AUTO_MAX_FACTOR 8
 
@@ -65,12 +66,14 @@ struct session_conf {
     double auto_longest_us;      /* longest exposure that "auto" may choose */
     char *chosen; /* the chosen values, "exposures_us = 500; 2000, …"; NULL if nothing was auto */
     int sweep_steps;
-    double sweep_margin_mm; /* how far the sheet sweeps beyond the sample on both sides */
+    /* distance by which the laser sheet sweeps beyond the sample on both sides */
+    double sweep_margin_mm;
     double gain_db;
-    int dark_frames;           /* number of frames that are averaged for each exposure */
-    int retries;               /* number of repetitions of a picture before the session is paused */
-    double saturated_pct;      /* share of pixels that may be saturated in the shortest exposure */
-    double laser_threshold_dn; /* minimum height of a peak above the background */
+    int dark_frames; /* number of frames that are averaged for each exposure */
+    int retries;     /* number of repetitions of a picture before the session is paused */
+    /* maximum share of saturated pixels in the shortest exposure, in % */
+    double saturated_pct;
+    double laser_threshold_dn; /* minimum height of the laser's peak above the background */
     enum on_blocked on_blocked;
     enum session_order order;
     enum session_motion motion;
@@ -84,7 +87,7 @@ struct session_conf {
     int light_first;        /* mean number of shots of the first round at each turntable angle */
     double light_error_pct; /* expected error of all values of the BTF at which no more shots are
                                taken */
-    /* Maximum time of the shots of lamps by the plan, including the moves between them and without
+    /* Maximum predicted time of the shots of lamps, including the moves between them and without
      * sweeps; 0 for no limit. */
     double light_budget_min;
     gboolean keep_laser_frames, keep_exposures;
@@ -96,13 +99,15 @@ gboolean session_conf_load(struct session_conf *conf, const char *path, GError *
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
 /* Replaces "auto" by values in conf and in its text. chosen has lines "KEY = VALUE". Lines of keys
- * that are not auto are ignored. Returns FALSE if a value is wrong or a key is still auto. */
+ * that are not auto are ignored. Returns FALSE with an error if a value is wrong or a key is still
+ * auto. */
 gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error);
-/* Returns FALSE if a key is still auto. */
+/* Returns FALSE with an error if a key is still auto. */
 gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error);
 void session_conf_clear(struct session_conf *conf);
 
-/* Returns the keys of a section of a session file, or NULL if there is no such section. */
+/* Returns the option table of the section [class_name] of a session file, or NULL if there is no
+ * such section. */
 const struct option *session_conf_options(const char *class_name);
 typedef struct session_conf SessionConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(SessionConf, session_conf_clear)

@@ -16,7 +16,7 @@ int shot_dark_exposures(const struct session_conf *conf, gint64 ret[SHOT_MAX_DAR
     return n;
 }
 
-/* Returns the number of frames at each step. The shortest exposure is the first. */
+/* Returns the number of frames at each step of a sweep. */
 static int frames_a_step(const struct session_conf *conf) {
     return conf->laser_short_us > 0 ? 2 : 1;
 }

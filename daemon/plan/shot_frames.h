@@ -6,13 +6,13 @@
 
 #define SHOT_MAX_DARKS (PLAN_MAX_BRACKET + 1)
 
-/* Gives the distinct exposures of a dark shot: those of the bracket and that of the lasers. Returns
- * their number. */
+/* Lists the distinct exposures of a dark shot in µs: those of the bracket and laser_exposure_us.
+ * Returns their number. */
 int shot_dark_exposures(const struct session_conf *conf, gint64 ret[SHOT_MAX_DARKS]);
 
-/* Return the number of frames that a camera takes for a shot, and the exposure of each; sub counts
- * from 0. The last frame of a sweep is taken in its middle position, after the laser was switched
- * off. */
+/* Return the number of frames that a camera takes for a shot, and the exposure of the frame with
+ * index sub. The last frame of a sweep is taken in its middle position, after the laser was
+ * switched off. */
 int shot_n_frames(const struct session_conf *conf, const struct session_shot *shot);
 gint64 shot_exposure_us(const struct session_conf *conf, const struct session_shot *shot, int sub);
 

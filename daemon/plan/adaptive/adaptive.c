@@ -21,7 +21,7 @@ struct Adaptive {
     struct rounds of_sweeps, of_lamps; /* empty if the kind does not come in rounds */
     Sweeps *sweeps;                    /* NULL if all are taken */
     Lamps *lamps;                      /* NULL if all are taken */
-    GThread *thread;                   /* while a choice is made */
+    GThread *thread;                   /* the thread that makes a choice; NULL if there is none */
     struct choice *choice;             /* result of the thread */
     GSource *wake;                     /* ready when the result is there */
 };
@@ -76,7 +76,7 @@ static void free_choice(struct choice *choice) {
     g_free(choice);
 }
 
-/* Runs in a separate thread. It reads nothing that the main loop may change meanwhile. */
+/* Makes the choices in a separate thread. Reads nothing that the main loop may change meanwhile. */
 static gpointer work_out(gpointer data) {
     Adaptive *adaptive = data;
     struct choice *choice = g_new0(struct choice, 1);
@@ -104,7 +104,8 @@ static gboolean leave_sweeps_out(Adaptive *adaptive, GError **error) {
     return rounds_leave_out(&adaptive->of_sweeps, note, error);
 }
 
-/* Uses the stored value of the expected error, so that the note is the same after a kill. */
+/* Marks the remaining shots of lamps as skipped. Their note contains the stored value of the
+ * expected error, so that the note is the same if the session was killed and resumed. */
 static gboolean leave_lamps_out(Adaptive *adaptive, GError **error) {
     g_autofree char *pct = NULL;
     if (!session_read_value(adaptive->setup.session, ADAPTIVE_ERROR_PCT, &pct, error))
@@ -116,7 +117,8 @@ static gboolean leave_lamps_out(Adaptive *adaptive, GError **error) {
     return rounds_leave_out(&adaptive->of_lamps, note, error);
 }
 
-/* Stores the further round of sweeps. ret_text describes the result; g_free(). */
+/* Stores a choice of sweeps as the next round, or leaves the remaining sweeps out if the choice is
+ * empty. ret_text describes the result; g_free(). */
 static gboolean store_sweeps(Adaptive *adaptive, const struct sweeps_choice *choice,
                              char **ret_text, GError **error) {
     const int n = (int)choice->shots->len, rounds = adaptive->of_sweeps.n;
@@ -146,7 +148,8 @@ static char *tell_lamps(const struct session_conf *conf, const struct lamps_choi
     return g_strdup("no shot is left");
 }
 
-/* Stores the further round of lamps. ret_text describes the result; g_free(). */
+/* Stores a choice of shots of lamps as the next round, or leaves the remaining shots out if the
+ * choice is empty. ret_text describes the result; g_free(). */
 static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choice, char **ret_text,
                             GError **error) {
     g_autofree char *more = tell_lamps(adaptive->setup.conf, choice);
@@ -161,8 +164,8 @@ static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choic
            (choice->shots->len > 0 || leave_lamps_out(adaptive, error));
 }
 
-/* Notes a frame that could not be read. If it is really damaged, a resumed session takes its shot
- * again. */
+/* Marks a frame that could not be read as damaged in the session. If its checksum is wrong, its
+ * shot is taken again when the session is resumed. */
 static void note_damage(const char *frame, const GError *error, gpointer data) {
     Adaptive *adaptive = data;
     if (g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID))
@@ -235,7 +238,7 @@ static gboolean load_rounds(struct rounds *rounds, GError **error) {
                            rounds->key);
 }
 
-/* Frames of earlier runs are examined from their files. */
+/* Examines the frames that earlier runs have stored. */
 static gboolean take_done(Adaptive *adaptive, GError **error) {
     g_autoptr(GPtrArray) frames = session_frames(adaptive->setup.session, error);
     if (!frames)

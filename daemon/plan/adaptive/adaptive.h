@@ -1,8 +1,8 @@
 /*
- * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the surface
- * is known ([lasers] stop = covered). Shots of lamps are taken until the remaining pictures can be
- * predicted ([lights] sampling = adaptive). Either or both may be on. Each kind chooses by its own
- * frames.
+ * Chooses which of the planned shots are taken, in rounds. Laser sweeps are taken until the
+ * surface is known ([lasers] stop = covered). Shots of lamps are taken until the remaining
+ * pictures can be predicted ([lights] sampling = adaptive). Either or both may be on. Sweeps are
+ * chosen from the frames of sweeps, and shots of lamps from the frames of lamps.
  *
  * plan_first_sweeps() and plan_first_lamps() choose the first round from the geometry when the
  * session is planned. Every frame is examined when it is committed (selection/coverage_view.h,
@@ -33,8 +33,8 @@
 
 typedef struct Adaptive Adaptive;
 
-/* Values of the session: the percentage of texels that the sweeps of all rounds have made known, of
- * all views and of the view with the smallest percentage. */
+/* Values of the session: the percentage of texels that the sweeps so far have measured, over all
+ * views and in the view with the smallest percentage. */
 #define ADAPTIVE_KNOWN_PCT "lasers.known_pct"
 #define ADAPTIVE_WORST_PCT "lasers.worst_pct"
 /* Value of the session: the expected error after the last round of lamps, in %. It is the root mean
@@ -48,8 +48,8 @@ typedef struct Adaptive Adaptive;
 struct adaptive_hooks {
     /* Called when a round of n shots was chosen and stored. If n is 0, nothing is left to choose,
      * and the remaining shots have been left out. of_lasers and of_lights describe the result for
-     * the session's events. Each is NULL if there was nothing to choose of this kind. If error is
-     * set, nothing was chosen, because a file cannot be read or the session cannot be written. */
+     * the session's events. Each is NULL if no choice was made for this kind. If error is set, n is
+     * 0, because a file cannot be read or the session cannot be written. */
     void (*chosen)(int n, const char *of_lasers, const char *of_lights, const GError *error,
                    gpointer data);
     gpointer data;
@@ -66,11 +66,11 @@ struct adaptive_setup { /* everything is borrowed by the Adaptive */
     struct adaptive_hooks hooks; /* copied */
 };
 
-/* Returns whether a session has rounds. */
+/* Returns whether a session file asks for rounds of sweeps or lamps. */
 gboolean adaptive_is_wanted(const struct session_conf *conf);
 
-/* Returns the value of the first round of sweeps or lamps (kind), with which a session is made.
- * Returns NULL if this kind does not come in rounds. g_free() */
+/* Returns the session's value that stores the first round of sweeps or lamps (kind); g_free(). The
+ * value is stored when the session is made. Returns NULL if this kind does not come in rounds. */
 char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
                            enum session_shot_kind kind);
 
@@ -79,11 +79,12 @@ char *adaptive_first_round(const struct session_conf *conf, const struct plan *p
 Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error);
 void adaptive_free(Adaptive *adaptive); /* NULL is ignored; no hook is called after it */
 
-/* Returns whether a shot is in a round. Shots that do not come in rounds always are. */
+/* Returns whether a shot is in a round so far. Returns TRUE for shots that do not come in
+ * rounds. */
 gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot *shot);
 
-/* Returns the round of a shot, from 1, or 0 if it is in no round yet. Shots that do not come in
- * rounds are in the first. adaptive_rounds() returns the number of rounds so far. */
+/* Returns the number of the round of a shot, from 1; 0 if the shot is in no round yet. Shots that
+ * do not come in rounds are in round 1. adaptive_rounds() returns the number of rounds so far. */
 int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot);
 int adaptive_rounds(const Adaptive *adaptive);
 

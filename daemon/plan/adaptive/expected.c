@@ -5,14 +5,17 @@
 #include "base/data_error.h"
 #include "lamps_private.h"
 
-#define SAME_DIRECTION 1e-4 /* distance of unit vectors */
-#define MORE           0.5  /* number of shots between two points, relative to those before */
-/* The choice sums the error over at most PREDICTION_TARGETS pairs. If there are more pairs, the
- * pairs of the first shots are used. If nothing is measured, the computed error is therefore too
- * small after more than 1 / MAX_OF_MANY of the shots, and the curve ends there. */
+#define SAME_DIRECTION                                                                             \
+    1e-4 /* maximum distance of two unit vectors that count as the same direction */
+#define MORE                                                                                       \
+    0.5 /* maximum number of shots between two points of the curve, relative to the number of      \
+           shots before */
+/* The predictor sums the error over at most PREDICTION_TARGETS pairs of a view and a light. If
+ * there are more pairs and nothing is measured, the computed error is too small after many shots.
+ * The curve therefore ends after 1 / MAX_OF_MANY of the shots. */
 #define MAX_OF_MANY 8
 
-/* An earlier session and the reflectances of its probes. */
+/* An earlier session. lamps contains the reflectances that were measured at its probes. */
 struct earlier {
     Session *session;
     struct session_conf conf;
@@ -68,10 +71,11 @@ static gboolean expected_read(struct earlier *earlier, GError **error) {
     return readers_wait(earlier->readers, error) && lamps_note_done(earlier->lamps, error);
 }
 
-/* The directions of an earlier session, followed by those of the plan that the session lacks. */
+/* The directions of an earlier session, followed by the directions of the plan that the session
+ * does not have. */
 struct joined {
     GArray *directions, *places_mm; /* of struct vec3 */
-    int *of;                        /* for each direction of the plan: its index */
+    int *of;                        /* for each direction of the plan: its index in directions */
 };
 
 static struct joined join(const struct vec3 *earlier, const struct vec3 *earlier_mm, int n_earlier,
@@ -177,7 +181,8 @@ static double time_s(const Lamps *lamps, const int *numbers, int n) {
     return plan_lamps_s(list, n, setup->conf, setup->nominal, setup->timing);
 }
 
-/* Makes rounds like a capture, but with the values of the earlier session instead of frames. */
+/* Chooses rounds as a capture does, from the values of the earlier session instead of frames, until
+ * most shots are taken. Appends a point of the curve to ret for each round. */
 static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct lamps_setup *setup = &lamps->setup;
     const guint n_shots = setup->shots->len;
@@ -209,7 +214,8 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
     return TRUE;
 }
 
-/* Lists the shots in the order in which a predictor without measurements would take them. */
+/* Chooses up to most shots by a predictor without measurements, and appends points of the curve to
+ * ret. */
 static gboolean order_unmeasured(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
     const struct prediction_pairs pairs = lamps_pairs(lamps);

@@ -4,11 +4,11 @@
  * the pictures that are (selection/prediction.h).
  *
  * Some hundred texels of each committed frame, the probes, are rectified and converted to
- * reflectances as in the BTF. The predictor uses these values. The shots are chosen that lower the
- * expected error most for their price (plan_lamp_prices_s()). The round is complete when the error
- * is expected to be below [lights] error_pct, when [lights] budget_min is used up, or when it has
- * as many shots as all earlier rounds together. All functions but lamps_choose() belong to the main
- * loop's thread.
+ * reflectances as in the BTF. The predictor uses these values. Each time, the shot that lowers the
+ * expected error most for its price (plan_lamp_prices_s()) is chosen. The round is complete when
+ * the error is expected to be below [lights] error_pct, when [lights] budget_min is used up, or
+ * when it has as many shots as all earlier rounds together. All functions but lamps_choose()
+ * belong to the main loop's thread.
  */
 #pragma once
 
@@ -32,26 +32,29 @@ struct lamps_setup { /* borrowed; only the states of the shots may change */
 /* Returns NULL if the session cannot be read. */
 Lamps *lamps_new(const struct lamps_setup *setup, GError **error);
 void lamps_dispose(Lamps *lamps); /* call readers_free() before; NULL is ignored */
-void lamps_stop(Lamps *lamps);    /* ends a choice under way soon, with G_IO_ERROR_CANCELLED */
+/* cancels a choice that is under way, which then fails with G_IO_ERROR_CANCELLED */
+void lamps_stop(Lamps *lamps);
 
 /* To be called when a shot was committed. A thread of the readers reads its frames. */
 void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
                      const struct session_frame *frames, int n);
 
-/* To be called before lamps_choose(). Notes which shots are done, and the output of their lamps. */
+/* To be called before lamps_choose(). Records which shots are done, and reads the light output of
+ * the lamps in these shots. Returns FALSE with an error if the session cannot be read. */
 gboolean lamps_note_done(Lamps *lamps, GError **error);
 
 /* The reason why there is no further round. */
 enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 
 struct lamps_choice {
-    GArray *shots;               /* of int: numbers of shots, from 0; owned by the caller */
-    double error_pct, after_pct; /* expected error now, and after those shots */
-    int n_taken, n_pictures;     /* pictures of the BTF: those that are taken, and all */
+    /* of int: indices of the chosen shots in setup.shots; owned by the caller */
+    GArray *shots;
+    double error_pct, after_pct; /* expected error in % now, and after the chosen shots */
+    int n_taken, n_pictures;     /* number of pictures of the BTF that are taken, and of all */
     enum lamps_end end;
 };
 /* Any thread may call lamps_choose() while the readers have no jobs and the main loop calls no
  * function of this header. rounds contains the earlier rounds. The same measured values give the
- * same choice. Returns FALSE if it was cancelled. */
+ * same choice. Returns FALSE with an error if the choice was cancelled or failed. */
 gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error);
