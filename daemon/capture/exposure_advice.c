@@ -2,8 +2,8 @@
 
 #define KEY         "saturated_retakes"
 #define MAX_LACKING 0.5 /* maximum share of lacking values without advice */
-#define MAX_RETAKEN                                                                                \
-    0.5 /* from this number of repetitions per picture on, the advice names the exposure to use */
+/* From this number of repetitions per picture on, the advice names the exposure to use. */
+#define MAX_RETAKEN 0.5
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)

@@ -7,8 +7,9 @@
 #define SECURE_MS 20000
 
 /*
- * If there are several interlocks, one that stands for all of them guards the lasers. It is closed
- * while all of them are closed. Listeners on the others set its state.
+ * The driver of an interlock that stands for all interlocks of the rig and guards the lasers
+ * (devices->guard). It is closed while all others are closed. The listener on_interlock() sets its
+ * state.
  */
 static gboolean open_all(Interlock *interlock, GError **error) {
     return TRUE;
@@ -147,7 +148,9 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
     return mistakes_report(mistakes, error);
 }
 
-/* Reports an unknown mount position now, and not after an operator has mounted the unit there. */
+/* Adds a further mount position of a laser unit. Calls laser_mount() for the position to find out
+ * whether the driver knows it, so that an error is reported now and not after an operator has
+ * mounted the unit there. */
 static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
                            GError **error) {
     int unit = layout->unit[i];
@@ -193,8 +196,8 @@ static void check_format(const struct camera_format *format, const struct rig_ca
                        format->width, format->height);
 }
 
-/* Opens all cameras before it waits for any of them. Many cameras then take no longer than the
- * slowest one. */
+/* Opens the cameras. Begins to open all of them before it waits for any of them, so that many
+ * cameras take no longer than the slowest one. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
     g_autoptr(Mistakes) mistakes = mistakes_new();
@@ -272,7 +275,8 @@ static gboolean is_first_sweep(const struct devices *devices, int laser) {
     return TRUE;
 }
 
-/* Lights are switched off first, because light may injure somebody. */
+/* Lasers and lamps are closed first, because closing switches them off and their light may injure
+ * somebody. */
 void devices_close(struct devices *devices) {
     if (!devices)
         return;
@@ -299,7 +303,8 @@ void devices_close(struct devices *devices) {
     g_free(devices);
 }
 
-/* Collects errors. The result has the domain and code of the first error, and all messages. */
+/* Adds an error, if it is not NULL, to the collected errors. These are one error with the domain
+ * and code of the first one and the messages of all. Takes ownership of error. */
 static void collect(GError **collected, GError *error) {
     if (!error)
         return;
@@ -393,7 +398,7 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
     return g_variant_builder_end(&list);
 }
 
-/* Calls func for each axis, bank and laser, each device once. */
+/* Calls func once for each axis, lamp bank and laser. */
 static void foreach(const struct devices *devices,
                     void (*func)(struct device *device, gpointer data), gpointer data) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
@@ -471,12 +476,14 @@ struct answer {
 
 struct securing {
     struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS +
-                          DEVICES_POSITIONERS]; /* in the order of requests */
+                          /* in the order in which the devices were commanded */
+                          DEVICES_POSITIONERS];
     int n;
     gboolean too_late;
 };
 
-/* The last answer counts, because earlier ones may belong to commands of a session. */
+/* Stores the answer of a device. A later answer replaces an earlier one, because the earlier one
+ * may belong to a command of a session. */
 static void take_answer(struct answer *answer, const GError *error) {
     answer->done = TRUE;
     g_clear_error(&answer->error);
@@ -563,7 +570,8 @@ gboolean devices_secure(struct devices *devices, GError **error) {
             secure_axis(devices->sweeps[i], &securing);
     for (int i = 0; i < DEVICES_POSITIONERS; i++)
         secure_axis(devices_positioner(devices, i), &securing);
-    /* The classes have deadlines. This deadline is for a rig whose clock does not run. */
+    /* The device classes have their own deadlines on the rig's clock. This deadline is for a rig
+     * whose clock does not run. */
     guint timer = g_timeout_add(SECURE_MS, on_too_late, &securing);
     while (!is_answered(&securing) && !securing.too_late)
         g_main_context_iteration(NULL, TRUE);

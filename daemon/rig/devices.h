@@ -1,14 +1,14 @@
 /*
- * The rig as its file describes it. Every device is opened through its driver, and the same
- * sections give the nominal geometry (geometry/rig.h). The arrays of drivers are in devices.c.
+ * The rig that a rig file describes. Every device is opened by its driver, and the same sections
+ * give the nominal geometry (geometry/rig.h). The list of drivers is in devices_drivers.c.
  *
  * The sections are [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which
  * is optional; one further axis for the sweep of each laser; [lamps BANK] and a [lamp NAME] for
  * each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], which are
  * optional.
  *
- * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by the arc.
- * An axis that the rig lacks has the position 0.
+ * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by the
+ * arc. An axis that the rig does not have counts as standing at 0.
  *
  * A camera with arm_deg is carried by the arm, and a lamp with probe_deg by the probe. In geometry
  * and timing, each of their stops is a separate camera or lamp (geometry/rig.h). All stops share
@@ -40,11 +40,13 @@ struct rig_timing {
     guint32 mounts[RIG_MAX_LASERS];
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
-    gint64 stamp_us[RIG_MAX_CAMERAS]; /* as in struct camera_format */
+    /* maximum error of the time stamps, as in struct camera_format */
+    gint64 stamp_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
 };
 
-/* Returns the index of the laser unit that is mounted at a laser's position (see mount_of). */
+/* Returns the index of the laser unit that is mounted at the position of a laser section. This is
+ * the section itself if it has no mount_of. */
 static inline int rig_laser_unit(const struct rig_timing *timing, int laser) {
     for (int unit = 0; unit < RIG_MAX_LASERS; unit++)
         if (timing->mounts[unit] & 1u << laser)
@@ -62,7 +64,7 @@ struct devices {
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
     struct {
-        LampBank *bank; /* one of banks */
+        LampBank *bank; /* an element of banks */
         int index;
     } lamps[RIG_MAX_LAMPS]; /* in the order of geometry.lamps */
     /* In the order of geometry.lasers; a mount position has the laser of its unit. */
@@ -70,17 +72,20 @@ struct devices {
     Axis *sweeps[RIG_MAX_LASERS]; /* the sweep of each laser */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
-    Interlock *guard; /* guards the lasers on behalf of all interlocks; NULL if there is none */
-    char *text;       /* the rig file as it was read */
-    char *path;       /* absolute path of the rig file */
-    /* Path that the rig file names, absolute; NULL if it names none. */
+    /* stands for all interlocks of the rig and guards the lasers; NULL if the rig has no
+     * interlock */
+    Interlock *guard;
+    char *text; /* the rig file as it was read */
+    char *path; /* absolute path of the rig file */
+    /* Absolute path of the calibration that the rig file names; NULL if it names none. */
     char *calibration_path;
-    const char *calibration_text; /* contents of that file, not owned; NULL if it has to be read */
+    /* contents of the calibration, not owned; NULL if the file has to be read */
+    const char *calibration_text;
     double calibration_days;
 };
 
-/* Returns the i-th axis that is not a laser's sweep: turntable, arc, arm, probe. Returns NULL if
- * the rig lacks it. */
+/* Returns the axis with index i among turntable, arc, arm and probe, which are all axes except the
+ * sweeps of lasers. Returns NULL if the rig does not have this axis. */
 #define DEVICES_POSITIONERS 4
 static inline Axis *devices_positioner(const struct devices *devices, int i) {
     Axis *const all[DEVICES_POSITIONERS] = {devices->turntable, devices->arc, devices->arm,
@@ -95,33 +100,35 @@ static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
 }
 
 /* Opens all devices. If one fails, none is left open. Moves no axis; lamps and lasers are off
- * afterwards. Every error names file, line and key. */
+ * afterwards. Returns NULL with an error that names the file and the line. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
-/* Reads only the geometry, with the same checks, and opens no device. */
+/* Reads only the geometry from the rig file, and opens no device. Drivers do not check their
+ * options together. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
 /* Reads geometry and timing from the options of the rig file, for a plan without the hardware. No
- * real device is opened. Values that only an open device can report are assumed. A line about each
- * of them is appended to assumed (char *, with a free function). */
+ * real device is opened. For values that only an open device can report, assumptions are made. A
+ * line about each assumption is appended to assumed (of char *, with a free function). */
 gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
 /* Reads the geometry from the text of a rig file that a session keeps. path is used in errors. */
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
-/* Returns whether every device is simulated. The clock does not matter. */
+/* Returns whether every device is simulated, whether the rig's clock is real or virtual. */
 gboolean devices_are_simulated(const struct devices *devices);
 
 /* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Every device is
- * commanded, even if others fail. The first error is returned. */
+ * commanded, even if others fail. Does not wait for their answers. Returns FALSE with all errors as
+ * one if a device could not be commanded. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* Returns the result of devices_make_safe() as a(sss), floating: for each laser, lamp bank and axis
- * its class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe". *ret is
- * DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a device is unsafe,
+/* Returns the present result of devices_make_safe() as a(sss), floating: for each laser, lamp bank
+ * and axis its class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe".
+ * *ret is DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a device is unsafe,
  * otherwise DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
@@ -132,26 +139,29 @@ void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpoint
  * serial number 7” (char *, with a free function). Interlocks and cameras are included. Devices
  * that report nothing are left out. All devices must be open. */
 GPtrArray *devices_identities(const struct devices *devices);
-/* Returns whether an axis, lamp bank or laser has not confirmed that it stands or is off. */
+/* Returns whether any axis has not confirmed that it stands, or any lamp bank or laser that it is
+ * off. */
 gboolean devices_any_unsafe(const struct devices *devices);
 
 /* Commands the safe state, and waits until every device has confirmed it. Lasers and lamps must
  * confirm that they are off, axes that they stand still. This includes axes that another program
- * has started. Returns FALSE if at least one device has not confirmed. Runs the main loop, and
- * removes all other listeners from the devices. */
+ * has started. Returns FALSE with an error if a device has not confirmed this within 20 s. Runs the
+ * main loop, and removes the listeners of all lasers, lamps and axes. */
 gboolean devices_secure(struct devices *devices, GError **error);
 
 /* Beginning of a reason or an event that reports that lamps, lasers or axes may not be safe. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
-/* Describes the driver, or the section of the rig file, of this name with its options, for `mesorig
- * drivers`. Returns NULL if there is none of that name. If name is NULL, the text has one line for
- * each driver and section; as JSON it has all options. Free it with g_free(). */
+/* Describes the driver or the section of the rig file with this name and its options, for `mesorig
+ * drivers`. Returns NULL if there is no driver or section with the name. If name is NULL, the text
+ * has one line for each driver and section; as JSON it has all options. Free it with g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
 
-/* Returns the i-th of all drivers, ordered by class. Returns NULL if there are no more. */
+/* Returns the driver with index i in the list of all drivers, which is ordered by class. Returns
+ * NULL if i is too large. */
 const struct driver_info *devices_driver(gsize i);
 
-/* Returns the keys of [rig], [lamp NAME] and [mark NAME], and the keys of camera and laser sections
- * that do not belong to the driver. Returns NULL if the class has none. */
+/* Returns the option table of [rig], [lamp NAME] or [mark NAME], or the table of those keys of an
+ * axis, camera or laser section that do not belong to the driver. Returns NULL for other
+ * classes. */
 const struct option *devices_section_options(const char *class_name);

@@ -40,8 +40,8 @@ static void keep_device(struct layout *layout, const struct config_section *sect
     g_array_append_val(layout->devices, device);
 }
 
-/* Reads the driver's options without opening it, and the keys of the rig from the same section. If
- * the driver is not known, only the keys of the rig are checked. */
+/* Reads the options of the driver and the keys of the rig (place) from a section, without opening
+ * the device. If the driver is not known, only the keys of the rig are checked. */
 static gboolean read_device(struct layout *layout, const struct config_section *section,
                             struct place_fields *place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
@@ -59,7 +59,8 @@ static gboolean read_device(struct layout *layout, const struct config_section *
     g_autofree gpointer fields = g_malloc0(MAX(info->priv_size, 1));
     const struct option_target both[] = {{info->options, fields}, ours};
     if (!options_read(both, options ? 2 : 1, section, only_driver, mistakes)) {
-        /* The mistake may be in a key of the rig. What the driver needs is checked nevertheless. */
+        /* The mistake may be in a key of the rig. If the options of the driver are right, the
+         * section is kept, so that check_needs() can check it. */
         g_autoptr(Mistakes) known = mistakes_new();
         if (options_read(both, 1, section, any, known))
             keep_device(layout, section, info, g_steal_pointer(&fields));
@@ -136,9 +137,9 @@ static struct vec3 position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Sets *ret_fixed: a lamp or laser is fixed if its azimuth is given, or if there is no arc. Without
- * an arc the azimuth may be left out only for one that is overhead, because it has no azimuth
- * there. */
+/* Sets *ret_fixed to whether a lamp or laser is fixed: it is if its azimuth is given, or if there
+ * is no arc. Without an arc, the azimuth may be left out only for a lamp or laser overhead, where
+ * every azimuth is the same position. Otherwise returns FALSE. */
 static gboolean take_carrier(const struct layout *layout, const struct config_section *section,
                              const struct place_fields *place, int *ret_fixed, Mistakes *mistakes) {
     const gboolean given = config_value(section, "phi_deg", NULL) != NULL;
@@ -152,7 +153,8 @@ static gboolean take_carrier(const struct layout *layout, const struct config_se
                : FALSE;
 }
 
-/* Checks the angles at which an axis stops, together with the part that a section describes. */
+/* Checks the stops of a camera or lamp that is carried by the arm or the probe: the axis must
+ * exist, and no angle may be given twice. */
 static gboolean check_stops(const struct layout *layout, const struct config_section *section,
                             const char *key, const struct config_section *axis, const char *name,
                             const struct option_doubles *stops, Mistakes *mistakes) {
@@ -169,7 +171,7 @@ static gboolean check_stops(const struct layout *layout, const struct config_sec
     return TRUE;
 }
 
-/* Sets the name of a stop, and checks that it is above the turntable. */
+/* Sets the name of a stop, "NAME@ANGLE", and checks that its position is above the turntable. */
 static gboolean take_stop(const struct config_section *section, const char *key, double deg,
                           struct vec3 position_mm, char to[RIG_NAME], Mistakes *mistakes) {
     g_autofree char *name = g_strdup_printf("%s@%g", section->name, deg);
@@ -186,7 +188,8 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                                                deg);
 }
 
-/* Makes the stops of a camera, one after the other, from its position with the arm at 0. */
+/* Makes a camera of the geometry for each stop, from index i on. Camera i must have the position
+ * that it has with the arm at 0. */
 static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
                                  const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -331,7 +334,7 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     return named && carried && wired && stops;
 }
 
-/* Returns whether the name of an axis gives its purpose. */
+/* Returns whether an axis is the turntable, arc, arm or probe, and not the sweep of a laser. */
 static gboolean is_positioner(const struct layout *layout, const struct config_section *axis) {
     return axis == layout->turntable || axis == layout->arc || axis == layout->arm ||
            axis == layout->probe;
@@ -467,8 +470,8 @@ static gboolean take_place(struct layout *layout, const struct config_section *s
     return TRUE;
 }
 
-/* Reports sections that no rig file has. The sections that were meant may then seem to be
- * missing. */
+/* Reports a section whose heading no rig file has. has_all_sections is then set to FALSE, because
+ * the section that was meant may seem to be missing. */
 static gboolean check_class(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
     static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",
@@ -498,7 +501,7 @@ static gboolean check_class(struct layout *layout, const struct config_section *
                           "[mark NAME]");
 }
 
-/* Returns whether the axis is used. An axis that nothing uses is probably misspelt. */
+/* Returns whether an axis is used. The name of an axis that nothing uses is probably misspelt. */
 static gboolean uses(const struct layout *layout, const struct config_section *axis) {
     for (int i = 0; i < layout->geometry.n_lasers; i++)
         if (layout->sweeps[i] == axis)
@@ -512,8 +515,8 @@ static gboolean uses(const struct layout *layout, const struct config_section *a
     return axis == layout->turntable || axis == layout->arc;
 }
 
-/* Checks the file as a whole. lasers says that all lasers were understood, so that the axes that
- * they use are known. */
+/* Checks the file as a whole. lasers is TRUE if all laser sections were read without a mistake, so
+ * that the sweep axes are known. */
 static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *mistakes) {
     const struct rig *rig = &layout->geometry;
     const struct {
@@ -537,7 +540,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                            "this axis is not used: it is neither turntable nor arc, no laser names "
                            "it as its sweep, and it is not an [axis arm] with cameras that have "
                            "arm_deg or an [axis probe] with lamps that have probe_deg");
-        /* Virtual time would run ahead of a real device. */
+        /* A real device cannot keep up with virtual time. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))
             config_mistake(
@@ -552,8 +555,9 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                          needed[i].what);
 }
 
-/* Reports a conflict if the device needs something that an earlier section also needs. Reports only
- * the first conflict of a section. */
+/* Reports a mistake if the device needs something exclusively (the driver's needs()) that an
+ * earlier section also needs. Reports only the first conflict of a section. owners maps each thing
+ * to the section that needs it. */
 static void check_needs_of(const struct layout_device *device, GHashTable *owners,
                            Mistakes *mistakes) {
     g_autoptr(GPtrArray) needs = g_ptr_array_new_with_free_func(g_free);
@@ -570,7 +574,8 @@ static void check_needs_of(const struct layout_device *device, GHashTable *owner
     }
 }
 
-/* Finds things that two sections need exclusively: the same coil, relay, axis or camera. */
+/* Reports things that two sections need exclusively, for instance the same coil, relay, axis or
+ * camera. */
 static void check_needs(const struct layout *layout, Mistakes *mistakes) {
     g_autoptr(GHashTable) owners = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     gsize n;
@@ -582,7 +587,7 @@ static void check_needs(const struct layout *layout, Mistakes *mistakes) {
     }
 }
 
-/* Axes, banks and interlocks come first, because lamps and lasers name them. */
+/* Axes, lamp banks and interlocks are read first, because lamps and lasers name axes and banks. */
 gboolean layout_read(struct layout *layout, const char *path, const char *text,
                      gboolean checks_drivers, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();

@@ -1,6 +1,6 @@
 /* Reads the speeds and delays of the devices from the rig file, without opening a device. All
  * drivers of a class use the same option names. For an axis these are the names of
- * AXIS_MOTION_OPTIONS. For the other classes they are listed below. */
+ * AXIS_MOTION_OPTIONS. For the other classes, the functions below name them. */
 #include "devices_private.h"
 
 #include <string.h>
@@ -10,7 +10,8 @@
 #define ASSUMED_STAMP_US   1000 /* for a camera whose time stamps are the time of the exposure */
 #define MOST_EXPOSURE_US   60000000
 
-/* Gets a number from the options of a device. Returns FALSE if the driver has no such option. */
+/* Reads a number from the options of a device into *ret. Returns FALSE and keeps *ret if the driver
+ * has no such option. */
 static gboolean number_of(const struct layout_device *device, const char *name, double *ret) {
     const struct option *option = options_find(device->info->options, name);
 
@@ -32,8 +33,9 @@ static void assume(GPtrArray *assumed, const struct config_section *section, con
     g_ptr_array_add(assumed, g_strdup_printf("assumed for [%s]: %s", section->group, what));
 }
 
-/* Sets report_ms and stamp_ms of an axis that has turn(). While the axis turns, it reports its
- * position with each poll. Its driver's open() adds the time that an answer may take. */
+/* Sets report_ms and stamp_ms of an axis whose driver has turn(), so that passes can be planned.
+ * While such an axis turns, it reports its position with each poll. The driver's open() would add
+ * the time that an answer may take to these values, which is not known here. */
 static void read_turning(const struct layout_device *device, struct axis_motion *motion) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
     double poll_ms, speed_register, stamp_ms = 0;
@@ -52,7 +54,8 @@ static void read_axis(const struct layout *layout, const struct config_section *
         return;
     const struct layout_device *device = layout_device(layout, section);
     const struct option *first = options_find(device->info->options, "wraps");
-    if (first) /* AXIS_MOTION_OPTIONS has put all members of the struct into the driver's table */
+    if (first) /* the option table of the driver then has all options of AXIS_MOTION_OPTIONS, whose
+                  values are in a struct axis_motion */
         *ret = *(const struct axis_motion *)G_STRUCT_MEMBER_P(
             device->fields, (goffset)first->offset - G_STRUCT_OFFSET(struct axis_motion, wraps));
     else {
@@ -62,8 +65,9 @@ static void read_axis(const struct layout *layout, const struct config_section *
     read_turning(device, ret);
 }
 
-/* Returns the warm-up time of a bank or laser. Simulated lamps take it from their world file, which
- * can be read without devices. */
+/* Reads the warm-up time of a lamp bank or laser. Simulated lamps have it in their world file.
+ * Their bank is opened to read it, which needs no real device. Returns FALSE with an error if the
+ * bank cannot be opened. */
 static gboolean read_warm_up(const struct layout *layout, const struct config_section *section,
                              double *ret_s, GPtrArray *assumed, GError **error) {
     const struct layout_device *device = layout_device(layout, section);

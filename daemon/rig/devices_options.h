@@ -17,7 +17,7 @@ struct place_fields { /* place of a lamp, camera, laser or axis */
     int index, width, height;
     double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
     double k1, k2, k3, p1, p2, vignetting;
-    struct option_doubles arm_deg, probe_deg; /* positions of the stops */
+    struct option_doubles arm_deg, probe_deg; /* angles of arm or probe at the stops */
     double park_deg;                          /* only for an axis */
 };
 extern const struct option devices_lamp_options[], devices_camera_options[],

@@ -13,11 +13,11 @@ struct layout {
     Config *config;
     GArray *devices; /* of struct layout_device */
     struct rig geometry;
-    /* FALSE if a heading is wrong. A section that seems to be missing may then be the one with the
-     * wrong heading. */
+    /* FALSE if a heading is wrong. A section that is not found may then be the one with the wrong
+     * heading. */
     gboolean has_all_sections;
     gboolean virtual_clock, checks_drivers;
-    char *calibration_path; /* absolute path; NULL if none is named */
+    char *calibration_path; /* absolute path of the calibration; NULL if the file names none */
     double calibration_days;
     const struct config_section *turntable, *arc, *arm, *probe;
     /* One axis may be the sweep of several lasers. */
@@ -25,20 +25,22 @@ struct layout {
     /* All stops of one camera or lamp have the same section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
-    int unit[RIG_MAX_LASERS]; /* index of the laser unit that is mounted here */
+    /* index of the laser unit that is mounted at each laser's position */
+    int unit[RIG_MAX_LASERS];
     const struct config_section *banks[DEVICES_MAX_BANKS];
     const struct config_section *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_banks, n_interlocks;
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* A key of [axis NAME] that the rig reads and not the driver (park_deg in struct Axis). */
+/* A key of [axis NAME] that is read here and not by the driver. It sets park_deg in struct Axis. */
 #define LAYOUT_PARK_KEY "park_deg"
 
 /* Reads a rig file. text is its content if the file is not to be read, or NULL. Checks everything
  * that can be checked without a device, including the options of drivers. If checks_drivers is
- * TRUE, drivers also check which options fit each other, and check other files that the options
- * name. This is for devices that are to be opened. The error lists all mistakes of the file. */
+ * TRUE, drivers also check whether their options fit each other, and check other files that the
+ * options name, and conflicts between sections are found. Needed if the devices are to be opened.
+ * The error lists all mistakes of the file. */
 gboolean layout_read(struct layout *layout, const char *path, const char *text,
                      gboolean checks_drivers, GError **error);
 void layout_clear(struct layout *layout);

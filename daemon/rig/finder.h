@@ -5,7 +5,7 @@
 
 #include <glib.h>
 
-/* A Modbus line to search. A member that is NULL or 0 has the default of the drivers. */
+/* A Modbus line to search. A member that is NULL or 0 stands for the default of the drivers. */
 struct finder_modbus {
     const char *bus; /* "/dev/ttyUSB0" or "tcp:HOST:PORT"; NULL if no line is searched */
     int baud;
@@ -16,6 +16,6 @@ struct finder_modbus {
 /* Returns all devices that were found, as struct found. Free the array with g_ptr_array_unref().
  * For a bus that cannot be searched, a sentence is appended to ret_problems, and the search
  * continues with the others. The search takes one or two seconds. A Modbus line takes a further
- * tenth of a second for each unit number without a device. Returns NULL if the arguments are
- * wrong. */
+ * tenth of a second for each unit number without a device. Returns NULL with an error if the parity
+ * is wrong. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);

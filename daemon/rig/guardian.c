@@ -13,14 +13,15 @@
 
 #define BEAT_MS        250
 #define START_MS       6000           /* limit for the first answer */
-#define ANSWER_US      G_USEC_PER_SEC /* age up to which an answer counts */
+#define ANSWER_US      G_USEC_PER_SEC /* maximum age of an answer that counts */
 #define ASK_MS         200            /* limit for the answer to a question of guardian_answers() */
 #define FROZEN_US      (3 * G_USEC_PER_SEC) /* silence after which the guardian is replaced */
-#define LOOK_US        (2 * BEAT_MS * 1000) /* longest silence that one look may add */
+#define LOOK_US        (2 * BEAT_MS * 1000) /* maximum silence that one check adds */
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
 #define LASTED_US                                                                                  \
-    (10 * G_USEC_PER_SEC) /* running time after which the next pause is the shortest again */
+    (10 * G_USEC_PER_SEC) /* running time of a guardian after which the next pause is              \
+                             MIN_RESTART_MS again */
 #define AWAIT_US (5 * G_USEC_PER_SEC)
 
 struct Guardian {
@@ -28,13 +29,15 @@ struct Guardian {
     int socket; /* -1 if the guardian has to be started again */
     GPid pid;
     guint timer, watch, restart;
-    guint restart_ms; /* length of the next pause */
+    guint restart_ms; /* length of the next pause before a restart */
     gboolean busy;
     gint64 started_us;
-    gint64 answered_us;          /* time of the guardian's last answer; 0 if there was none */
-    gint64 asked_us;             /* when guardian_answers() last waited */
-    gint64 looked_us, silent_us; /* last check; time without an answer, at most LOOK_US per check */
-    char *refusal;               /* reason that the guardian sent instead of its first answer */
+    gint64 answered_us; /* time of the guardian's last answer; 0 if there was none */
+    gint64 asked_us;    /* time when guardian_answers() last waited */
+    /* time of the last check, and sum of the time without an answer, at most LOOK_US for each
+     * check */
+    gint64 looked_us, silent_us;
+    char *refusal; /* reason that the guardian sent instead of its first answer */
 };
 
 gboolean guardian_is_needed(const char *rig_path) {
@@ -43,8 +46,8 @@ gboolean guardian_is_needed(const char *rig_path) {
     return state && !safe_state_is_simulated(state);
 }
 
-/* Sends a message and ignores failures. on_ended() notices a guardian that has ended, and on_beat()
- * one that is frozen. */
+/* Sends a message and ignores failures, because on_ended() notices a guardian that has ended, and
+ * on_beat() a guardian that is frozen. */
 static void guardian_send(Guardian *guardian, enum message message) {
     const char byte = (char)message;
 
@@ -179,8 +182,8 @@ static void restart_later(Guardian *guardian) {
     guardian->restart_ms = MIN(2 * guardian->restart_ms, MAX_RESTART_MS);
 }
 
-/* Waits for the first answer. A refusal, the end of the guardian, and no answer in time are
- * errors. */
+/* Waits for the first answer. Returns FALSE with an error if the guardian refuses, has ended, or
+ * does not answer within START_MS. */
 static gboolean await_first_answer(Guardian *guardian, GError **error) {
     const gint64 until = guardian->started_us + START_MS * (gint64)1000;
     struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
@@ -224,7 +227,8 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 
     if (do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
-    /* A guardian that has refused continues its work, or has ended. */
+    /* GUARDIAN_SAFE, because no device has been opened. A guardian that has refused continues its
+     * work, or has ended. */
     guardian_end(guardian, GUARDIAN_SAFE);
     return NULL;
 }
@@ -232,7 +236,7 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 gboolean guardian_answers(Guardian *guardian, GError **error) {
     if (is_answering(guardian))
         return TRUE;
-    /* Many calls in a row do not each wait for an answer, because the main loop has other work. */
+    /* Wait at most once in ANSWER_US, because the main loop has other work. */
     if (guardian->socket >= 0 && g_get_monotonic_time() - guardian->asked_us > ANSWER_US) {
         const gint64 until = g_get_monotonic_time() + ASK_MS * (gint64)1000;
         guardian->asked_us = g_get_monotonic_time();
@@ -271,7 +275,8 @@ static void let_go(Guardian *guardian) {
     guardian->watch = 0;
 }
 
-/* Handles the end of the guardian if the main loop has not run since. */
+/* Checks whether the guardian has ended since the main loop last ran, and closes its socket in this
+ * case. */
 static void notice_end(Guardian *guardian) {
     struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
 

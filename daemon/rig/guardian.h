@@ -1,7 +1,7 @@
 /*
  * The guardian: a small process that makes the rig safe when the daemon cannot. It acts when the
  * daemon has died without reporting that the rig is safe. It also acts when the daemon's main loop
- * hangs. In that case it kills the daemon first. It continues until every device is safe.
+ * hangs; it then kills the daemon first. It commands the devices until every device is safe.
  *
  * A timer of the default main context sends the guardian a heartbeat four times a second. The timer
  * uses real time, even if the rig has another clock. The guardian answers each heartbeat. A
@@ -10,9 +10,9 @@
  * was itself delayed, it counts that time as at most half a second of silence of the other process,
  * because a computer that stands still delays both.
  *
- * A rig file has one guardian. The guardian of a running daemon keeps other daemons from the rig. A
- * guardian that is making the rig safe gives way to the guardian of a new daemon, which continues
- * its work.
+ * A rig file has one guardian. The guardian of a running daemon prevents other daemons from
+ * opening the rig. A guardian that is making the rig safe gives way to the guardian of a new
+ * daemon, which continues its work.
  *
  * All functions belong to the main loop's thread.
  */
@@ -32,33 +32,34 @@ gboolean guardian_is_needed(const char *rig_path);
  * the rig safe. */
 Guardian *guardian_start(const char *rig_path, GError **error);
 
-/* Returns TRUE if the guardian has answered within the last second. If no answer has come for
- * longer, this process may have been busy. The function then asks once more, and waits up to 200
- * ms. Call it before a laser is switched on. */
+/* Returns TRUE if the guardian has answered within the last second. If the last answer is older,
+ * this process may have been busy. The function then sends a heartbeat and waits up to 200 ms for
+ * the answer, at most once a second. Returns FALSE with an error if there is no answer. Call it
+ * before a laser is switched on. */
 gboolean guardian_answers(Guardian *guardian, GError **error);
 
-/* Says that the main loop may block (busy TRUE). Silence is then not a hang. No light may be on and
- * nothing may move meanwhile. With busy FALSE, silence is a hang again from now on. guardian may be
- * NULL, which is ignored. */
+/* With busy TRUE, tells the guardian that the main loop may block, so that missing heartbeats do
+ * not mean a hang. No light may be on and no axis may move meanwhile. With busy FALSE, missing
+ * heartbeats mean a hang again. guardian may be NULL, which is ignored. */
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 enum guardian_end {
     GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
     GUARDIAN_UNSAFE, /* the guardian makes the rig safe */
     /* The rig could not be opened: the guardian makes it safe as with GUARDIAN_UNSAFE, but prints
-     * nothing about a device that could be made safe without a failure. */
+     * nothing about a device that is made safe at the first attempt. */
     GUARDIAN_FAILED,
 };
 
 /* Ends the connection to the guardian. NULL is ignored. */
 void guardian_end(Guardian *guardian, enum guardian_end how);
 
-/* For a program that makes the rig safe itself: waits up to 5 s while a guardian does so. Returns
- * whether the guardian is still working. */
+/* For a program that is about to make the rig safe itself: if a guardian is making the rig safe,
+ * waits up to 5 s until it has ended. Returns whether the guardian is still working. */
 gboolean guardian_await(const char *rig_path);
 
 /* Starts a guardian for a rig without a daemon. The guardian makes the rig safe, and prints nothing
- * about a device that could be made safe without a failure. */
+ * about a device that is made safe at the first attempt. */
 void guardian_leave(const char *rig_path);
 
 /* Runs the guardian. Its standard input is the socket to the daemon. Returns the exit code. */

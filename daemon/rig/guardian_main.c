@@ -17,12 +17,13 @@
 #include <unistd.h>
 
 #define HANG_US                                                                                    \
-    (4500 * 1000)    /* all lights are off within five seconds after the daemon has begun to hang */
-#define LOOK_MS  250 /* time between two looks at the clock */
-#define LOOK_US  (2 * LOOK_MS * 1000) /* longest silence that one look may add */
-#define END_MS   5000                 /* time that a killed daemon gets to end */
-#define WAIT_US  (2 * G_USEC_PER_SEC) /* time that a new daemon waits for a safe rig */
-#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which pipes are closed */
+    (4500 * 1000)   /* silence that counts as a hang; all lights are then off within five seconds */
+#define LOOK_MS 250 /* time between two looks at the clock */
+#define LOOK_US (2 * LOOK_MS * 1000) /* maximum silence that one look adds */
+#define END_MS  5000                 /* time limit for a killed daemon to end */
+/* time after which a new daemon that waits for the rig gets a refusal */
+#define WAIT_US  (2 * G_USEC_PER_SEC)
+#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which let_pipes_go() is called */
 #define REPEAT_S 60                   /* time between two messages about the same device */
 
 struct guarding {
@@ -31,14 +32,15 @@ struct guarding {
     struct place place;
     pid_t daemon;
     int process; /* pidfd of the daemon; -1 if there is none */
-    /* Time since the last beat of the daemon. Only time in which this process has run counts. */
+    /* Time since the daemon's last heartbeat, and time of the last look at the clock. At most
+     * LOOK_US are added at each look. */
     gint64 silent_us, looked_us;
-    gboolean pause; /* silence is allowed */
+    gboolean pause; /* whether missing heartbeats do not mean a hang */
 };
 
-/* Adds the time since the last look to the silence. Between two looks this process may have been
- * delayed, and the daemon with it, because a virtual machine stood still or other processes used
- * the processor. At most LOOK_US of such a delay count. */
+/* Adds the time since the last look to silent_us, but at most LOOK_US. If more time has passed,
+ * this process was delayed, and probably the daemon too, because a virtual machine stood still or
+ * other processes used the processor. */
 static void look_at_clock(struct guarding *guarding) {
     const gint64 now_us = g_get_monotonic_time();
 
@@ -52,7 +54,7 @@ static int silence_wait_ms(const struct guarding *guarding) {
     return guarding->pause ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
 }
 
-/* Sends an answer, or a refusal if refusal is not NULL. */
+/* Answers the daemon: with a refusal if refusal is not NULL, otherwise to its heartbeat. */
 static void answer(const char *refusal) {
     const struct answer answer = {g_get_monotonic_time()};
     g_autoptr(GByteArray) packet = g_byte_array_new();
@@ -65,11 +67,12 @@ static void answer(const char *refusal) {
         g_debug("cannot answer the daemon: %s", g_strerror(errno));
 }
 
-/* The last message or state of the daemon. */
+/* What the guardian has learnt about the daemon: nothing new, a final message, or its end. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD, NEWS_FAILED };
 
-/* Receives a byte. If a daemon ends without having read all answers, the kernel reports ECONNRESET
- * once, before the data that the daemon has sent. */
+/* Receives a byte from the daemon, like recv(). If a daemon ends without having read all answers,
+ * the kernel reports ECONNRESET once, before it delivers the data that the daemon has sent. That
+ * error is ignored. */
 static ssize_t receive_byte(char *ret) {
     const ssize_t n = recv(STDIN_FILENO, ret, 1, MSG_DONTWAIT);
 
@@ -109,7 +112,7 @@ static void kill_daemon(int daemon) {
         poll(&at, 1, END_MS);
 }
 
-/* Waits until the daemon sends a final message, dies or hangs. */
+/* Waits until the daemon sends a final message, dies or hangs. A daemon that hangs is killed. */
 static enum news watch_daemon(struct guarding *guarding) {
     guarding->looked_us = g_get_monotonic_time();
     for (;;) {
@@ -137,7 +140,8 @@ static enum news watch_daemon(struct guarding *guarding) {
     }
 }
 
-/* Closes pipes, because their reader may wait for their end, as a shell does with $(mesorig …). */
+/* Replaces standard output and standard error by /dev/null if they are pipes. The reader of a pipe
+ * may wait until all writers have closed it, as a shell does with $(mesorig …). */
 static void let_pipes_go(void) {
     for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
         struct stat file;
@@ -149,8 +153,9 @@ static void let_pipes_go(void) {
     }
 }
 
-/* Works until there is nothing left to try. If a new daemon waits for the rig, it is told after a
- * while that it cannot have it. Returns FALSE if another guardian has asked for the place. */
+/* Makes the rig safe, until nothing is left to try. If a new daemon waits for the rig
+ * (daemon_waits), it gets a refusal after WAIT_US. *ret_safe is TRUE if every device is safe.
+ * Returns FALSE if another guardian has asked for the place. */
 static gboolean work(struct guarding *guarding, enum safe_until until, gboolean daemon_waits,
                      gboolean *ret_safe) {
     const gint64 began_us = g_get_monotonic_time();
@@ -187,8 +192,8 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
     return !asked;
 }
 
-/* Finds the process at the other end of the standard input. It is the parent, unless it has
- * died. */
+/* Sets daemon to the process at the other end of the standard input, and process to a pidfd of it.
+ * If the daemon is no longer the parent, it has died, and process is -1. */
 static void find_daemon(struct guarding *guarding) {
     struct ucred peer = {0};
     socklen_t size = sizeof peer;
@@ -198,8 +203,10 @@ static void find_daemon(struct guarding *guarding) {
     guarding->process = guarding->daemon == getppid() ? pidfd_open(guarding->daemon, 0) : -1;
 }
 
-/* Takes the place, and finishes the work that another guardian has left. The rig file may have
- * mistakes that leave devices unsafe. The daemon reports them. */
+/* Takes the place, and finishes the work of a guardian that has given the place up. Returns FALSE
+ * if the guardian of a running daemon has the place, or if another guardian has asked for it. A
+ * device that cannot be made safe because of a mistake in the rig file does not matter here,
+ * because the daemon reports the mistake. */
 static gboolean begin(struct guarding *guarding) {
     gboolean at_work = FALSE, safe = FALSE;
     pid_t other = 0;
@@ -220,7 +227,7 @@ int guardian_main(const char *rig_path) {
     g_autoptr(GError) error = NULL;
     gboolean safe = FALSE;
 
-    prctl(PR_SET_NAME, "mesorig-guard"); /* instead of "exe" */
+    prctl(PR_SET_NAME, "mesorig-guard"); /* the name would be "exe" otherwise */
     lock_set_role(LOCK_GUARDIAN);
     find_daemon(&guarding);
     guarding.state = safe_state_read(rig_path, &error);

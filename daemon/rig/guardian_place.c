@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define HELLO_MS   1000 /* limit for the answer of a guardian about its task */
-#define LOOK_MS    100  /* limit for the same answer if the program does not depend on it */
+#define LOOK_MS    100  /* limit for that answer in place_await() */
 #define END_MS     1000 /* limit for a guardian to end */
 #define TAKE_US    (3 * G_USEC_PER_SEC)
 #define RETRY_US   (10 * 1000)
@@ -31,8 +31,9 @@ static socklen_t place_address(const char *rig_path, struct sockaddr_un *ret) {
     return (socklen_t)(G_STRUCT_OFFSET(struct sockaddr_un, sun_path) + 1 + (gsize)n);
 }
 
-/* Returns the process at the other end if it may be trusted, and 0 otherwise. For a connection to a
- * listening socket, that is the process that listens. */
+/* Returns the process at the other end of a connection, or 0 if its user is not trusted: it must be
+ * the same user or root, unless this process is root. For a connection to a listening socket, it is
+ * the process that listens. */
 static pid_t peer_of(int fd) {
     struct ucred peer;
     socklen_t size = sizeof peer;
@@ -48,7 +49,7 @@ static gboolean is_ready(int fd, int wait_ms) {
     return poll(&at, 1, wait_ms) > 0;
 }
 
-/* Waits until the other process has closed the connection. */
+/* Waits up to wait_ms until the other process has closed the connection. Returns whether it has. */
 static gboolean is_closed(int fd, int wait_ms) {
     char byte;
 
@@ -71,7 +72,8 @@ static void kill_frozen(pid_t pid) {
 
 enum former { FORMER_GONE, FORMER_WATCHES, FORMER_AT_WORK, FORMER_STRANGER };
 
-/* Asks the guardian that has the place to end. */
+/* Asks the guardian at the other end of a connection to end, unless it watches a running daemon.
+ * Sets *ret_at_work to TRUE if that guardian was making the rig safe. */
 static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) {
     const pid_t pid = peer_of(fd);
     const char take = GIVE_PLACE;
@@ -80,8 +82,8 @@ static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) 
     if (pid == 0)
         return FORMER_STRANGER;
     if (!is_ready(fd, HELLO_MS)) {
-        /* A guardian that does not answer is assumed to be at work. If its daemon is alive, the
-         * devices are locked. */
+        /* A guardian that does not answer is assumed to make the rig safe. If it watches a daemon
+         * that is alive, nothing is lost, because that daemon has locked its devices. */
         *ret_at_work = TRUE;
         kill_frozen(pid);
         return FORMER_AT_WORK;
@@ -164,7 +166,7 @@ static void place_greet(struct place *place, pid_t daemon) {
     if (place->n_askers < PLACE_MAX_ASKERS && peer_of(fd) != 0 &&
         send(fd, &hello, sizeof hello, MSG_NOSIGNAL) == sizeof hello)
         place->askers[place->n_askers++] =
-            fd; /* kept open: the asker notices when this process ends */
+            fd; /* kept open, so that the other process notices when this process ends */
     else
         close(fd);
 }

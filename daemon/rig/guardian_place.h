@@ -1,8 +1,8 @@
 /*
  * The place of a rig's guardian, which only one process can hold. It is an abstract Unix socket
- * that is named after the real path of the rig file. A process that connects to it is told the
- * present task of the guardian. A guardian that makes the rig safe ends when the other process asks
- * for its place.
+ * that is named after the real path of the rig file. The guardian tells a process that connects to
+ * the socket whether it watches a daemon or makes the rig safe. A guardian that makes the rig safe
+ * ends when that process asks for its place.
  *
  * Only processes of the same user and of root are trusted. If another user holds the socket, the
  * guardian works without a place.
@@ -21,13 +21,15 @@ struct place {
 };
 
 /* Takes the place. If a guardian that makes the rig safe holds it, that guardian is asked to end.
- * If that guardian does not react, it is killed. Returns FALSE, and sets *ret_daemon, if the
- * guardian of a running daemon holds the place. *ret_at_work says that the former guardian has not
- * finished. Waits up to 3 s. */
+ * If that guardian does not react, it is killed. Returns FALSE, and sets *ret_daemon to the
+ * daemon's process number, if the guardian of a running daemon holds the place. *ret_at_work is
+ * TRUE if the former guardian has not finished its work. Waits up to about 3 s. If the place cannot
+ * be taken in this time, or a stranger holds it, returns TRUE without the place. */
 gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_work,
                     pid_t *ret_daemon);
 
-/* Fills in the descriptors to wait for, at most 1 + PLACE_MAX_ASKERS. Returns their number. */
+/* Sets the descriptors to wait for in ret, which has room for 1 + PLACE_MAX_ASKERS. Returns their
+ * number. */
 int place_poll(const struct place *place, struct pollfd *ret);
 
 /* Serves the descriptors that are ready. daemon is the process number of the running daemon, or 0
@@ -35,5 +37,6 @@ int place_poll(const struct place *place, struct pollfd *ret);
  * must then end its work and the process. */
 gboolean place_serve(struct place *place, const struct pollfd *fds, int n, pid_t daemon);
 
-/* Waits at most wait_us while a guardian makes the rig safe. Returns whether it still does. */
+/* If a guardian makes the rig safe, waits at most wait_us until it has ended. Returns whether it is
+ * still at work. */
 gboolean place_await(const char *rig_path, gint64 wait_us);

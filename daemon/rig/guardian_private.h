@@ -1,5 +1,4 @@
-/* Messages between daemon and guardian. They are packets through a pair of sockets
- * (SOCK_SEQPACKET). */
+/* Messages between the daemon and its guardian: packets on a pair of sockets (SOCK_SEQPACKET). */
 #pragma once
 
 #include <glib.h>
@@ -7,7 +6,7 @@
 /* Messages from the daemon. Each is one byte. */
 enum message {
     BEAT = 'b',
-    PAUSE = 'p',   /* a heartbeat; silence until the next one is not a hang */
+    PAUSE = 'p',   /* a heartbeat; a missing BEAT after it does not mean a hang */
     GOODBYE = 'q', /* the rig is safe */
     FAILED = 'f',  /* the rig could not be opened and must be made safe */
 };

@@ -11,7 +11,8 @@ struct job { /* a device to be made safe */
     const struct config_section *section;
     const struct driver_info *info; /* NULL if its driver is not known */
     char *name;                     /* "laser top" */
-    char *line;                     /* devices with the same line cannot be reached together */
+    /* name of the line; devices on the same line cannot be reached at the same time */
+    char *line;
 };
 
 struct SafeState {
@@ -21,8 +22,9 @@ struct SafeState {
 
 struct repaired { /* a section reduced to its valid keys */
     GString *text;
-    GString *notes;  /* keys and lines that were left out */
-    GString *doubts; /* left-out parts that may identify the device */
+    GString *notes; /* messages about keys and lines that were left out and do not matter */
+    /* messages about keys and lines that were left out and may identify the device */
+    GString *doubts;
 };
 
 /* Keys that neither identify the device nor determine how it is switched or stopped. */
@@ -37,7 +39,8 @@ static const char *const harmless[] = {
     "watchdog", "watchdog_ms", "watchdog_register", "watchdog_after_s", "watchdog_scale",
     "pulse_coil", NULL};
 
-/* Keys of the line. If one of them is wrong, the device does not answer and counts as not off. */
+/* Keys of the line. If one of them is wrong, the device does not answer, and so counts as not
+ * safe. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
                                         "late_ms", "retries", "start_s",   NULL};
 
@@ -58,9 +61,10 @@ static gboolean is_axis(const struct job *job) {
     return strcmp(class_of(job), "axis") == 0;
 }
 
-/* Returns whether a section is a device to be made safe: a section with a driver of lasers, lamps
- * or axes, whatever its class name is, or a section without a known driver whose class name is one
- * of these or unknown. */
+/* Returns whether a section describes a device that has to be made safe. If its driver is known,
+ * the driver must be one of lasers, lamps or axes, whatever the class name of the section is. If
+ * not, the class name must be laser, lamps, axis or unknown, and the section must not be a further
+ * mount position of a laser. */
 static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 
@@ -132,8 +136,8 @@ static void add_words(GString *to, const char *words) {
     g_string_append_printf(to, "%s%s", to->len ? "; " : "", words);
 }
 
-/* Returns whether the section has all keys that identify the device. An unknown key then cannot be
- * a misspelling of one of them. */
+/* Returns whether the section has all keys that identify the device or determine how it is
+ * switched. An unknown key then cannot be a misspelling of one of them. */
 static gboolean says_which(const struct job *job) {
     for (const struct option *option = job->info->options; option && option->name; option++)
         if (!g_strv_contains(harmless, option->name) && !g_strv_contains(line_keys, option->name) &&
@@ -142,8 +146,10 @@ static gboolean says_which(const struct job *job) {
     return TRUE;
 }
 
-/* Adds the problems of lines of this section that could not be read. A problem in the line of the
- * heading concerns the heading itself. Without a heading, the first keys may also be missing. */
+/* Adds the problems of lines of this section that could not be read, as notes or as doubts. A
+ * problem in the line of the heading concerns only the heading. In a section without a heading
+ * (CONFIG_NO_HEADING), keys that identify the device may be missing, so every problem is a
+ * doubt. */
 static void note_problems(const struct job *job, struct repaired *repaired) {
     gsize n_problems, n;
     const struct config_problem *problems = config_problems(job->section->config, &n_problems);
@@ -161,7 +167,8 @@ static void note_problems(const struct job *job, struct repaired *repaired) {
     }
 }
 
-/* Puts every key on the same line as in the file, so that errors of drivers name that line. */
+/* Adds a heading or a key. It is on the same line as in the rig file, so that errors of drivers
+ * name the right line. *at is the present line. */
 static void add_line(struct repaired *repaired, int *at, int line, const char *key,
                      const char *value) {
     const int target =
@@ -172,8 +179,9 @@ static void add_line(struct repaired *repaired, int *at, int line, const char *k
     g_string_append_printf(repaired->text, "%s%s%s", key, value ? " = " : "", value ? value : "");
 }
 
-/* Returns FALSE for keys of speeds and watchdogs. A device is only stopped or switched off, and a
- * wrong speed must not be written. */
+/* Returns FALSE for keys that would write speeds or watchdogs to the device, because the device is
+ * only stopped or switched off, and a wrong speed must not be written. Also returns FALSE for the
+ * key retries if quick is TRUE. */
 static gboolean is_wanted(const char *key, gboolean quick) {
     static const char *const unwanted[] = {"speed_register",    "accel_register", "watchdog",
                                            "watchdog_register", "pulse_coil",     NULL};
@@ -204,7 +212,8 @@ static void repair_keys(const struct job *job, gboolean quick, const char *const
     }
 }
 
-/* Adds keys without a default that do not matter here, but that the driver requires. */
+/* Adds valid values for keys that the driver requires and that do not matter here (harmless), where
+ * they are missing or wrong. If quick is TRUE, also adds retries = 0. */
 static void add_missing(const struct job *job, const char *const *also, gboolean quick,
                         struct repaired *repaired) {
     for (const struct option *option = job->info->options; option && option->name; option++) {
@@ -225,8 +234,8 @@ static void add_missing(const struct job *job, const char *const *also, gboolean
     }
 }
 
-/* Makes a valid section. If quick is TRUE, requests are not repeated, because other devices wait
- * for their turn. */
+/* Makes a valid section from the section of the device. If quick is TRUE, the driver does not
+ * repeat requests, because other devices on the line wait. */
 static void repair(const struct job *job, gboolean quick, struct repaired *ret) {
     g_autofree const char **layout = layout_keys(class_of(job));
     g_autoptr(GPtrArray) also = g_ptr_array_new();
@@ -241,7 +250,7 @@ static void repair(const struct job *job, gboolean quick, struct repaired *ret) 
     g_string_append_printf(ret->text, "\n");
 }
 
-/* Opens the device as a rig of one device. */
+/* Opens a device and puts it into devices, which must be empty. */
 static gboolean open_device(struct devices *devices, const struct job *job,
                             const struct config_section *section, GError **error) {
     gconstpointer driver = job->info;
@@ -284,14 +293,15 @@ static void set_text(char *ret_text, const struct job *job, const char *format, 
     g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
-/* Returns whether the device can be left to the process that has it open. Another daemon switched
- * the device off when it opened it, and has a guardian. A command that has the device open will
- * end. */
+/* Returns whether a guardian can leave a device to the process that has the device open: that
+ * process must be another daemon, which has switched the device off when it opened the device, and
+ * has a guardian. */
 static gboolean is_left(pid_t other) {
     return lock_get_role() == LOCK_GUARDIAN && lock_is_daemon(other);
 }
 
-/* Notes the process that uses a board that was switched off nevertheless. */
+/* Adds a note about another process that has a device open which was made safe nevertheless. other
+ * is 0 if there is none. */
 static void note_other(pid_t other, gboolean axis, GString *notes) {
     if (other == 0)
         return;

@@ -16,8 +16,9 @@ SafeState *safe_state_read(const char *rig_path, GError **error);
 void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)
 
-/* The devices: lasers first, then lamps, then axes. Names are like "laser top". Devices on the same
- * line cannot be reached at the same time. The state owns the strings and the file. */
+/* The devices: lasers first, then lamps, then axes. Names are like "laser top". safe_state_line()
+ * names the line (bus, USB device or program) through which a device is reached. Devices on the
+ * same line cannot be reached at the same time. The SafeState owns the strings and the Config. */
 int safe_state_n(const SafeState *state);
 const char *safe_state_name(const SafeState *state, int index);
 const char *safe_state_line(const SafeState *state, int index);
@@ -31,7 +32,9 @@ enum safe_try {
     SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
-    SAFE_TRY_NEVER, /* the device's section is wrong, so no attempt can succeed */
+    /* no attempt can succeed, because the section of the device is wrong or names perhaps another
+     * device; or the device is left to the process that has it open */
+    SAFE_TRY_NEVER,
 };
 
 #define SAFE_STATE_TEXT 1500

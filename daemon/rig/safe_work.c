@@ -10,22 +10,25 @@
 #include <syslog.h>
 #include <unistd.h>
 
-#define PATIENCE_US  (5 * G_USEC_PER_SEC) /* SAFE_UNTIL_TIRED */
+#define PATIENCE_US  (5 * G_USEC_PER_SEC) /* time after which SAFE_UNTIL_TIRED gives up */
 #define MIN_PAUSE_US (100 * 1000)         /* pause between the first two attempts */
-#define MAX_PAUSE_US (500 * 1000)         /* pause between later attempts */
+#define MAX_PAUSE_US (500 * 1000)         /* maximum pause between two attempts */
 #define LIMIT_US                                                                                   \
-    (30 * G_USEC_PER_SEC)   /* limit by which the process of a line may exceed its time */
-#define END_MS         1000 /* time that a killed process gets to end */
-#define MAX_RESTART_US (5 * G_USEC_PER_SEC) /* longest pause after processes that have crashed */
+    (30 * G_USEC_PER_SEC) /* time by which the process of a line may exceed its lifetime before it \
+                             is killed */
+#define END_MS 1000       /* time limit for a killed process to end */
+/* maximum pause before a process is begun after crashes */
+#define MAX_RESTART_US (5 * G_USEC_PER_SEC)
 
-/* A line of devices. */
+/* A line of devices (safe_state_line()). */
 struct line {
     const char *name;
-    pid_t pid;       /* process of the line; 0 if there is none */
-    int fd;          /* reports of the process; -1 if there is none */
-    gint64 begin_us; /* start time of the process, in the past or the future */
-    int n_begun;     /* number of processes that the line has had */
-    int n_crashed;   /* number of crashes in a row */
+    pid_t pid; /* process of the line; 0 if there is none */
+    int fd;    /* pipe with the reports of the process; -1 if there is no process */
+    /* time when the process began; if there is none, time from which the next one may begin */
+    gint64 begin_us;
+    int n_begun;   /* number of processes that the line has had */
+    int n_crashed; /* number of processes in a row that have crashed */
 };
 
 enum fate { OPEN, SAFE, GIVEN_UP };
@@ -33,8 +36,8 @@ enum fate { OPEN, SAFE, GIVEN_UP };
 /* A device. */
 struct task {
     enum fate fate;
-    gboolean hope; /* the device is not safe, but another attempt may make it safe */
-    gboolean told; /* the unsafe state of the device was reported */
+    gboolean hope; /* whether another attempt may make the device safe */
+    gboolean told; /* whether the unsafe state of the device was reported */
     char *text;    /* result of the last attempt; NULL if there is none yet */
 };
 
@@ -50,7 +53,7 @@ struct SafeWork {
 struct report { /* report of the process of a line; shorter than PIPE_BUF */
     int task;
     enum safe_try result;
-    gboolean last; /* the process does not try it again */
+    gboolean last; /* whether the process will not try the device again */
     char text[SAFE_STATE_TEXT];
 };
 
@@ -110,8 +113,8 @@ SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double re
     return work;
 }
 
-/* Ends the process of a line. If the kernel holds the process (because of an unplugged device, for
- * instance), it ends later, or never. */
+/* Kills the process of a line and waits up to END_MS for its end. If the kernel does not end the
+ * process in this time (because of an unplugged device, for instance), the process is forgotten. */
 static void end_process(struct line *line) {
     if (line->pid > 0)
         kill(line->pid, SIGKILL);
@@ -136,8 +139,9 @@ void safe_work_free(SafeWork *work) {
     g_free(work);
 }
 
-/* The process of a line: tries its open tasks until all are done or its time is over. Each process
- * begins with a different task, so that a task whose driver crashes does not block the others. */
+/* The work of the child process of a line: tries the open tasks of the line until all are done or
+ * life_us has passed, and writes reports to fd. Each process of a line begins with a different
+ * task, so that a task whose driver crashes does not block the others. */
 static void work_line(SafeWork *work, const struct line *line, gint64 life_us, int fd) {
     const gint64 until = g_get_monotonic_time() + life_us;
     const int n = safe_state_n(work->state);
@@ -159,7 +163,8 @@ static void work_line(SafeWork *work, const struct line *line, gint64 life_us, i
             const gboolean again =
                 report.result == SAFE_TRY_AGAIN || report.result == SAFE_TRY_OTHER;
             if (!again)
-                work->tasks[i].fate = SAFE; /* finished, as far as this process is concerned */
+                /* only means that this process has finished the task */
+                work->tasks[i].fate = SAFE;
             if ((!again || pass == 1 || late) && write(fd, &report, sizeof report) != sizeof report)
                 g_printerr("mesorigd: %s\n", report.text);
         }
@@ -211,8 +216,8 @@ static void take_report(SafeWork *work, struct report *report) {
         return;
     struct task *task = &work->tasks[report->task];
     const gboolean tired = work->until == SAFE_UNTIL_TIRED;
-    /* A daemon that has just been killed may still have its devices. Another process is only
-     * assumed to have a device when the time is over. */
+    /* A daemon that has just been killed may still have its devices open for a moment.
+     * SAFE_TRY_OTHER is therefore final only in the last report of a process. */
     const gboolean again =
         report->last ? report->result == SAFE_TRY_AGAIN && !tired
                      : report->result == SAFE_TRY_AGAIN || report->result == SAFE_TRY_OTHER;
@@ -231,7 +236,8 @@ static void take_report(SafeWork *work, struct report *report) {
     tell(work, "%s", task->text);
 }
 
-/* Notes that a driver has crashed or does not return. */
+/* Records and reports, for each open task of a line, that the driver has crashed or does not
+ * return. */
 static void note_crash(SafeWork *work, const struct line *line) {
     for (int i = 0; i < safe_state_n(work->state); i++) {
         struct task *task = &work->tasks[i];
@@ -250,7 +256,8 @@ static void note_crash(SafeWork *work, const struct line *line) {
     }
 }
 
-/* Handles the end of a process. Its tasks are done, its time is over, or it has crashed. */
+/* Handles the end of the process of a line: its tasks are done, its time is over, or it has
+ * crashed. hung is TRUE if the process exceeds its time and has to be killed. */
 static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
     int status = -1;
 
@@ -273,7 +280,8 @@ static void read_line(SafeWork *work, struct line *line) {
         on_process_end(work, line, FALSE);
 }
 
-/* Begins and ends processes. Returns the time of the next action, or -1 if there is none. */
+/* Begins the processes that are due, and kills those that exceed their time. Returns the monotonic
+ * time in µs when the next process is due for either, or -1 if there is none. */
 static gint64 tend_lines(SafeWork *work) {
     const gint64 now = g_get_monotonic_time();
     gint64 next = -1;
@@ -291,7 +299,8 @@ static gint64 tend_lines(SafeWork *work) {
     return next;
 }
 
-/* Prints once, after each device was tried, if some are not safe. */
+/* Prints once that the rig is not safe, when every device that is not safe yet has been
+ * reported. */
 static void announce(SafeWork *work) {
     gboolean open = FALSE, told = TRUE;
 

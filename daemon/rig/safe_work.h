@@ -1,9 +1,10 @@
 /*
  * Makes all devices of a rig safe. A device that fails is tried again, with pauses that grow from
- * 100 ms to 500 ms, for some seconds or until it is safe.
+ * 100 ms to 500 ms, for 5 s or until it is safe (enum safe_until).
  *
- * There is one process for each line, so that a driver that hangs or crashes does not delay other
- * lines. A process works for a limited time, and is then replaced by another one.
+ * Each line of devices (safe_state_line()) has a child process, so that a driver that hangs or
+ * crashes does not delay other lines. A process works for a limited time, and is then replaced by
+ * another one.
  *
  * A SafeWork belongs to one thread, and the process must have no other threads. While the SafeWork
  * exists, it waits only for its own children.
@@ -18,10 +19,11 @@ typedef struct SafeWork SafeWork;
 
 enum safe_until {
     SAFE_UNTIL_TIRED, /* ends after 5 s; prints the result of each device */
-    /* Ends when every device is safe, or left to another mesorigd that has had it open for
-     * repeat_s. */
+    /* Ends when every device is safe, cannot be made safe, or is left to another mesorigd that has
+     * had it open for repeat_s. */
     SAFE_UNTIL_SAFE,
-    /* Ends like SAFE_UNTIL_SAFE; prints nothing about a device that never failed. */
+    /* Ends like SAFE_UNTIL_SAFE; prints nothing about a device that is made safe at the first
+     * attempt. */
     SAFE_UNTIL_SAFE_QUIETLY,
 };
 
@@ -37,7 +39,8 @@ void safe_work_free(SafeWork *work);
  * (-1 for no limit) or the work has ended. Returns whether work is left. */
 gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms);
 
-/* Returns, after the end, whether every device was read back and is safe. */
+/* Returns whether every device was read back and is safe, and the rig file names at least one
+ * device. Call it when the work has ended. */
 gboolean safe_work_is_safe(const SafeWork *work);
 
 /* Returns the last result of each device that is not safe yet, or its name if it was not tried yet,
@@ -45,5 +48,5 @@ gboolean safe_work_is_safe(const SafeWork *work);
 char *safe_work_unsafe(const SafeWork *work);
 
 /* Does the whole work with SAFE_UNTIL_TIRED. Returns TRUE if every device was read back and is
- * safe. *ret_hope says whether another attempt may make an unsafe device safe. */
+ * safe. *ret_hope is TRUE if another attempt may make an unsafe device safe. */
 gboolean safe_work_once(const SafeState *state, gboolean *ret_hope);

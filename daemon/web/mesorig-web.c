@@ -1,4 +1,4 @@
-/* mesorig-web: shows a rig in the browser. It is a separate process, and needs only the right to
+/* mesorig-web: shows a rig in the browser. It is a separate process, and needs no rights except to
  * call the daemon. */
 #include "base/program.h"
 #include "bus/bus_client.h"
@@ -43,7 +43,8 @@ static gboolean on_signal(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Returns the first line of the token file; g_free(). */
+/* Returns the first line of the token file; g_free(). Returns NULL with an error if the file cannot
+ * be read or the line is not a token. */
 static char *read_token(GError **error) {
     g_autofree char *text = NULL;
     gsize length;

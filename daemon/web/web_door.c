@@ -10,20 +10,22 @@
 #include <sys/socket.h>
 
 #define BACKLOG     128         /* connections that wait to be accepted */
-#define SEND_BUFFER (256 << 10) /* bytes that the kernel holds for a reader that is slow */
-/* Time after which a connection whose peer acknowledges nothing is closed. */
+#define SEND_BUFFER (256 << 10) /* bytes that the kernel buffers for a client that reads slowly */
+/* Time after which a connection whose peer acknowledges no bytes is closed. */
 #define READER_GONE_MS  60000
 #define LOOK_MS         500  /* time between two checks of the time limits */
 #define ACCEPT_AGAIN_MS 200  /* pause after an accept() that failed */
-#define MAX_PEERS       1024 /* number of peers whose wrong tokens are remembered */
-#define FREE_PORTS      8    /* attempts to find a port that is free on both loopback addresses */
+#define MAX_PEERS       1024 /* number of peers from which on forget_peers() is called */
+/* maximum number of attempts to find a port that is free on both loopback addresses */
+#define FREE_PORTS 8
 
 struct peer {
     char *name;
     int connections, streams;
     int failures; /* wrong tokens in a row */
     gint64 failed_us, allowed_us;
-    gint64 told_us; /* time of the last log line that it has too many connections */
+    /* time of the last log line that the peer has too many connections; 0 if there was none */
+    gint64 told_us;
 };
 
 struct WebVisitor {
@@ -35,7 +37,8 @@ struct WebVisitor {
     gint64 since_us; /* beginning of the phase */
     gsize read;      /* bytes of the request's body */
     gboolean answering, closing;
-    GSource *watch;    /* waits for the request's head or for the end of a stream; or NULL */
+    /* waits for the head of the request or for the end of a stream; NULL if neither */
+    GSource *watch;
     GIOStream *stream; /* NULL after libsoup has taken it */
 };
 
@@ -43,11 +46,13 @@ struct WebDoor {
     SoupServer *soup;
     GPtrArray *listeners; /* of GSocket */
     GPtrArray *sources;   /* of GSource, one for each listener */
-    GPtrArray *visitors;  /* visitors before leave(); each is freed with its stream */
-    GHashTable *peers;    /* name → struct peer */
+    /* visitors that have not left (leave()); each is freed with its stream */
+    GPtrArray *visitors;
+    GHashTable *peers; /* name → struct peer */
     guint look_id, again_id;
     int streams;
-    gint64 told_us; /* time of the last log line that there are too many connections */
+    /* time of the last log line that all peers have too many connections; 0 if there was none */
+    gint64 told_us;
 };
 
 static void listen_again(WebDoor *door);
@@ -124,7 +129,8 @@ static void visitor_free(WebVisitor *visitor) {
     g_free(visitor);
 }
 
-/* Removes a connection from the counts, because libsoup closes it or has closed it. */
+/* Removes a connection from the list and the counts when libsoup closes the connection or has
+ * closed it. Does nothing the second time. */
 static void leave(WebVisitor *visitor) {
     WebDoor *door = visitor->door;
     struct peer *peer = g_steal_pointer(&visitor->peer);
@@ -141,8 +147,8 @@ static void leave(WebVisitor *visitor) {
         g_hash_table_remove(door->peers, peer->name);
 }
 
-/* Called when libsoup has freed the connection's stream. This may be some time after its end,
- * because a reference to the message keeps the stream alive. */
+/* Called when the stream of a connection was freed. This may be some time after the end of the
+ * connection, because a reference to the message keeps the stream alive. */
 static void on_stream_gone(gpointer data, GObject *stream) {
     leave(data);
     visitor_free(data);
@@ -211,8 +217,8 @@ static gboolean is_less(const WebVisitor *a, const WebVisitor *b) {
     return a->since_us < b->since_us;
 }
 
-/* Closes one connection to make room for a new one. It is a connection of this peer, or of any peer
- * if peer is NULL. */
+/* Closes one connection of this peer, or of any peer if peer is NULL, to make room for a new
+ * one. */
 static void make_room(WebDoor *door, const struct peer *peer) {
     WebVisitor *least = NULL;
     for (guint i = 0; i < door->visitors->len; i++) {
@@ -253,8 +259,8 @@ static gboolean look(gpointer data) {
 }
 
 /* Returns the length of the head of a request, without the empty line at its end. Returns 0 if the
- * head is not complete. The result is the same as in libsoup, which accepts an empty line from the
- * third byte on. */
+ * head is not complete. libsoup finds the same end: it accepts an empty line from the third byte
+ * on. */
 static gsize head_length(const char *text, gsize n) {
     const char *line = text;
     for (const char *end; (end = memchr(line, '\n', n - (gsize)(line - text))); line = end + 1) {
@@ -292,15 +298,17 @@ static gboolean is_at_end(int fd) {
 }
 
 /* Sends a status and closes the connection. First reads the n bytes that were peeked at, because
- * the kernel may discard the answer if a socket is closed with unread bytes. The end of the stream
- * frees the visitor. */
+ * the kernel may discard the answer if a socket is closed with unread bytes. Releases the stream,
+ * which frees the visitor. */
 static void turn_away(WebVisitor *visitor, const char *status, char *text, gsize n) {
     g_autoptr(GIOStream) stream = g_steal_pointer(&visitor->stream);
     if (recv(g_socket_get_fd(visitor->socket), text, n, MSG_DONTWAIT) > 0)
         web_visitor_close(visitor, status);
 }
 
-/* Peeks at the received bytes until the head of the request is complete. */
+/* Called when bytes have arrived. Peeks at them. When the head of the request is complete, gives
+ * the connection to libsoup, or refuses it if the head has a mistake, is too large or will not
+ * become complete. */
 static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) {
     WebVisitor *visitor = data;
     const int fd = g_socket_get_fd(socket);
@@ -383,8 +391,9 @@ static gboolean on_connection(GSocket *listener, GIOCondition condition, gpointe
     if (socket) {
         count_in(door, socket);
     } else if (!g_error_matches(error, G_IO_ERROR, G_IO_ERROR_WOULD_BLOCK) && !door->again_id) {
-        /* If, for instance, no file descriptor is left, the socket stays ready. Do not watch it for
-         * a while. */
+        /* If, for instance, no file descriptor is left, the listening socket stays ready, which
+         * would make the main loop spin. No listening socket is therefore watched for
+         * ACCEPT_AGAIN_MS. */
         web_log("cannot accept a connection: %s", error->message);
         g_ptr_array_set_size(door->sources, 0);
         door->again_id = g_timeout_add(ACCEPT_AGAIN_MS, accept_again, door);
@@ -434,7 +443,8 @@ static gboolean add_listener(WebDoor *door, const char *ip, guint port, GError *
     return socket != NULL;
 }
 
-/* Listens on both loopback addresses with the same port. A computer without IPv6 has only one. */
+/* Listens on the loopback addresses of IPv4 and IPv6 with the same port, or only on that of IPv4 if
+ * the other cannot be used for a reason other than a used port. */
 static gboolean add_loopback(WebDoor *door, guint port, GError **error) {
     for (int i = 0;; i++) {
         g_autoptr(GError) why = NULL;
@@ -494,8 +504,8 @@ guint web_door_port(const WebDoor *door) {
 }
 
 /* Returns the stream that is closed to make room for a new stream of this peer: the oldest stream
- * of the peer that has the most. Returns NULL if no other peer would have at least as many streams
- * afterwards as this peer. */
+ * of the peer that has the most. Returns NULL if no peer has at least two streams more than this
+ * peer, so that the other peer never has fewer afterwards. */
 static WebVisitor *find_stream(WebDoor *door, const struct peer *peer) {
     WebVisitor *found = NULL;
     for (guint i = 0; i < door->visitors->len; i++) {

@@ -7,9 +7,8 @@
  * A peer is an IPv4 address, or the first 64 bits of an IPv6 address, because one computer may use
  * all addresses with the same first 64 bits. A new connection is always accepted. If there are too
  * many connections, one connection of the peer that has the most is closed. Among the connections
- * of that peer it is the one with the lowest phase (enum web_phase), and the oldest of these. A
- * request that is sent promptly is therefore answered, no matter how many connections other peers
- * hold open.
+ * of that peer, it is the oldest one in the lowest phase (enum web_phase). A request that is sent
+ * promptly is therefore answered, no matter how many connections other peers hold open.
  *
  * All functions belong to the main loop's thread.
  */
@@ -23,12 +22,14 @@
 #define WEB_DOOR_STREAMS          64
 #define WEB_DOOR_MAX_HEAD         (64 << 10) /* bytes of request line and headers */
 #define WEB_DOOR_MAX_READ         (64 << 10)
-#define WEB_DOOR_REQUEST_S        10 /* limit from the connection to the end of the request */
-#define WEB_DOOR_ANSWER_S         90 /* limit from the end of the request to the end of the answer */
-#define WEB_DOOR_MAX_PENALTY_S    60  /* longest wait after wrong tokens */
-#define WEB_DOOR_FORGIVEN_S       900 /* time after which a peer's wrong tokens are forgotten */
+/* time limit from the connection to the end of the request */
+#define WEB_DOOR_REQUEST_S 10
+/* time limit from the end of the request to the end of the answer */
+#define WEB_DOOR_ANSWER_S      90
+#define WEB_DOOR_MAX_PENALTY_S 60  /* longest wait after wrong tokens */
+#define WEB_DOOR_FORGIVEN_S    900 /* time after which a peer's wrong tokens are forgotten */
 
-/* The phases of a connection. Connections in the first phases are closed first. */
+/* The phases of a connection, the lowest first. Connections in lower phases are closed first. */
 enum web_phase {
     WEB_ASKS,    /* the request is not complete; limited to WEB_DOOR_REQUEST_S */
     WEB_READS,   /* the answer is made or sent; limited to WEB_DOOR_ANSWER_S */
@@ -58,11 +59,13 @@ void web_visitor_begin(WebVisitor *visitor, SoupServerMessage *message);
 
 void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
 
-/* Sets the phase to WEB_STREAMS. Returns FALSE and changes nothing if too many streams are open. */
+/* Sets the phase to WEB_STREAMS. If too many streams are open, closes a stream of a peer that has
+ * more streams than this one. Returns FALSE and changes nothing if there is no such peer, or if
+ * this peer has too many streams. */
 gboolean web_visitor_stream(WebVisitor *visitor);
 
-/* Closes the connection. status is a status line such as "408 Request Timeout", which is sent first
- * unless an answer has begun. With NULL nothing is sent. */
+/* Closes the connection. status is an HTTP status such as "408 Request Timeout", which is sent
+ * before unless an answer has begun. If it is NULL, nothing is sent. */
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
 /* Returns the number of seconds until the peer may send a token again, or 0 if it may do so now.

@@ -6,7 +6,7 @@
 #define DIGITS  "0123456789"
 #define LETTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
-/* Returns 0 if the text is not a port. */
+/* Returns the port that a text contains, or 0 if the text is not a port from 1 to 65535. */
 static guint parse_port(const char *text) {
     const gsize n = strlen(text);
     if (n == 0 || n > 5 || strspn(text, DIGITS) != n || *text == '0')

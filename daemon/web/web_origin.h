@@ -1,7 +1,7 @@
 /*
  * Converts names of this server to origins, such as "http://rig.lab:8470". The header Host of a
  * request must name one of the server's origins, as a protection against DNS rebinding. A request
- * of a page is accepted only if the page has the same origin. All functions are pure.
+ * that a web page makes is accepted only if the page has the same origin. All functions are pure.
  */
 #pragma once
 
@@ -13,9 +13,11 @@
  * allowed. Returns NULL for any other text. Free the result with g_free(). */
 char *web_origin_of_host(const char *scheme, const char *host);
 
-/* Returns the origin of the value of a header Origin, such as "http://rig.lab:8470". */
+/* Returns the origin in the value of a header Origin, such as "http://rig.lab:8470", with the port.
+ * Returns NULL for any other text. Free the result with g_free(). */
 char *web_origin_parse(const char *origin);
 
 /* Returns the origin of the value of the option --host: NAME, NAME:PORT or an origin. A NAME
- * without a port gets the given port. */
+ * without a port gets the given port. Returns NULL for any other text. Free the result with
+ * g_free(). */
 char *web_origin_of_option(const char *text, guint port);

@@ -10,12 +10,14 @@
 
 #define STATE_INTERVAL_MS 500
 #define CALL_TIMEOUT_MS   60000
-#define AGAIN_S           2    /* pause between two searches for a daemon that does not answer */
-#define MAX_SAMPLES       2000 /* samples of the progress; beyond it, every second one is removed */
-#define STEPS             64   /* steps of a histogram */
-#define WHITE             250  /* from this sRGB value on, a pixel counts as white */
-#define BLACK             5    /* up to this sRGB value, a pixel counts as black */
-#define COLOURS           3
+/* seconds between two attempts to connect to a daemon that does not answer */
+#define AGAIN_S 2
+/* maximum number of samples of the progress; if there are more, every second one is removed */
+#define MAX_SAMPLES 2000
+#define STEPS       64  /* bins of a histogram */
+#define WHITE       250 /* from this sRGB value on, a pixel counts as white */
+#define BLACK       5   /* up to this sRGB value, a pixel counts as black */
+#define COLOURS     3
 
 struct waiting { /* a request that waits for a picture */
     WebRigPicture back;
@@ -25,7 +27,8 @@ struct waiting { /* a request that waits for a picture */
 struct camera {
     struct web_picture picture; /* png is NULL if the latest picture has not been fetched */
     GArray *waiting;            /* of struct waiting; NULL if no call is under way */
-    gboolean stale;             /* a newer picture exists than the one that the call fetches */
+    /* the camera has a newer picture than the one that the call fetches */
+    gboolean stale;
 };
 
 struct sample {
@@ -36,8 +39,9 @@ struct sample {
 struct WebRig {
     BusRig1 *rig; /* NULL if no daemon answers at address */
     GDBusConnection *connection;
-    char *address;       /* NULL if the daemon is on a bus */
-    char *away;          /* reason why no daemon answers at address; NULL if one does */
+    char *address; /* address of the daemon's own socket; NULL if the daemon is on a bus */
+    /* reason why no daemon answers at address; NULL if one answers or none was tried yet */
+    char *away;
     gboolean connecting; /* a connection to address is being made */
     guint again_id;
     WebRigNews news;
@@ -82,19 +86,19 @@ static void add_number(GVariantBuilder *to, const char *key, double value) {
 static void add_safety(GVariantBuilder *to, BusRig1 *bus) {
     g_autoptr(GVariant) latched = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Latched");
     g_autoptr(GVariant) unsafe = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Unsafe");
-    /* A daemon of an earlier version lacks these properties. */
+    /* A daemon of an earlier version does not have these properties. */
     g_variant_builder_add(to, "{sv}", "latched", latched ? latched : g_variant_new_boolean(FALSE));
     g_variant_builder_add(to, "{sv}", "unsafe", unsafe ? unsafe : g_variant_new_strv(NULL, 0));
 }
 
-/* Adds the pose and the light of the shot, and the places of all devices. */
+/* Adds the pose and the light of the last shot, and the places of cameras, lamps and lasers. */
 static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
     GVariant *pose = bus_rig1_get_pose(bus), *list = bus_rig1_get_places(bus);
     GVariantBuilder places;
     const char *class_name, *name;
     double turntable_deg, arc_deg, theta_deg, phi_deg;
     gboolean carried;
-    if (!pose || !list) /* a daemon of an earlier version lacks these properties */
+    if (!pose || !list) /* a daemon of an earlier version does not have these properties */
         return;
     g_variant_get(pose, "(dd&s&s)", &turntable_deg, &arc_deg, &class_name, &name);
     add_number(to, "turntable_deg", turntable_deg);
@@ -207,7 +211,8 @@ static void tell(const WebRig *rig, const char *name, const char *json) {
         rig->news(name, json, rig->news_data);
 }
 
-/* Adds a sample to the progress. If fewer shots are done than before, another session has begun. */
+/* Adds a sample to the progress if the number of shots done has changed. If it or the elapsed time
+ * has decreased, another session has begun, and the earlier samples are dropped. */
 static void take_sample(WebRig *rig) {
     const struct sample now = {bus_rig1_get_elapsed(rig->rig), bus_rig1_get_shots_done(rig->rig)};
     const guint n = rig->samples->len;
@@ -278,7 +283,7 @@ static void on_thumbnail(BusRig1 *bus, const char *name, gpointer data) {
 
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data);
 
-/* Takes ownership of proxy. */
+/* Begins to listen to a daemon. Takes ownership of proxy. */
 static void attach(WebRig *rig, BusRig1 *proxy) {
     rig->rig = proxy;
     rig->connection = g_object_ref(g_dbus_proxy_get_connection(G_DBUS_PROXY(proxy)));
@@ -292,8 +297,8 @@ static void attach(WebRig *rig, BusRig1 *proxy) {
         g_signal_connect(rig->connection, "closed", G_CALLBACK(on_closed), rig);
 }
 
-/* Forgets the daemon. Calls that are under way end with an error. The pictures of this daemon are
- * forgotten, because later ones come from another daemon. */
+/* Stops listening to the daemon, and drops its pictures, because later ones come from another
+ * daemon. */
 static void detach(WebRig *rig) {
     GHashTableIter iter;
     gpointer camera;
@@ -312,7 +317,8 @@ static void detach(WebRig *rig) {
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
+/* Reports why the daemon cannot be reached, unless the reason is the same as before, and tries
+ * again after AGAIN_S. Takes ownership of why. */
 static void stay_away(WebRig *rig, GError *why) {
     if (g_strcmp0(rig->away, why->message) != 0)
         g_printerr("mesorig-web: %s; mesorig-web tries again every %d s\n", why->message, AGAIN_S);
@@ -405,7 +411,8 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
     return rig;
 }
 
-/* Answers the requests that wait for a picture when the rig is freed. */
+/* Answers the requests that wait for a picture of a camera with an error, because the WebRig is
+ * freed. */
 static void refuse_waiting(gpointer name, gpointer data, gpointer unused) {
     const struct camera *camera = data;
     g_autoptr(GError) error =
@@ -455,7 +462,7 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
     action->back(answer, error, action->data);
 }
 
-/* Returns the error for a call if no daemon answers, or NULL if one does. */
+/* Returns the error for a call if there is no daemon at address, otherwise NULL. */
 static GError *refuse_away(const WebRig *rig) {
     return rig->rig ? NULL
                     : g_error_new_literal(G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,
@@ -561,8 +568,8 @@ static void on_picture(BusRig1 *proxy, GAsyncResult *result, gpointer data) {
     g_free(fetch);
 }
 
-/* Returns whether the rig has a camera of that name. This keeps strangers from making the daemon
- * search for arbitrary names. */
+/* Returns whether the rig has a camera of that name. The daemon is not asked for other names, so
+ * that requests cannot fill rig->cameras with arbitrary names. */
 static gboolean has_camera(const WebRig *rig, const char *name) {
     GVariant *list = bus_rig1_get_devices(rig->rig);
     GVariantIter iter;

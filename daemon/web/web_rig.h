@@ -11,19 +11,19 @@ typedef struct WebRig WebRig;
 
 /* Connects to a daemon. address is the daemon's own socket ("unix:path=…"). If address is NULL, the
  * daemon is on the bus named by bus, "system" or "session". The daemon need not run yet, and may
- * end and start again. A daemon with an address is searched for every 2 s, and a message on
- * standard error says so. The function waits up to 5 s until such a daemon answers. Returns NULL
- * with an error if the bus cannot be used. */
+ * end and start again. If no daemon answers at address, the function tries again every 2 s later,
+ * and prints a message to standard error. The function waits up to 5 s until such a daemon answers.
+ * Returns NULL with an error if the bus cannot be used. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 
-/* Called with the name of a stream event and its data, which are one line of JSON. "state" comes at
- * most twice a second, "event" for each event of the daemon, and "picture" for each new picture of
- * a camera. */
+/* Called with the name of a server-sent event and its data, which are one line of JSON. "state"
+ * comes at most twice a second, "event" for each event of the daemon, and "picture" for each new
+ * picture of a camera. */
 typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
 void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 
-/* The next three functions return JSON. Free it with g_free(). */
+/* The next three functions return a text in JSON. Free it with g_free(). */
 
 /* Returns the state as an object. If no daemon answers, its "state" is "away" and its "reason" says
  * why. */
@@ -37,19 +37,19 @@ char *web_rig_progress(const WebRig *rig);
 
 /* Calls a method of the daemon without arguments: "Pause", "Continue", "Abort", "SafeState" or
  * "Release". back is called once in any case, if necessary by web_rig_free(). answer is the tuple
- * that the method returns. If the call failed, answer is NULL and error is the daemon's error. back
- * does not own them. */
+ * that the method returns. If the call failed, answer is NULL and error is set. back owns
+ * neither. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
 
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {
     GBytes *png;
-    /* Camera, time_s, width, height, the shares of white and of black pixels, and a histogram of 64
-     * steps for each of red, green and blue. */
+    /* Object with the camera, time_s, width, height, the shares of white and of black pixels, and a
+     * histogram of 64 bins for each of red, green and blue. */
     char *json;
 };
-/* picture is owned by the rig and valid during the call. It is NULL if there is an error. */
+/* picture is owned by the WebRig and valid during the call. It is NULL if error is set. */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
 /* Gets the latest picture of a camera. A picture is fetched and encoded only once, even if several

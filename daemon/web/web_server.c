@@ -6,10 +6,11 @@
 
 #include <string.h>
 
-#define MAX_BODY     4096        /* bytes of a request's body */
-#define MAX_PENDING  (256 << 10) /* bytes of a stream that its client may not have received yet */
-#define KEEP_ALIVE_S 20          /* longest time between two lines of a stream */
-#define MAX_CALLS    256         /* largest number of calls that wait for the daemon's answer */
+#define MAX_BODY 4096 /* maximum number of bytes of a request's body */
+/* maximum number of bytes that wait to be sent to the client of a stream */
+#define MAX_PENDING  (256 << 10)
+#define KEEP_ALIVE_S 20  /* maximum time between two lines of a stream */
+#define MAX_CALLS    256 /* maximum number of calls that wait for the daemon's answer */
 #define API          "/api/v1/"
 #define RESOURCES    "/org/mesorig/web"
 
@@ -19,7 +20,7 @@ struct stream {
     gsize pending;
 };
 
-/* A call of SafeState. */
+/* A call of SafeState that is under way. */
 struct safe_call {
     WebServer *server; /* NULL after the server was freed */
     GPtrArray *asked;  /* messages that receive the answer */
@@ -32,13 +33,14 @@ struct WebServer {
     char *token;
     gboolean safe_needs_token;
     char *address;      /* address on which the server listens */
-    GPtrArray *origins; /* origins of the server's names; see web_origin.h */
+    GPtrArray *origins; /* of char *: origins of the server's names (web_origin.h) */
     GPtrArray *streams;
     /* Number of calls that wait for the daemon's answer, without SafeState. Made by
      * g_rc_box_new(), because the calls may outlive the server. */
     int *calls;
     struct safe_call *safe_call; /* NULL if no call of SafeState is under way */
-    GPtrArray *safe_next;        /* messages that wait for the next call of SafeState; or NULL */
+    /* messages that wait for the next call of SafeState; NULL if there are none */
+    GPtrArray *safe_next;
     guint keep_alive_id;
 };
 
@@ -62,8 +64,8 @@ static void refuse(SoupServerMessage *message, guint status, const char *why) {
     respond(message, status, "application/json", json->str);
 }
 
-/* Adds headers that forbid caching, framing, guessing of content types, and loading from other
- * sites. */
+/* Adds headers that close the connection after the answer and forbid caching, framing, guessing of
+ * content types, and loading from other sites. */
 static void add_headers(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     soup_message_headers_replace(headers, "Connection", "close");
@@ -82,8 +84,8 @@ static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
                            const char *origin) {
     if (g_ptr_array_find_with_equal_func(server->origins, origin, g_str_equal, NULL))
         return TRUE;
-    /* The IP address on which the connection was accepted is allowed as well. Unlike a name, it
-     * cannot be pointed at this server by somebody else. */
+    /* The IP address on which the connection was accepted is allowed as well. Unlike a name, nobody
+     * can make an IP address of another server lead to this one. */
     GInetSocketAddress *local =
         G_INET_SOCKET_ADDRESS(soup_server_message_get_local_address(message));
     g_autofree char *ip = g_inet_address_to_string(g_inet_socket_address_get_address(local));
@@ -126,7 +128,7 @@ static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *messa
     const char *host = only_header(message, "Host", NULL);
     GUri *uri = soup_server_message_get_uri(message);
     g_autofree char *of_uri = authority(uri);
-    /* A request line may also name a host, which must be the same. */
+    /* The request line may also name a host. It must be the same as in the header Host. */
     g_autofree char *uri_origin = of_uri ? web_origin_of_host("http", of_uri) : NULL;
     g_autofree char *host_origin = host ? web_origin_of_host("http", host) : NULL;
     if (!host_origin || g_strcmp0(host_origin, uri_origin) != 0)
@@ -139,7 +141,8 @@ static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *messa
     return found;
 }
 
-/* Returns whether a request comes from a page of this server, or from no page. */
+/* Returns whether a request comes from a page of this server, or from no page. acts is TRUE for a
+ * request that is not only a read, for which the header Sec-Fetch-Site is also checked. */
 static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origins, gboolean acts) {
     int n;
     const char *header = only_header(message, "Origin", &n);
@@ -152,7 +155,8 @@ static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origin
     return !acts || !site || strcmp(site, "same-origin") == 0 || strcmp(site, "none") == 0;
 }
 
-/* Compares in a time that does not depend on the content of the token. */
+/* Returns whether the request has the right token. The time of the comparison does not depend on
+ * the tokens, because their checksums are compared completely. */
 static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     const char *header = only_header(message, "Authorization", NULL);
     if (!header || !g_str_has_prefix(header, "Bearer "))
@@ -200,7 +204,8 @@ static gboolean admit_token(const WebServer *server, SoupServerMessage *message)
     return right;
 }
 
-/* Condition for a request: none, the token if safe_needs_token is set, or the token. */
+/* What a request needs: no token (ACCESS_LOOK), the token if safe_needs_token is set (ACCESS_SAFE),
+ * or the token (ACCESS_TOKEN). */
 enum access { ACCESS_LOOK, ACCESS_SAFE, ACCESS_TOKEN };
 
 /* Checks the conditions of a request. Returns FALSE if the request was refused, and thus
@@ -228,8 +233,8 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
     return FALSE;
 }
 
-/* Returns whether the request gives the length of its body, in digits only, and the body is not too
- * long. */
+/* Returns whether the request has no body, or gives the length of its body in digits and this is at
+ * most MAX_BODY. */
 static gboolean has_small_body(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
     int n;
@@ -242,8 +247,8 @@ static gboolean has_small_body(SoupServerMessage *message) {
 }
 
 static void on_headers(SoupServerMessage *message, gpointer data) {
-    /* Without this, a client could request many overlapping parts and get much more than the
-     * whole. */
+    /* With the header Range, a client could request many overlapping parts and get much more than
+     * the whole. */
     soup_message_headers_remove(soup_server_message_get_request_headers(message), "Range");
     add_headers(message);
     if (has_small_body(message))
@@ -268,7 +273,7 @@ static void on_request(SoupServer *soup, SoupServerMessage *message, gpointer da
     g_signal_connect(message, "got-headers", G_CALLBACK(on_headers), NULL);
 }
 
-/* Answers with a file of the page from the resources in this program. */
+/* Answers a request for the page with one of its files, which are resources of this program. */
 static void on_page(SoupServer *soup, SoupServerMessage *message, const char *path,
                     GHashTable *query, gpointer data) {
     static const struct {
@@ -361,7 +366,7 @@ static void open_stream(WebServer *server, SoupServerMessage *message) {
 /* A request that waits for the daemon's answer. */
 struct waiting {
     SoupServerMessage *message;
-    int *calls; /* a reference to the counter of the server */
+    int *calls; /* reference to the counter of the server */
     gboolean as_json;
 };
 
@@ -440,7 +445,8 @@ static void do_action(WebServer *server, SoupServerMessage *message, const char 
     web_rig_call(server->rig, method, on_done, waiting);
 }
 
-/* Returns {"safe": …, "devices": [{"class": …, "name": …, "state": …}, …]}. */
+/* Returns the answer of SafeState as JSON: {"safe": …, "devices": [{"class": …, "name": …, "state":
+ * …}, …]}. */
 static char *safe_text(GVariant *answer) {
     GVariantBuilder to, devices;
     const char *class_name, *name, *state;

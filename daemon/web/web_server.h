@@ -2,9 +2,10 @@
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
  * in docs/operate/web.md. Everyone who reaches the port may read and make the rig safe. Requests
  * that change anything else need the token. Requests from pages of other sites are refused: the
- * header Host must be a name of this server (against DNS rebinding), the header Origin must be the
- * same name with scheme and port, and no response allows other origins. The limits of connections
- * and times are in web_door.h. All functions belong to the main loop's thread.
+ * header Host must be a name of this server (against DNS rebinding), the header Origin, if there
+ * is one, must be the same name with scheme and port, and no response allows other origins. The
+ * limits of connections and times are in web_door.h. All functions belong to the main loop's
+ * thread.
  */
 #pragma once
 
@@ -13,7 +14,7 @@
 struct web_options {
     const char *address; /* IP address to listen on; NULL for the loopback addresses */
     guint port;          /* 0 for any free port */
-    const char *token;   /* NULL if no client may send commands */
+    const char *token;   /* token for commands; NULL if no client may send commands */
     gboolean safe_needs_token;
     /* Further names of the server: NAME, NAME:PORT or https://NAME. NULL means none. */
     const char *const *hosts;

@@ -9,7 +9,7 @@
  * lamps.h). At the end of a round:
  *
  * - Sweeps: at each turntable angle, the sweep that is expected to add most to the knowledge of its
- *   cameras joins the next round. The next best sweeps join as long as they add at least [lasers]
+ *   cameras joins the next round, and so does the next best one, if they add at least [lasers]
  *   gain_pct. When no sweep does, the remaining sweeps are left out for good.
  * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots join
  *   that lower the expected error most for their time. When the error is expected to be below

@@ -5,11 +5,11 @@
 #include "base/data_error.h"
 #include "lamps_private.h"
 
-#define SAME_DIRECTION                                                                             \
-    1e-4 /* maximum distance of two unit vectors that count as the same direction */
-#define MORE                                                                                       \
-    0.5 /* maximum number of shots between two points of the curve, relative to the number of      \
-           shots before */
+/* Maximum distance of two unit vectors that count as the same direction. */
+#define SAME_DIRECTION 1e-4
+/* Maximum number of shots between two points of the curve, relative to the number of shots before.
+ */
+#define MORE 0.5
 /* The predictor sums the error over at most PREDICTION_TARGETS pairs of a view and a light. If
  * there are more pairs and nothing is measured, the computed error is too small after many shots.
  * The curve therefore ends after 1 / MAX_OF_MANY of the shots. */

@@ -8,8 +8,11 @@
 
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_PROBES 256
-#define GROWTH     1.0 /* maximum size of a further round, relative to all earlier rounds */
-/* Maximum number of shots that are considered, as single shots and as the first shot of a chain. */
+/* maximum number of shots of a further round, relative to the number of shots of all earlier
+ * rounds */
+#define GROWTH 1.0
+/* Maximum number of shots that are considered, both as single candidates and as first shots of
+ * chains. */
 #define MAX_SINGLE 600
 
 struct lamps_job { /* a frame to be read */
@@ -25,7 +28,8 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* Computes ρ = π L / E of each probe as in the BTF (btf/btf.h), but without the lamp's output. */
+/* Converts the radiance L of each probe to the reflectance ρ = π L / E, as in the BTF (btf/btf.h),
+ * with the irradiance E that the lamp has at its calibrated output. Holes become NAN. */
 static void to_reflectance(const struct lamps_job *job, const struct rig *rig, const guint8 *holes,
                            float *values) {
     const Lamps *lamps = job->lamps;
@@ -45,7 +49,8 @@ static void to_reflectance(const struct lamps_job *job, const struct rig *rig, c
     }
 }
 
-/* Runs in a thread of the readers. A camera that does not see the whole sample is not used. */
+/* Reads a frame and sets the values of its pair. Runs in a thread of the readers. The frame of a
+ * camera that does not see the whole sample is not used. */
 static gboolean lamps_read(gpointer data, GError **error) {
     static const char *const any[] = {NULL};
     struct lamps_job *job = data;
@@ -146,7 +151,8 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
     return table;
 }
 
-/* Returns how many of the chosen shots, counted from the first, fit into the budget. */
+/* Returns the maximum k for which the first k of the n chosen shots fit into [lights] budget_min,
+ * after the time of the earlier rounds. Returns n if there is no budget. */
 static int within_budget(const Lamps *lamps, const struct rounds *rounds, const int *chosen,
                          int n) {
     const struct lamps_setup *setup = &lamps->setup;
@@ -183,7 +189,8 @@ void lamps_clear_candidates(struct lamps_candidates *c) {
     g_free(c->pairs);
 }
 
-/* Adds a chain and the pairs that it shows. */
+/* Adds a chain of shots as a candidate, with the pairs of a view and a light that its shots
+ * show. */
 static void add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
                           int length, double price_s) {
     struct prediction_shot *one = &c->shots[c->n];
@@ -257,7 +264,8 @@ int lamps_list_chosen(const struct lamps_candidates *left, const struct predicti
     return n;
 }
 
-/* Sets the shots of a further round, or the reason why there is none. */
+/* Sets the shots of a further round and the expected error after it, or the reason why there is no
+ * further round. Returns FALSE with an error if the choice was cancelled. */
 static gboolean choose_shots(Lamps *lamps, const struct rounds *rounds,
                              const Prediction *prediction, struct lamps_choice *ret,
                              GError **error) {
@@ -314,7 +322,7 @@ gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_ch
 }
 
 /* Spreads the probes over the grid by the additive recurrence of the plastic number (Roberts 2018),
- * so that they meet all phases of a periodic structure. */
+ * so that they sample all phases of a periodic structure. */
 static void spread_probes(Lamps *lamps) {
     const struct session_grid *grid = &lamps->setup.conf->grid;
     const int n = grid->width * grid->height;
@@ -343,9 +351,9 @@ static struct vec3 *lamps_directions(const GPtrArray *directions) {
     return ret;
 }
 
-/* Finds the positions of cameras and lamps in the sample frame from the session's calibration. The
- * position of a lamp is that in the first shot of its light, because the plan may have shifted the
- * arc. */
+/* Computes the positions of cameras and lamps in the sample frame from the session's calibration.
+ * The position of a lamp is that in the first shot of its light, because the plan may have shifted
+ * the arc. */
 static void find_places(Lamps *lamps, const GPtrArray *views) {
     const struct rig *rig = &lamps->setup.calibration->rig;
     lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
@@ -355,7 +363,7 @@ static void find_places(Lamps *lamps, const GPtrArray *views) {
         lamps->views_mm[v] =
             rig_turn(rig_camera_centre_mm(&rig->cameras[view->device]), -RAD(view->turntable_deg));
     }
-    for (int l = 0; l < lamps->n_lights; l++) /* far away, if none of its shots was planned */
+    for (int l = 0; l < lamps->n_lights; l++) /* far away, if the light has no shot */
         lamps->lights_mm[l] = vec3_scale(lamps->lights[l], 1e6);
     for (int i = (int)lamps->setup.shots->len - 1; i >= 0; i--) {
         const struct session_shot *shot = lamps->setup.shots->pdata[i];
@@ -366,7 +374,7 @@ static void find_places(Lamps *lamps, const GPtrArray *views) {
     }
 }
 
-/* Finds the pair that each camera shows in each shot. */
+/* Sets pair_of and groups: the pair that each camera shows in each shot. */
 static void find_pairs(Lamps *lamps, const GPtrArray *views) {
     const struct lamps_setup *setup = &lamps->setup;
     const int n_cameras = setup->calibration->rig.n_cameras;

@@ -8,20 +8,23 @@
 struct Lamps {
     struct lamps_setup setup;
     int n_views, n_lights, n_probes;
-    int *texels;                       /* n_probes: numbers of texels of the grid */
-    struct vec3 *views, *lights;       /* directions in the sample frame */
-    struct vec3 *views_mm, *lights_mm; /* positions of the camera and of the lamp */
-    struct vec3 *at_mm;                /* position of each probe */
+    int *texels;                 /* n_probes: numbers of texels of the grid */
+    struct vec3 *views, *lights; /* unit vectors of the directions in the sample frame */
+    /* position of the camera of each view, and of the lamp of each light, in the sample frame */
+    struct vec3 *views_mm, *lights_mm;
+    struct vec3 *at_mm; /* position of each probe in the sample frame */
     /* For each pair of a view and a light: the id of the shot that shows the pair, or −1 − pair if
-     * none does. Pairs with the same number are taken together. */
+     * no shot shows it. Pairs with the same id are taken together. */
     int *groups;
     int *pair_of; /* for each shot and camera: the pair that it shows, or −1 */
     /* For each pair: n_probes × 3 reflectances R, G, B, with the lamp output of the calibration.
-     * NAN is a hole. NULL if the picture is not taken. Each job of the readers sets other pairs. */
+     * NAN is a hole. NULL if the pair is not measured. No two jobs of the readers set the same
+     * pair. */
     float **values;
-    double *output;  /* for each shot: output of its lamp, relative to the calibration */
-    gboolean *done;  /* for each shot */
-    double *price_s; /* for each shot; NULL before the first choice */
+    double *output; /* for each shot: output of its lamp, relative to the calibration */
+    gboolean *done; /* for each shot */
+    /* for each shot: its price (plan_lamp_prices_s()); NULL before the first choice */
+    double *price_s;
     GCancellable *cancellable;
 };
 
@@ -29,9 +32,11 @@ struct Lamps {
  * session_direction. */
 Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views, const GPtrArray *lights);
 
-/* Returns the values of all pairs, n_probes × 3 × pairs. The values of pictures that are not taken
- * are NAN. If there are more pictures than the predictor can use, an evenly spread part of them is
- * given. The other pictures then count as predicted in the expected error. */
+/* Returns the reflectances of all pairs, relative to the output of the lamp in each shot: n_probes
+ * × 3 rows with one value for each pair; g_free(). The values of pictures that are not taken are
+ * NAN. *ret_taken is the number of pictures that are taken. If there are more pictures than the
+ * predictor can use (PREDICTION_MAX_MEASURED), only an evenly spread part of them is given. In the
+ * expected error, the others then count as predicted. */
 float *lamps_table(const Lamps *lamps, int *ret_taken);
 
 /* Returns all pairs for the predictor. The Lamps owns the arrays. */
@@ -45,20 +50,22 @@ struct prediction_pairs lamps_pairs(const Lamps *lamps);
 /* The candidates of a choice. A candidate is one shot, or a chain of shots between which the axes
  * move little. A shot of a chain costs less than a single shot. */
 struct lamps_candidates {
-    GArray *numbers;               /* of int: the remaining shots, from 0 */
+    GArray *numbers;               /* of int: indices of the remaining shots in setup.shots */
     int n;                         /* number of candidates */
     struct prediction_shot *shots; /* n */
-    int (*chains)[CHAIN];          /* n: indices into numbers, then −1 */
-    int *pairs;                    /* the pairs to which the shots point */
+    /* n: the shots of each candidate as indices into numbers; −1 fills the rest */
+    int (*chains)[CHAIN];
+    int *pairs; /* storage for the pairs of all candidates */
     int n_pairs;
 };
 
-/* Lists candidates among the shots that are not done. If there are many, it uses an evenly spread
- * part of them. Belongs to the thread that chooses. */
+/* Lists candidates among the shots that are not done. If there are many shots, only an evenly
+ * spread part of them is considered. To be called only by the thread that chooses. */
 struct lamps_candidates lamps_list_candidates(Lamps *lamps);
 void lamps_clear_candidates(struct lamps_candidates *candidates);
 
-/* Lists the shots of the chosen candidates, each once, until there are most of them or the error is
- * at most enough. ret_shots and ret_errors have room for most. Returns the number of shots. */
+/* Lists the shots of the chosen candidates, each once, until there are most of them or the expected
+ * error is at most enough. ret_errors[i] is the expected error after the candidate of shot i.
+ * ret_shots and ret_errors have room for most. Returns the number of shots. */
 int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
                       int n_choices, int most, double enough, int *ret_shots, double *ret_errors);

@@ -7,7 +7,7 @@ struct readers_job {
     GDestroyNotify drop;
     gpointer job;
     char *frame;
-    GError *error; /* of a job that failed */
+    GError *error; /* error of a job that has failed; NULL otherwise */
 };
 
 struct Readers {
@@ -16,7 +16,7 @@ struct Readers {
     GMutex mutex;
     GCond idle;
     int n_reading;     /* guarded by mutex */
-    GPtrArray *failed; /* of struct readers_job; guarded by mutex */
+    GPtrArray *failed; /* of struct readers_job: jobs that have failed; guarded by mutex */
     int stopped;       /* atomic */
 };
 
@@ -28,7 +28,7 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* Runs in a thread of the pool. */
+/* Runs a job in a thread of the pool. */
 static void run(gpointer data, gpointer readers_data) {
     struct readers_job *job = data;
     Readers *readers = readers_data;

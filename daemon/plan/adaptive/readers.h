@@ -10,17 +10,17 @@
 typedef struct Readers Readers;
 
 Readers *readers_new(Clock *clock);
-void readers_free(Readers *readers); /* drops jobs that have not begun; NULL is ignored */
+/* drops jobs that have not begun, and waits for the others; NULL is ignored */
+void readers_free(Readers *readers);
 
-/* Calls read (job) in a thread, and drop (job) after the job succeeded or was dropped. A job that
- * fails must change nothing, and is kept. frame is the name of the file that it reads, and is
- * copied. Main loop's thread. */
+/* Calls read(job) in a thread, and drop(job) when the job has succeeded or was dropped. A job that
+ * fails must change nothing; it is kept for readers_retry(). frame is the name of the file that the
+ * job reads, and is copied. Main loop's thread. */
 typedef gboolean (*ReadersRead)(gpointer job, GError **error);
 void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpointer job,
                   const char *frame);
 
-/* Waits until all jobs are done. Returns FALSE with the first error if jobs have failed. To be
- * called in another thread than the main loop's. */
+/* Waits until all jobs are done. Returns FALSE with the first error if jobs have failed. */
 gboolean readers_wait(Readers *readers, GError **error);
 
 /* Starts the jobs again that have failed. Main loop's thread. */

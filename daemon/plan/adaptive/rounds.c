@@ -34,7 +34,8 @@ gboolean rounds_load(struct rounds *rounds, GError **error) {
     while (!rounds->over) {
         g_autofree char *key = g_strdup_printf("%s%d", rounds->key, rounds->n + 1);
         g_autofree char *text = NULL;
-        /* A round that cannot be read differs from a round that was never chosen. */
+        /* An error must not be taken for a missing value, which means that the round was not chosen
+         * yet. */
         if (!session_read_value(rounds->session, key, &text, error))
             return FALSE;
         if (!text)

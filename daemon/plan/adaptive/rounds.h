@@ -1,7 +1,8 @@
 /*
- * The rounds in which shots of one kind are taken. A round is stored in the session before it takes
- * effect. The session's values KEY.1, KEY.2, … (“lasers.round.1”) contain the numbers of the shots
- * that join in a round, separated by spaces. A round without shots is the last. Main loop's thread.
+ * The rounds in which shots of one kind are taken. A round is stored in the session before it
+ * takes effect. The session's values KEY.1, KEY.2, … (“lasers.round.1”) contain the ids of the
+ * shots that join in a round, separated by spaces. After a round without shots there is no further
+ * round. Main loop's thread.
  */
 #pragma once
 
@@ -12,24 +13,24 @@ struct rounds {
     const GPtrArray *shots;
     enum session_shot_kind kind;
     const char *key; /* "lasers.round." */
-    int *of;         /* for each shot: its round, from 1, or 0 for none */
+    int *of;         /* for each shot: number of its round, from 1; 0 if it is in no round */
     int n;
-    gboolean over; /* the last round is stored */
+    gboolean over; /* whether the last round is stored */
 };
 
 void rounds_init(struct rounds *rounds, Session *session, const GPtrArray *shots,
                  enum session_shot_kind kind, const char *key);
 void rounds_clear(struct rounds *rounds);
 
-/* Reads the rounds that are stored. Returns FALSE if a value cannot be read or is not as described
- * above. */
+/* Reads the rounds that are stored. Returns FALSE with an error if a value cannot be read or is not
+ * as described above. */
 gboolean rounds_load(struct rounds *rounds, GError **error);
 
-/* Returns the value that stores a round. shots contains int: numbers of shots, from 0. g_free() */
+/* Returns the value that stores a round; g_free(). shots contains int: indices of shots. */
 char *rounds_to_text(const GArray *shots);
 
-/* Stores a further round. shots contains int: numbers of shots, from 0. If it is empty, the round
- * is the last. */
+/* Stores the next round. shots contains int: indices of shots. If shots is empty, there is no
+ * further round. */
 gboolean rounds_store(struct rounds *rounds, const GArray *shots, GError **error);
 
 /* Returns whether a shot is in a round, or is of another kind. */
@@ -37,6 +38,6 @@ static inline gboolean rounds_have(const struct rounds *rounds, const struct ses
     return shot->kind != rounds->kind || rounds->of[shot->id - 1] != 0;
 }
 
-/* Marks the shots that are in no round as skipped. Some may already be marked if the daemon was
- * killed. */
+/* Marks the shots that are in no round as skipped, with a note. If the daemon was killed during an
+ * earlier call, some may already be marked. */
 gboolean rounds_leave_out(struct rounds *rounds, const char *note, GError **error);

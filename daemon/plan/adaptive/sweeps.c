@@ -6,10 +6,11 @@
 
 /* The sweeps of one turntable angle, and the views that they show. */
 struct group {
-    GArray *shots; /* of int: numbers of shots */
-    guint64 done;  /* bits of sweeps that were done at the last sweeps_note_done() */
-    GMutex mutex;  /* guards the array of views */
-    CoverageView *views[RIG_MAX_CAMERAS]; /* NULL before its first sweep */
+    GArray *shots; /* of int: indices of shots */
+    /* bit i is set if sweep i of the group was done or skipped at the last sweeps_note_done() */
+    guint64 done;
+    GMutex mutex;                         /* guards the pointers in views */
+    CoverageView *views[RIG_MAX_CAMERAS]; /* view of each camera; NULL before its first sweep */
     CoverageModel *models[RIG_MAX_CAMERAS];
 };
 
@@ -20,14 +21,14 @@ struct Sweeps {
     const struct rig *rig; /* calibrated */
     Readers *readers;
     GPtrArray *groups;
-    GHashTable *group_of; /* maps the number of a shot + 1 to a struct group */
+    GHashTable *group_of; /* maps the index of a shot + 1 (its id) to its struct group */
 };
 
-struct sweeps_job { /* a file to be examined */
+struct sweeps_job { /* a frame of a sweep to be examined */
     const Sweeps *sweeps;
     struct group *group;
     int camera, sweep;
-    struct session_shot shot; /* without its note */
+    struct session_shot shot; /* copy of the shot; its note is NULL */
     struct input input;
 };
 
@@ -48,7 +49,7 @@ static void free_job(gpointer data) {
     g_free(job);
 }
 
-/* Runs in a thread of the readers. */
+/* Adds a frame of a sweep to its view. Runs in a thread of the readers. */
 static gboolean sweeps_read(gpointer data, GError **error) {
     struct sweeps_job *job = data;
     CoverageView **view = &job->group->views[job->camera];
@@ -92,8 +93,8 @@ void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
     }
 }
 
-/* Returns the expected gain of a sweep. The sweep makes a share of the texels of each camera's view
- * known. The gain is the mean of these shares. */
+/* Returns the expected gain of a sweep: the share of the texels of a camera's view that the sweep
+ * is expected to measure for the first time, averaged over the cameras of the sweep. */
 static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int sweep) {
     const struct session_shot *shot = sweeps->shots->pdata[g_array_index(group->shots, int, sweep)];
     double sum = 0;
@@ -104,8 +105,9 @@ static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int s
     return sum / MAX(__builtin_popcount(shot->cameras), 1);
 }
 
-/* Adds the sweeps of a group that join the next round to ret. After a sweep has joined, the
- * model lowers the gains of the other sweeps. */
+/* Adds the sweeps of a group that join the next round to ret: at most MAX_MORE sweeps, each with a
+ * gain of at least [lasers] gain_pct. chosen has the bits of the sweeps that are done. After a
+ * sweep has joined, the model lowers the gains of the other sweeps. */
 static void choose_group(const Sweeps *sweeps, const struct group *group, guint64 chosen,
                          GArray *ret) {
     const double least = sweeps->conf->laser_gain_pct / 100;

@@ -15,16 +15,17 @@ Sweeps *sweeps_new(Session *session, const struct session_conf *conf, const GPtr
                    const struct rig *rig, Readers *readers);
 void sweeps_free(Sweeps *sweeps); /* call readers_free() before; NULL is ignored */
 
-/* To be called when a sweep was committed. A thread of the readers examines it. */
+/* To be called when a sweep was committed. A thread of the readers examines its frames. */
 void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
                  const struct session_frame *frames, int n);
 
-/* To be called before sweeps_choose(). Notes which sweeps are done. */
+/* To be called before sweeps_choose(). Records which sweeps are done or skipped. */
 void sweeps_note_done(Sweeps *sweeps);
 
 struct sweeps_choice {
-    GArray *shots;               /* of int: numbers of shots, from 0; owned by the caller */
-    double known_pct, worst_pct; /* as ADAPTIVE_KNOWN_PCT and ADAPTIVE_WORST_PCT */
+    GArray *shots; /* of int: indices of the chosen shots; owned by the caller */
+    /* the values of ADAPTIVE_KNOWN_PCT and ADAPTIVE_WORST_PCT (adaptive.h) */
+    double known_pct, worst_pct;
 };
 /* Any thread may call sweeps_choose() while the readers have no jobs and the main loop calls no
  * function of this header. */
