@@ -24,8 +24,8 @@ struct Config {
     GArray *sections;  /* of struct config_section */
     GHashTable *lines; /* maps "class name" to the line of that section; keys are owned */
     GArray *problems; /* of struct config_problem; NULL if problems are added to mistakes instead */
-    Mistakes *mistakes; /* the loader's mistakes; NULL after loading */
-    gboolean broken;    /* a section heading could not be parsed */
+    Mistakes *mistakes; /* mistakes of the function that loads the file; NULL after loading */
+    gboolean broken;    /* whether a section heading could not be parsed */
 };
 
 GQuark config_error_quark(void) {
@@ -88,7 +88,7 @@ static gboolean add_section(Config *config, const char *text, int line, GError *
     return TRUE;
 }
 
-/* Returns NULL before the first section. */
+/* Returns the section that the present line belongs to, or NULL before the first section. */
 static struct config_section *last_section(const Config *config) {
     const guint n = config->sections->len;
     return n ? &g_array_index(config->sections, struct config_section, n - 1) : NULL;
@@ -143,7 +143,7 @@ static gboolean parse_line(Config *config, char *text, int line, GError **error)
     return add_section(config, g_strstrip(text + 1), line, error);
 }
 
-/* Leaves out a line that cannot be understood, and records the problem. */
+/* Parses a line. Leaves out a line that cannot be understood, and records the problem. */
 static void take_line(Config *config, char *text, int line) {
     struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
@@ -186,7 +186,7 @@ static int line_at(const char *text, const char *at) {
     return line;
 }
 
-/* Returns FALSE if the file is not text. */
+/* Parses the whole text. Returns FALSE and adds a mistake if the file is not text. */
 static gboolean do_parse(Config *config, gsize length) {
     const char *text = config->text;
     GError *error = NULL;
@@ -206,8 +206,8 @@ static gboolean do_parse(Config *config, gsize length) {
     return TRUE;
 }
 
-/* Takes ownership of text, which is NUL-terminated. Further NULs in it are a mistake. If mistakes
- * is NULL, reads leniently. */
+/* Makes a Config from a text, and takes ownership of the text, which is NUL-terminated. Any other
+ * NUL in it is a mistake. If mistakes is NULL, reads leniently (config_load_lenient()). */
 static Config *config_new(char *text, gsize length, const char *path, Mistakes *mistakes) {
     Config *config = g_new0(Config, 1);
     config->mistakes = mistakes;
@@ -247,7 +247,8 @@ Config *config_load_checked(const char *path, Mistakes *mistakes) {
     return text ? config_new(text, length, path, mistakes) : NULL;
 }
 
-/* Returns config. If there are mistakes, frees it, sets the error and returns NULL. */
+/* Returns config if there are no mistakes. Otherwise frees config, sets the error and returns
+ * NULL. */
 static Config *without(Config *config, const Mistakes *mistakes, GError **error) {
     if (mistakes_report(mistakes, error))
         return config;

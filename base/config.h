@@ -20,22 +20,24 @@ GQuark config_error_quark(void); /* its errors carry details: base/error_details
 
 /* Messages have the form "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
-    CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
+    CONFIG_ERROR_SYNTAX,  /* the file is not a key file, or a section or key is given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
     CONFIG_ERROR_MISSING, /* a required key is missing, or a section that another section names */
-    CONFIG_ERROR_VALUE,   /* not a number, NaN, out of range, wrong unit */
+    CONFIG_ERROR_VALUE,   /* a value is not a number, is out of range, or has the wrong unit */
 };
 
 typedef struct Config Config;
 
 struct config_section {
     const Config *config; /* not owned */
-    char *group;          /* as written between the brackets */
+    char *group;          /* the text between the brackets */
     char *class_name;     /* first word of the heading */
     char *name;           /* rest of the heading, or NULL */
     int line;
-    gboolean broken;     /* its heading could not be parsed: skip the keys below it */
-    gboolean incomplete; /* one of its lines could not be parsed: keys may be missing */
+    /* whether its heading could not be parsed, so that its keys must be ignored */
+    gboolean broken;
+    /* whether one of its lines could not be parsed, so that keys may be missing */
+    gboolean incomplete;
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* maps a key to its value and line; private to config.c */
 };
@@ -44,9 +46,10 @@ struct config_section {
  * all wrong lines. */
 Config *config_load(const char *path, GError **error);
 
-/* The same as config_load(), for a reader that also reports mistakes in the lines that could be
- * parsed. Lines that could not be parsed are left out, and added to mistakes. Returns NULL if the
- * file cannot be used at all; mistakes then say why. */
+/* The same as config_load() and config_parse(), for a reader that also reports mistakes in the
+ * lines that could be parsed. Lines that cannot be parsed are left out, and a mistake is added for
+ * each of them. Returns NULL if the file cannot be used at all; mistakes then contains the
+ * reason. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
@@ -54,7 +57,7 @@ Config *config_parse_checked(const char *text, const char *path, Mistakes *mista
  * missing. */
 gboolean config_has_all_sections(const Config *config);
 
-/* An error in a line of a file that was read leniently. */
+/* A line that config_load_lenient() could not understand. */
 struct config_problem {
     char *message; /* "FILE:LINE: what is wrong" */
     int line;
@@ -69,11 +72,12 @@ struct config_problem {
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
-/* Returns the problems that config_load_lenient() has found, in file order. Returns NULL for a
- * Config that another function loaded. The Config owns them. */
+/* Returns an array of the *ret_n problems that config_load_lenient() has found, in file order. The
+ * Config owns it. For a Config that another function loaded, returns NULL, and *ret_n is 0. */
 const struct config_problem *config_problems(const Config *config, gsize *ret_n);
 
-/* The same as config_load(), from memory. path is used in messages and for relative paths. */
+/* The same as config_load() for a text in memory. path is used in messages and for relative
+ * paths. */
 Config *config_parse(const char *text, const char *path, GError **error);
 
 void config_free(Config *config); /* NULL is ignored */
@@ -85,18 +89,22 @@ const char *config_text(const Config *config); /* text of the file as it was rea
 /* Returns the sections in file order. The Config owns them. */
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
-/* Returns the section of a class and name, or the only section of the class if name is NULL.
- * Returns NULL if there is none, or if its heading is broken. */
+/* Returns the section with this class and name. If name is NULL, returns the only section of the
+ * class. Returns NULL if there is none, if its heading is broken, or if name is NULL and the class
+ * has several sections. */
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
-/* Returns the raw value of a key, or NULL; ret_line may be NULL. The Config owns the text. */
+/* Returns the value of a key as text, or NULL if the section does not have the key. *ret_line is
+ * set to the line of the key only if there is one; ret_line may be NULL. The Config owns the
+ * text. */
 const char *config_value(const struct config_section *section, const char *key, int *ret_line);
 
 /* Returns all keys of a section in file order, NULL-terminated. The Config owns them. */
 const char *const *config_keys(const struct config_section *section);
 
-/* Returns a path of the file as an absolute path. Free it with g_free(). */
+/* Returns the absolute form of a path. A relative path is relative to the folder of the file. Free
+ * the result with g_free(). */
 char *config_resolve(const Config *config, const char *path);
 
 /* Sets an error that begins with file, line and section. key may be NULL. Always returns FALSE, so

@@ -1,5 +1,5 @@
-/* Errors in the content of a file, table or session. Every room that reads data uses this
- * domain. */
+/* Errors in the content of a file, table or session. Every folder of the source that reads data
+ * uses this domain. */
 #pragma once
 
 #include <gio/gio.h>
@@ -14,8 +14,8 @@ enum data_error {
     DATA_ERROR_IO,         /* the system could not read or write a file */
 };
 
-/* Sets DATA_ERROR_INVALID with the text "FILE: …" or "FILE:LINE: …". Lines are counted from 1; line
- * 0 leaves the line out. */
+/* Sets the error DATA_ERROR_INVALID with the text "FILE:LINE: …". Lines are counted from 1. If line
+ * is 0, the text is "FILE: …". */
 void data_error_set(const char *file, int line, GError **error, const char *format, ...)
     G_GNUC_PRINTF(4, 5);
 /* The same as data_error_set(), as an expression with the value FALSE. */

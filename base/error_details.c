@@ -3,7 +3,8 @@
 #include <string.h>
 
 struct details {
-    char *file, *subject, *text, *what, *advice; /* text is what and advice, joined for display */
+    /* text is what and advice, joined for the message */
+    char *file, *subject, *text, *what, *advice;
     int line;
 };
 
@@ -91,7 +92,7 @@ void error_details_add_subject(GError **error, const char *subject) {
         g_free(details->text);
         g_free(details->what);
         g_free(details->subject);
-        /* The text includes what other layers have put in front of it. */
+        /* The text includes prefixes that other functions have put in front of the message. */
         details->text = g_strdup((*error)->message);
         details->what = g_steal_pointer(&what);
         details->subject = g_strdup(subject);

@@ -13,7 +13,8 @@
 
 /* Separates the description of the failure from the advice in a format string:
  *     "no answer within %g ms" ERROR_ADVICE "check its power and its cable"
- * The message shows it as "; ". A second one in the same text belongs to the advice. */
+ * The message shows the separator as "; ". What follows a second separator in the same text
+ * belongs to the advice. */
 #define ERROR_ADVICE "\x1e"
 
 /* Makes an error domain whose errors carry details, for the quark function of the domain. name must
@@ -29,21 +30,21 @@ GError *error_details_new(GQuark domain, int code, const char *subject, const ch
 GError *error_details_new_valist(GQuark domain, int code, const char *subject, const char *format,
                                  va_list args) G_GNUC_PRINTF(4, 0);
 
-/* Puts "SUBJECT: " in front of the text of an error from a lower layer that does not know the
- * subject. An error of another domain gets the text, but no subject. error may be NULL or point to
- * NULL; it is then ignored. */
+/* Puts "SUBJECT: " in front of the message of an error from a lower layer that does not know the
+ * subject. An error of a domain without details gets the text, but no subject. error may be NULL or
+ * point to NULL; it is then ignored. */
 void error_details_add_subject(GError **error, const char *subject);
 
-/* Puts the place in a file that has led to the error in front of its text: "FILE:LINE: WHERE: ", as
- * in "rig.conf:12: [axis turntable] bus: ". Line 0 leaves the line out, and where NULL leaves WHERE
- * out. */
+/* Puts "FILE:LINE: WHERE: " in front of the message: the place in a file that has led to the error,
+ * as in "rig.conf:12: [axis turntable] bus: ". If line is 0, ":LINE" is left out. If where is NULL,
+ * "WHERE: " is left out. */
 void error_details_add_place(GError **error, const char *file, int line, const char *where);
 
-/* Replaces the whole message except the file. The message becomes "FILE: TEXT", or TEXT if no file
- * is known. The error then has no subject and no advice. Its domain and code do not change. */
+/* Replaces the whole message. The message becomes "FILE: TEXT", or TEXT if the error has no file.
+ * The error then has no subject and no advice. Its domain and code do not change. */
 void error_details_replace(GError **error, const char *text);
 
-/* Returns the line of the place; 0 if there is none or it is not known. */
+/* Returns the line that error_details_add_place() has set; 0 if the error has none. */
 int error_details_line(const GError *error);
 
 /* The following functions return NULL if the error has no such part. The error owns the strings. */
@@ -51,9 +52,10 @@ const char *error_details_subject(const GError *error);
 const char *error_details_file(const GError *error); /* file of the place */
 const char *error_details_advice(const GError *error);
 
-/* Returns the text without its subject and the parts before it. Returns the whole text if the error
- * has no subject. */
+/* Returns the message without the subject and the parts before it. Returns the whole message if the
+ * error has no subject. */
 const char *error_details_text(const GError *error);
 
-/* Returns only the description of the failure, without subject and advice. */
+/* Returns only the description of the failure (WHAT HAPPENED). Returns the whole message if the
+ * error has no details. */
 const char *error_details_what(const GError *error);

@@ -9,8 +9,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Reads the process number of the holder. A process that has just taken the lock writes it a moment
- * later. */
+/* Reads the process number of the holder from the lock file. Waits up to 1 s for it, because a
+ * process that has just taken the lock writes its number a moment later. Returns 0 if there is
+ * none. */
 static glong read_holder(int fd) {
     const gint64 until_us = g_get_monotonic_time() + G_USEC_PER_SEC;
     glong holder = 0;
@@ -50,11 +51,11 @@ int file_lock_take(const char *path, const char *what, GError **error) {
         if (fd < 0 || fcntl(fd, F_OFD_SETLK, &whole) != 0)
             return fail(path, fd, errno, what, error);
         /* The previous holder may have removed the file after it was opened here. A lock on a
-         * removed file excludes nobody. */
+         * removed file excludes nobody, so the file is opened again. */
         if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&
             opened.st_ino == named.st_ino) {
             if (ftruncate(fd, 0) != 0 || dprintf(fd, "%ld\n", (long)getpid()) < 0)
-                /* The number is only used in messages. */
+                /* The lock is valid without the number, which is only used in messages. */
                 g_debug("%s: %s", path, g_strerror(errno));
             return fd;
         }

@@ -1,22 +1,25 @@
 /*
- * A lock for the writer of a file. The kernel releases it when its holder ends for any reason. The
- * lock is a separate file that contains the process number of its holder. The file is removed with
- * the lock. Any thread may call these functions.
+ * A lock for the writer of a file. The kernel releases the lock when its holder ends for any
+ * reason. The lock is a separate file that contains the process number of its holder. The file is
+ * removed with the lock. Any thread may call these functions.
  */
 #pragma once
 
 #include <gio/gio.h>
 
-/* Takes the lock without waiting. Returns a descriptor, or −1 with an error, which is
- * G_IO_ERROR_BUSY if another process holds the lock. what names the files to be written, for the
- * message: "products of this session". */
+/* Takes the lock at path without waiting for another holder. Returns a descriptor for
+ * file_lock_give(), or −1 with an error, which is G_IO_ERROR_BUSY if another process holds the
+ * lock. what names the files that the lock protects, for the message: "products of this
+ * session". */
 int file_lock_take(const char *path, const char *what, GError **error);
 
 /* Takes the lock for writing the file at path. *ret_lock is always set to PATH.lock; free it with
- * g_free(). Removes the unfinished files next to the output that killed writers have left. */
+ * g_free(). When it has the lock, removes the unfinished files next to path that killed writers
+ * have left. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 void file_lock_give(int lock, const char *path); /* −1 is ignored */
 
-/* Returns whether the file is locked. Does not take the lock, even for a moment. */
+/* Returns whether another descriptor holds the lock at path. Does not take the lock, even for a
+ * moment. */
 gboolean file_lock_is_held(const char *path);

@@ -6,8 +6,9 @@
 #define WIDTH  80
 #define COLUMN 24 /* column of the descriptions */
 
-/* Appends words so that no line is longer than WIDTH. Further lines are indented. column is the
- * column where the text begins. A word that is longer than a line is not broken. */
+/* Appends the words of a text, in lines of at most WIDTH characters. column is the column where the
+ * text begins. Further lines begin at the column indentation. at_break is appended to each line
+ * before a break. A word that is longer than a line is not broken. */
 static void append_wrapped(GString *to, const char *text, int column, int indentation,
                            const char *at_break) {
     g_auto(GStrv) words = g_strsplit(text, " ", -1);
@@ -31,8 +32,8 @@ static void append_wrapped(GString *to, const char *text, int column, int indent
     g_string_append_c(to, '\n');
 }
 
-/* Appends the name of an option with its values. Returns the number of characters of its last
- * line. */
+/* Appends a name, and breaks it at "|" if it is longer than a line. Returns the number of
+ * characters of the last line. */
 static int append_name(GString *to, const char *name) {
     g_auto(GStrv) parts = g_strsplit(name, "|", -1);
     int column = 2;

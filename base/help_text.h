@@ -9,13 +9,14 @@ G_BEGIN_DECLS
  * code 0. Call it before g_option_context_parse(). */
 void help_text_answer(GOptionContext *context, int argc, char **argv);
 
-/* Returns a line of a list: a name, and from column 24 on its description, broken into lines of at
- * most 80 characters. "\v" in the description begins a new line. A name that is too long has a
- * separate line, which is broken at "|". The text ends with a newline. Free it with g_free(). */
+/* Returns an entry of a list: the name, and from column 24 on the description, in lines of at most
+ * 80 characters. "\v" in the description begins a new line. If the name reaches column 23, the
+ * description begins on the next line. A name that is longer than a line is broken at "|". The text
+ * ends with a newline. Free it with g_free(). */
 char *help_text_row(const char *name, const char *description);
 
-/* Breaks the lines of GLib's help in the same way. A longer line of an example is broken as a shell
- * allows it, with "\". Free the result with g_free(). */
+/* Breaks the lines of GLib's help in the same way. A line of an example that is too long is broken
+ * with "\", as a shell allows. Free the result with g_free(). */
 char *help_text_lay_out(const char *help);
 
 G_END_DECLS

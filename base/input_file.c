@@ -9,7 +9,7 @@
 #define LEASE_US      (60 * G_USEC_PER_SEC)
 #define LEASE_POLL_US 10000
 
-#define AT_ONCE ((gsize)1 << 20) /* size of the first steps in which a buffer grows */
+#define AT_ONCE ((gsize)1 << 20) /* minimum number of bytes by which a buffer grows */
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
 
@@ -98,8 +98,8 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     return -1;
 }
 
-/* Reads until the end of the file. Files of /proc and /sys report a length of 0, and other files
- * grow. */
+/* Reads until the end of the file, appends a NUL, and sets *ret_length. The length may differ from
+ * expected: files of /proc and /sys report a length of 0, and other files may grow. */
 static char *input_file_read_all(int fd, const char *path, gsize expected, gsize max_bytes,
                                  gsize *ret_length, GError **error) {
     gsize length = 0, room = MIN(expected, max_bytes) + 1;

@@ -18,9 +18,9 @@ G_BEGIN_DECLS
 GQuark input_file_error_quark(void);
 enum input_file_error {
     INPUT_FILE_ERROR_KIND,      /* not a regular file */
-    INPUT_FILE_ERROR_TOO_LARGE, /* larger than the limit, or it grows beyond it */
+    INPUT_FILE_ERROR_TOO_LARGE, /* the file is larger than the limit, or has grown beyond it */
     INPUT_FILE_ERROR_TEXT,      /* not text */
-    INPUT_FILE_ERROR_CUT,       /* it became shorter while it was read */
+    INPUT_FILE_ERROR_CUT,       /* the file has become shorter while it was read */
 };
 
 /* Propagates an error of this module in another domain, and takes ownership of it. An error of the
@@ -28,13 +28,12 @@ enum input_file_error {
  * the code unfit. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
-/* Limit of the number of pixels of a picture: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE
- * times the length of its file if that is more. No photograph compresses to less than two bits per
- * pixel. */
+/* Maximum number of pixels of a picture: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the
+ * length of its file if that is more. No photograph compresses to less than two bits per pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 
-/* Returns the kind of a file by its mode: "a FIFO", "a directory", … */
+/* Returns the kind of a file (st_mode of struct stat) in words: "a FIFO", "a directory", … */
 const char *input_file_kind(mode_t mode);
 
 /* Opens a regular file of at most max_bytes for reading. Links are followed. Returns the
@@ -53,8 +52,8 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 /* The byte-order mark U+FEFF in UTF-8. */
 #define INPUT_FILE_MARK "\xef\xbb\xbf"
 
-/* Returns whether a text that should begin with ASCII is in UTF-16. INPUT_FILE_UTF16 is the message
- * for it. */
+/* Returns whether a text that should begin with ASCII is in UTF-16. INPUT_FILE_UTF16 is the error
+ * message for such a text. */
 gboolean input_file_is_utf16(const char *text, gsize length);
 #define INPUT_FILE_UTF16 "it is a text in UTF-16; save it as UTF-8"
 
@@ -62,15 +61,15 @@ gboolean input_file_is_utf16(const char *text, gsize length);
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 
-/* Returns the limit of the memory for the decoded content of a file of this length:
- * INPUT_FILE_MEMORY, or INPUT_FILE_MEMORY_PER_BYTE times the length if that is more. Measured data
- * never compresses more. */
+/* Returns the maximum number of bytes of memory for the decoded content of a file with file_bytes:
+ * INPUT_FILE_MEMORY, or INPUT_FILE_MEMORY_PER_BYTE times file_bytes if that is more. Measured data
+ * is never compressed by a larger factor. */
 #define INPUT_FILE_MEMORY          ((guint64)384 << 20)
 #define INPUT_FILE_MEMORY_PER_BYTE 40
 guint64 input_file_memory(guint64 file_bytes);
 
-/* Checks that a file of this length may contain a picture of this size. Call it before the picture
- * is decoded. */
+/* Checks that a picture in a file with file_bytes does not have more pixels than such a file may
+ * have. Call it before the picture is decoded. */
 gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height,
                                  guint64 file_bytes, GError **error);
 

@@ -1,4 +1,4 @@
-/* Writes GVariants as JSON, for the output of --json. All functions are pure. */
+/* Writes GVariants as JSON. All functions are pure. */
 #pragma once
 
 #include <glib.h>

@@ -15,8 +15,8 @@ Mistakes *mistakes_new(void);
 void mistakes_free(Mistakes *mistakes); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Mistakes, mistakes_free)
 
-/* Adds a mistake and takes ownership of it. NULL is ignored. A mistake with a text that was added
- * before is ignored. Always returns FALSE, so that a caller can return its value. */
+/* Adds a mistake and takes ownership of it. NULL is ignored, and so is a mistake with the same text
+ * as an earlier one. Always returns FALSE, so that a caller can return its value. */
 gboolean mistakes_add(Mistakes *mistakes, GError *mistake);
 
 guint mistakes_count(const Mistakes *mistakes);

@@ -10,7 +10,7 @@
 
 #define END      ".part"
 #define DIGITS   8
-#define MAX_NAME 200 /* bytes of the final name that are used in the name of the .part file */
+#define MAX_NAME 200 /* maximum number of bytes of the final name in the name of the .part file */
 #define TRIES    100
 
 /* Opens the folder that contains relative, a path below directory. If all is TRUE, opens relative
@@ -87,7 +87,8 @@ gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
     return new_file_write(file->fd, bytes, n);
 }
 
-/* Returns whether the file may be replaced. A device, a pipe or a socket is never replaced. */
+/* Returns whether the name is free or belongs to a file, link or folder. Otherwise sets errno to
+ * EEXIST, because a device, a pipe or a socket is never replaced. */
 static gboolean may_replace(const struct new_file *file) {
     struct stat status;
 
@@ -124,7 +125,7 @@ void new_file_abandon(struct new_file *file) {
     clear(file);
 }
 
-/* Removes a file, or a folder that contains a file of output_file.h. */
+/* Removes an unfinished file, or a folder of output_file.h with the unfinished file in it. */
 static void remove_part(int folder, const char *name) {
     if (unlinkat(folder, name, 0) == 0 || (errno != EISDIR && errno != EPERM))
         return;

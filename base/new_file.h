@@ -14,8 +14,8 @@ struct new_file {
     char *name, *beside;
 };
 
-/* Begins a file. relative is its path below directory. The folders in relative must not be symbolic
- * links; directory may be one. Returns FALSE and sets errno on failure. */
+/* Begins a file whose path is relative, below directory. The folders in relative must not be
+ * symbolic links; directory may be one. Returns FALSE and sets errno on failure. */
 gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative);
 
 /* Writes n bytes to a descriptor, with as many calls of write() as necessary. Returns FALSE and

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Suffixes of names that give the unit. Longer ones come first. */
+/* Suffixes of keys that give the unit. A suffix comes before its own endings (deg_s2, deg_s, s). */
 static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
                                     "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
                                     "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};
@@ -130,7 +130,7 @@ static gboolean parse_choice(const struct option *option, const char *text, int 
 }
 
 /* Splits a list at ';' and trims its items. As in GKeyFile, the last item may end with ';'. Returns
- * NULL if an item is empty. */
+ * NULL with an error if an item is empty. */
 static char **split_list(const char *text, GError **error) {
     g_auto(GStrv) items = g_strsplit(text, ";", -1);
     guint n = g_strv_length(items);
@@ -211,7 +211,8 @@ static gsize stem_length(const char *name) {
     return length;
 }
 
-/* Sets the error for an unknown key. Returns the key that was probably meant, or NULL. */
+/* Sets the error for an unknown key. Returns the key that was probably meant, or NULL if none is
+ * similar. */
 static const char *unknown_key(const struct option_target *targets, gsize n_targets,
                                const struct config_section *section, const char *const *also,
                                const char *key, GError **error) {
@@ -282,7 +283,8 @@ gboolean options_check_key(const struct option *table, const struct config_secti
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes) {
-    g_autoptr(GPtrArray) meant = g_ptr_array_new(); /* the options that misspelt keys meant */
+    /* names of options that misspelt keys probably meant */
+    g_autoptr(GPtrArray) meant = g_ptr_array_new();
     gboolean good = !section->incomplete;
     for (const char *const *key = config_keys(section); *key; key++) {
         gboolean known = also && (g_strv_contains(also, *key) || g_strv_contains(also, "*"));
@@ -305,7 +307,9 @@ gboolean options_read(const struct option_target *targets, gsize n_targets,
             if (!config_value(section, option->name, NULL) &&
                 (section->incomplete ||
                  g_ptr_array_find_with_equal_func(meant, option->name, g_str_equal, NULL)))
-                g_error_free(error); /* a mistake that was already reported has caused it */
+                /* the key seems to be missing only because of a mistake that was already
+                 * reported */
+                g_error_free(error);
             else
                 mistakes_add(mistakes, error);
         }

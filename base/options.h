@@ -8,14 +8,15 @@
 #include "config.h"
 
 enum option_type {
-    OPTION_BOOL,    /* gboolean: yes/no, true/false */
-    OPTION_INT,     /* int */
-    OPTION_DOUBLE,  /* double, finite */
-    OPTION_STRING,  /* char *, owned by the target */
-    OPTION_PATH,    /* char *, made absolute relative to the file */
+    OPTION_BOOL,   /* gboolean: yes/no, true/false */
+    OPTION_INT,    /* int */
+    OPTION_DOUBLE, /* double, finite */
+    OPTION_STRING, /* char *, owned by the target */
+    /* char *: absolute path; a relative one is relative to the folder of the file */
+    OPTION_PATH,
     OPTION_CHOICE,  /* int: index into choices */
     OPTION_DOUBLES, /* struct option_doubles: numbers separated by ';', each within the range */
-    OPTION_STRINGS, /* char **, NULL-terminated, separated by ';' */
+    OPTION_STRINGS, /* char **, NULL-terminated: texts separated by ';' */
     OPTION_SHARE,   /* double above 0 and below 1, written as 2% or 0.02 */
     /* gint64, written as 20MB or 500kB (powers of 1000, as g_format_size() prints them) */
     OPTION_BYTES,
@@ -30,7 +31,8 @@ struct option {
     const char *name; /* the unit is in the name: settle_ms, theta_deg */
     enum option_type type;
     const char *unit; /* for the help text; NULL if there is none */
-    /* INT, DOUBLE, DOUBLES: inclusive range; if both are equal, any finite value */
+    /* INT, DOUBLE, DOUBLES: inclusive range; if min and max are equal, any finite value is
+     * allowed */
     double min, max;
     /* The default as written in a file; NULL if the user must give the key. */
     const char *fallback;
@@ -40,9 +42,9 @@ struct option {
 };
 
 /* Fills target from a section. target must be zeroed. Every key of the section must be in the table
- * or in also, a NULL-terminated list of names that other code reads; also may be NULL. On failure
- * target holds nothing that needs to be freed. If only the unit suffix of a key is wrong (settle_s
- * for settle_ms), the error says so. The table ends with an entry whose name is NULL. */
+ * or in also. also is a NULL-terminated list of keys that other code reads, or NULL. On failure
+ * target contains nothing that needs to be freed. If only the unit suffix of a key is wrong
+ * (settle_s for settle_ms), the error says so. The table ends with an entry whose name is NULL. */
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
 
@@ -52,17 +54,16 @@ struct option_target {
     gpointer target;
 };
 
-/* The same as options_parse() for keys that belong to one of several tables. All mistakes of the
- * section are added to mistakes. (The error of options_parse() also lists all of them.) A required
- * key is not reported as missing if a misspelt key probably meant it, or if a line of the section
- * could not be parsed. "*" in also allows any other key. Returns TRUE if there are no mistakes and
- * no line was left out. */
+/* The same as options_parse() for a section whose keys belong to several tables. All mistakes of
+ * the section are added to mistakes. A required key is not reported as missing if a misspelt key
+ * probably meant it, or if a line of the section could not be parsed. "*" in also allows any other
+ * key. Returns TRUE if there are no mistakes and no line was left out. */
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes);
 
-/* Sets one field of target from a text, for example from the command line. The error does not name
- * the option. */
+/* Sets the field of an option in target from a text, for example from the command line. The error
+ * does not name the option. */
 gboolean options_set(const struct option *option, const char *text, gpointer target,
                      GError **error);
 

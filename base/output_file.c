@@ -15,9 +15,10 @@
 #include "new_file.h"
 
 #define KIND "mesorig.kind"
-/* The kind of a file is searched in this number of bytes at its beginning and at its end. */
+/* The kind is searched in this number of bytes at the beginning of a file, or at the end of a
+ * PDF. */
 #define LOOKED_AT ((gsize)1 << 20)
-#define MAX_MARK  ((goffset)1 << 30) /* a larger file is not marked */
+#define MAX_MARK  ((goffset)1 << 30) /* a larger file does not get the mark of its kind */
 #define TRIES     100
 #define PNG_HEAD  33 /* signature and IHDR */
 #define EXR_MAGIC "v/1\x01"
@@ -93,7 +94,8 @@ gboolean output_file_move_folder(const char *folder, const char *path, GError **
     return FALSE;
 }
 
-/* Reads up to LOOKED_AT bytes of a file. The first of them is at the offset at. */
+/* Reads at least LOOKED_AT bytes of a file from the offset at on, or all bytes to its end if there
+ * are fewer. */
 static GByteArray *read_part(int fd, goffset at) {
     GByteArray *bytes = g_byte_array_new();
     guint8 some[1 << 14];
@@ -131,7 +133,8 @@ static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     return mark;
 }
 
-/* Returns whether the bytes contain the mark. In a text, no letter may follow it. */
+/* Returns whether the bytes contain the mark. In formats other than PNG and EXR, no letter or digit
+ * may follow the mark. */
 static gboolean has(const GByteArray *bytes, const GByteArray *mark) {
     const gboolean text = !is_png(bytes) && !begins(bytes, EXR_MAGIC);
     const guint8 *at = memmem(bytes->data, bytes->len, mark->data, mark->len);
@@ -172,7 +175,8 @@ static gboolean is_no_file(const char *path, mode_t mode, GError **error) {
     return FALSE;
 }
 
-/* Sets found, target and before. */
+/* Decides what happens to the name: sets found, target, before and note. Returns FALSE with an
+ * error if the name is refused. */
 static gboolean decide(struct OutputFile *file, gboolean force, GError **error) {
     g_autofree char *folder = g_path_get_dirname(file->path);
     struct stat link_status;
@@ -306,7 +310,8 @@ const char *output_file_path(OutputFile *file, GError **error) {
     return file->written;
 }
 
-/* Returns a PNG with the kind after its header. */
+/* Returns a copy of a PNG with the chunk of the kind after the header. chunk has no checksum
+ * yet. */
 static GByteArray *mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
     GByteArray *ret = g_byte_array_new();
     const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data + 4, chunk->len - 4));
@@ -392,7 +397,7 @@ static gboolean unchanged(const struct OutputFile *file) {
            now.st_mtim.tv_nsec == before->st_mtim.tv_nsec;
 }
 
-/* Gives the file its name. Returns FALSE and sets errno on failure. */
+/* Syncs the file and moves it to its final name. Returns FALSE and sets errno on failure. */
 static gboolean deliver(const struct OutputFile *file) {
     struct stat now;
     if (!output_file_sync(file->written, 0))
@@ -406,7 +411,8 @@ static gboolean deliver(const struct OutputFile *file) {
     return rename(file->written, file->target) == 0;
 }
 
-/* Moves the finished file next to its place, as NAME-XXXXXXXX.END, and reports that name. */
+/* Called when the finished file cannot be delivered, with the reason in errno. Moves it next to its
+ * final place, as NAME-XXXXXXXX.END, and sets the error, which names it. Always returns FALSE. */
 static gboolean keep(struct OutputFile *file, GError **error) {
     const int saved = errno;
     const char *name = strrchr(file->target, '/'), *end = strrchr(file->target, '.');
@@ -447,7 +453,7 @@ gboolean output_file_end(OutputFile *file, gboolean written, GError **error) {
         return keep(file, error);
     g_clear_pointer(&file->written, g_free);
     if (!output_file_sync(folder, O_DIRECTORY))
-        /* Some file systems cannot sync a folder. The file has its name nevertheless. */
+        /* Some file systems cannot sync a folder. The file is under its final name nevertheless. */
         g_debug("%s: %s", folder, g_strerror(errno));
     return TRUE;
 }

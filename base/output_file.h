@@ -11,15 +11,15 @@
  *   refused. None of them is ever replaced.
  * - A symbolic link is followed and kept.
  *
- * A program calls output_file_new() before its long work, so that a name is refused early. It calls
- * output_file_end() when the file is complete. Until then the file is in a separate folder next to
- * its final place, NAME.XXXXXXXX.part. If it cannot be moved to its place, it is kept next to that
- * place, and the error names it.
+ * A program calls output_file_new() before its long work, so that the user learns early that a
+ * name is refused. It calls output_file_end() when the file is complete. Until then the file is in
+ * a separate folder next to its final place, NAME.XXXXXXXX.part. If it cannot be moved to its
+ * place, it is kept next to that place, and the error names it.
  *
  * A file is of a kind if it contains "mesorig.kind" and the kind: as an attribute of an EXR, as a
  * text chunk of a PNG, or as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or
- * of a text. Other formats have no place for it. Their kind is NULL, and an existing file is always
- * refused without --force. Any thread may call these functions.
+ * of a text. Other formats cannot contain the kind. Their kind is NULL, and an existing file is
+ * always refused without --force. Any thread may call these functions.
  */
 #pragma once
 
@@ -32,18 +32,19 @@ typedef struct OutputFile OutputFile;
  * Nothing has been changed then. */
 OutputFile *output_file_new(const char *path, const char *kind, gboolean force, GError **error);
 
-/* The same as output_file_new(). It also prevents other programs that call it from writing the file
- * until output_file_free(). They fail with G_IO_ERROR_BUSY (file_lock.h). Removes the unfinished
- * files that killed writers have left. */
+/* The same as output_file_new(). It also locks the file until output_file_free(). Meanwhile this
+ * function fails with G_IO_ERROR_BUSY (file_lock.h) in other programs. A device or pipe is not
+ * locked. Removes the unfinished files that killed writers have left. */
 OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
                                    GError **error);
 
-/* Removes the files that were written, unless output_file_end() has delivered them. NULL is
- * ignored. */
+/* Removes the file that was written, unless output_file_end() has delivered or kept it. Gives the
+ * lock back. NULL is ignored. */
 void output_file_free(OutputFile *file);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(OutputFile, output_file_free)
 
-/* Makes only the decision of output_file_new(). */
+/* Makes only the decision of output_file_new(). Returns FALSE with an error if the name is
+ * refused. */
 gboolean output_file_check(const char *path, const char *kind, gboolean force, GError **error);
 
 /* Returns the path to which the caller writes. No file has that name yet, and its last part is
@@ -52,12 +53,13 @@ gboolean output_file_check(const char *path, const char *kind, gboolean force, G
 const char *output_file_path(OutputFile *file, GError **error);
 
 /* Delivers the file that the caller has written to output_file_path(). written is FALSE if the
- * caller failed with *error. The file is then removed, and the error names the output instead of
+ * caller failed with *error. Nothing is then delivered, and the error names the output instead of
  * that path. Adds the kind to PNG, SVG, PDF and HTML files; writers of other formats add it
  * themselves. Returns whether the output is complete. */
 gboolean output_file_end(OutputFile *file, gboolean written, GError **error);
 
-/* Writes and delivers n bytes. */
+/* Writes and delivers n bytes: output_file_path(), output_file_write() and output_file_end() in one
+ * call. */
 gboolean output_file_put(OutputFile *file, const void *bytes, gsize n, GError **error);
 
 /* Returns one line for the user about the file that existed before, without a newline. Returns NULL
@@ -66,7 +68,7 @@ const char *output_file_note(const OutputFile *file);
 /* Prints the note to stderr as "PROGRAM: NOTE", for a program that is not a command of mesorig. */
 void output_file_say(const OutputFile *file, const char *program);
 
-gboolean output_file_streams(const OutputFile *file); /* writes to a device or pipe */
+gboolean output_file_streams(const OutputFile *file); /* whether the output is a device or pipe */
 
 /* Gives the text that marks the kind in a comment of a text file. kind is a string constant. A
  * blank, a newline or a quotation mark must follow the text. */

@@ -11,8 +11,8 @@ void program_set_locale(void) {
     setlocale(LC_COLLATE, "");
 }
 
-/* Looks next to this executable and in ../libexec/mesorig relative to it. Returns NULL if it is in
- * neither. */
+/* Searches a file that passes the test next to this executable and in ../libexec/mesorig relative
+ * to it. Returns NULL if it is in neither folder. */
 static char *find_beside(const char *name, GFileTest test) {
     static const char *const places[] = {"", "../libexec/mesorig"};
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);

@@ -7,8 +7,8 @@
 G_BEGIN_DECLS
 
 /* Returns the path of a program. It is searched next to this executable, in ../libexec/mesorig
- * relative to it, and in PATH. Free it with g_free(). Returns NULL with G_FILE_ERROR_NOENT, which
- * says what is not installed. */
+ * relative to it, and in PATH. Free it with g_free(). Returns NULL with G_FILE_ERROR_NOENT if the
+ * program is not found. */
 char *program_find(const char *name, GError **error);
 
 /* The same as program_find() for a shared object that this program loads. PATH is not searched. */
@@ -23,18 +23,19 @@ void program_set_locale(void);
 struct command_line {
     const char *name;      /* "mesorig-web" */
     const char *arguments; /* "SCENE.gltf"; NULL if the program takes only options */
-    const char *summary;   /* above and below the options in --help; may be NULL */
+    /* texts above (summary) and below (description) the options in --help; may be NULL */
+    const char *summary;
     const char *description;
     const GOptionEntry *options; /* --version is added */
     gpointer data;               /* for callbacks in options */
-    int min, max;                /* number of arguments */
+    int min, max;                /* minimum and maximum number of arguments */
 };
 
 /* Sets the locale and reads the options. The arguments are left in argv, from argv[1] on. Answers
  * --help and --version, and reports bad usage; in these cases the program ends. */
 void program_parse(const struct command_line *line, int *argc, char ***argv);
 
-/* Reports how a call is wrong. Returns 2, the exit code. */
+/* Prints an error about the command line to standard error. Returns the exit code 2. */
 int program_usage(const struct command_line *line, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
 G_END_DECLS

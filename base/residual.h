@@ -1,6 +1,6 @@
 /*
- * Compares a residual of a calibration with the value that the noise of its data explains. A larger
- * residual has a physical cause that the model does not describe.
+ * Compares a residual of a calibration with the value that the noise of its data explains. A
+ * residual that is clearly larger has a physical cause that the model does not describe.
  */
 #pragma once
 
@@ -11,7 +11,7 @@ struct residual {
     const char *causes;     /* possible causes, the most likely first: "a bent sheet, speckle" */
 };
 
-/* A residual up to this many times its expected value is taken as noise. */
+/* Maximum ratio of a residual to its expected value that is explained by noise. */
 #define RESIDUAL_LIMIT 2.0
 
 /* Returns a sentence for the user that names the residual, its expected value and the causes. Free
@@ -19,6 +19,6 @@ struct residual {
  * value, or if the expected value is not known. */
 char *residual_warning(const struct residual *residual);
 
-/* Returns the share that noise does not explain, √(value² − expected²), for error bars. It is 0 if
- * the residual is at most its expected value, or if the expected value is not known. */
+/* Returns the part of the residual that noise does not explain, √(value² − expected²), in its unit.
+ * It is 0 if the residual is at most its expected value, or if the expected value is not known. */
 double residual_excess(const struct residual *residual);

@@ -8,15 +8,15 @@ int robust_by_value(const void *a, const void *b);
  * values. */
 double robust_median(double *values, int n);
 
-/* Returns the robust standard deviation: σ = 1.4826 · median |value − middle|. It equals the
- * standard deviation for normally distributed values. */
+/* Returns the robust standard deviation of n ≥ 1 values: σ = 1.4826 · median |value − middle|. For
+ * normally distributed values around middle it estimates the standard deviation. */
 double robust_spread(const double *values, int n, double middle);
 
-/* Returns Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685 · scale), and 0 for |u| ≥
- * 1. */
+/* Returns the weight of a residual by Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685
+ * · scale), and 0 for |u| ≥ 1. */
 double robust_biweight(double residual, double scale);
 
-/* Returns the posterior mean of a value. seen is the measured value, and error its standard error.
- * The prior is normal with mean 0 and standard deviation known. The result is seen · known² /
- * (known² + error²). */
+/* Returns the posterior mean of a value, seen · known² / (known² + error²). seen is the measured
+ * value, and error its standard error. The prior is a normal distribution with mean 0 and standard
+ * deviation known. */
 double robust_shrink(double seen, double error, double known);

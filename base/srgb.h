@@ -3,7 +3,8 @@
 
 #include <math.h>
 
-/* linear is light, in which 1 is white. Values outside 0 … 1 are not limited. */
+/* Convert a linear value to the sRGB value and back. 0 is black and 1 is white in both. Values
+ * outside 0 … 1 are not limited. */
 static inline double srgb_encode(double linear) {
     return linear <= 0.0031308 ? 12.92 * linear : 1.055 * pow(linear, 1 / 2.4) - 0.055;
 }

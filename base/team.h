@@ -10,18 +10,18 @@
 struct team {
     int rank, n_ranks;
     gpointer data;
-    /* Sums the arrays of all ranks element by element; all ranks get the result. */
+    /* Replaces values in all ranks by the sum of the arrays of all ranks, element by element. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
-    /* Gathers data in all ranks. Rank i has filled the bytes starts[i] … starts[i + 1] − 1.
+    /* Gathers data in all ranks. Rank i has filled the bytes starts[i] … starts[i + 1] − 1 of all.
      * Afterwards each rank has all bytes. */
     void (*share)(const struct team *team, void *all, const gsize *starts);
-    /* Scatters data. Only the root has all. Rank i receives its values starts[i] … starts[i + 1] −
-     * 1. */
+    /* Scatters data. Only the rank root has the array all. Rank i receives the values starts[i] …
+     * starts[i + 1] − 1 in ret_mine. */
     void (*deal)(const struct team *team, int root, const float *all, const gsize *starts,
                  float *ret_mine);
 };
 
-/* Returns the part of n items that belongs to a rank, *ret_first … *ret_end − 1. Parts begin at
- * multiples of step. */
+/* Computes the part of n items that belongs to a rank: *ret_first … *ret_end − 1. Parts begin at
+ * multiples of step. If team is NULL, rank 0 has all items. */
 void team_part(const struct team *team, int rank, int n, int step, int *ret_first, int *ret_end);

@@ -40,10 +40,12 @@ char **text_table_lines(const char *text) {
     return g_strsplit(copy, "\n", -1);
 }
 
-/* Returns the separator of a header line: the one that occurs most often. If two occur equally
- * often, it is the one that is less likely to be part of a name or next to it. */
+/* Returns the separator of a header line: the semicolon, comma or tab that occurs most often. If
+ * two occur equally often, the semicolon is preferred to the comma, and the comma to the tab.
+ * Returns a comma if there is none. */
 static char find_separator(const char *text) {
-    static const char separators[] = ";,\t"; /* the first wins */
+    /* of two that occur equally often, the first is used */
+    static const char separators[] = ";,\t";
     int n[3] = {0}, best = 0;
     gboolean quoted = FALSE;
     for (const char *at = text; *at; at++) {

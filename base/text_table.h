@@ -2,8 +2,8 @@
  * Text tables (CSV): a header line that names the columns, then one line for each row. Fields are
  * separated by commas, semicolons or tabs; the separator is the one that occurs most often in the
  * header line. A field that contains the separator is enclosed in double quotes. # begins a
- * comment. Lines end with LF, CRLF or CR. Empty columns at the right and empty rows, which
- * spreadsheets write, are ignored.
+ * comment. Only a whole line can be a comment. Lines end with LF, CRLF or CR. Empty columns at the
+ * right and empty rows, which spreadsheets write, are ignored.
  *
  * If semicolons or tabs separate fields, a number may have a decimal comma. Any thread may call
  * these functions.
@@ -15,18 +15,20 @@
 typedef struct TextTable TextTable;
 
 /* Reads a table. The error is DATA_ERROR_INVALID with file and line if the header line is missing,
- * if a column occurs twice, or if the number of fields in a row differs from the header. */
+ * if a column occurs twice, if the number of fields in a row differs from the header, or if there
+ * are no rows. */
 TextTable *text_table_read(const char *path, GError **error);
 void text_table_free(TextTable *table); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TextTable, text_table_free)
 
 const char *text_table_path(const TextTable *table);
 int text_table_rows(const TextTable *table);
-int text_table_line(const TextTable *table, int row); /* line of the file, counted from 1 */
+/* line of the row in the file, counted from 1 */
+int text_table_line(const TextTable *table, int row);
 int text_table_column(const TextTable *table, const char *name); /* −1 if there is no such column */
 
 /* Returns FALSE if a column has a name that is not in known, a list that ends with NULL. The error
- * names the known name that is spelt most like it. */
+ * names the known name that is spelt most like that column, or all known names. */
 gboolean text_table_check_columns(const TextTable *table, const char *const *known, GError **error);
 
 /* Returns the text of a field, or "" if column is −1. */

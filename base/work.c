@@ -70,7 +70,7 @@ gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBl
     g_autofree GThread **threads = g_new(GThread *, n_threads);
     for (int i = 0; i < n_threads; i++)
         threads[i] = g_thread_new("work", take_blocks, &loop);
-    /* Reports at least once, and until all threads have ended. */
+    /* Reports every REPORT_US until all threads have ended, and at least once. */
     const gint64 begun_us = g_get_monotonic_time();
     int reported = -1;
     g_mutex_lock(&loop.mutex);
