@@ -11,8 +11,8 @@
 /* Largest number of questions that wait for polkit, for all clients. */
 #define MAX_QUESTIONS 64
 
-/* Times to wait for polkit's answer: without and with a dialog in which the user types a password.
- * */
+/* Times to wait for polkit's answer: without and with a dialog in which the user types a
+ * password. */
 #define ANSWER_S      25
 #define INTERACTION_S 120
 

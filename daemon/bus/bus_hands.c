@@ -143,8 +143,8 @@ static void hand_on_warm(gpointer data) {
     hand_answer(hand);
 }
 
-/* Called when a lamp or laser has been switched on or off, or with the error if it has not obeyed.
- * */
+/* Called when a lamp or laser has been switched on or off, or with the error if it has not
+ * obeyed. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->hands->rig->devices->clock;
     if (!on && !hand->off_asked)

@@ -27,8 +27,7 @@ struct bus_latch {
     void (*make_safe)(gpointer data);
     gpointer data;
     /* Used only by the main loop: whether the devices were commanded off by a SafeState that no
-     * Release has ended yet.
-     * */
+     * Release has ended yet. */
     gboolean told;
     /* Used only by the main loop: timer that checks whether the devices have answered; NULL if no
      * call waits. */

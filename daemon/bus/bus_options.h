@@ -7,8 +7,8 @@
 struct bus_options {
     gboolean process, yes;
     char *calibration; /* path; NULL for the file that the rig file names */
-    /* Contents of the session file and of the calibration; NULL if the daemon has to read the file.
-     * */
+    /* Contents of the session file and of the calibration; NULL if the daemon has to read the
+     * file. */
     char *session_text, *calibration_text;
     /* Lines for session_conf_choose(); NULL if no exposure is auto. */
     char *exposures;

@@ -25,8 +25,8 @@ struct bus_run {
     Capture *capture; /* NULL if no capture is running or paused */
     char *directory;  /* directory of the session that is or was captured */
     Follower *follower;
-    gint64
-        started_us; /* time of the monotonic clock when the capture began or last homed its axes */
+    /* Time of the monotonic clock when the capture began or last homed its axes. */
+    gint64 started_us;
     double started_elapsed_s; /* time on the rig's clock when started_us was set */
     guint tick_id;            /* timer that shows the time during a capture */
     guint end_id;             /* the idle source that frees a capture that has ended */

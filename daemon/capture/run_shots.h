@@ -7,8 +7,8 @@
 struct run_shots {
     GPtrArray *list;   /* of struct session_shot; the session owns them; NULL before the run */
     guint n_committed; /* number of committed shots, which are the first ones of the list */
-    guint n_held;      /* number of shots at the beginning of the list that are held: see
-                          capture_lasers.h */
+    guint n_held;      /* number of shots at the beginning of the list that are committed
+                          together (capture_lasers.h) */
     GPtrArray *leg;    /* the shots of the list up to the next mounting of a laser */
 };
 

@@ -9,7 +9,7 @@ enum state { IDLE, HOMING, PREPARING, EXPOSING, PASSING };
 
 struct sequencer_camera { /* state of a camera in a shot */
     int refused;          /* number of refusals in a row */
-    int retakes;          /* in this shot */
+    int retakes;          /* number of repetitions in this shot */
     /* number of times in this shot that the first exposure, which is the shortest, was shortened to
      * a quarter */
     int shortened;

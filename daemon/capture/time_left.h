@@ -26,7 +26,7 @@ struct time_left {
     } learnt[SHOT_SWEEP + 1];
     guint n_exposed; /* the number of exposed shots when the time left was last predicted */
     double at_s;     /* time of the last prediction on the session's clock */
-    double left_s;   /* the prediction */
+    double left_s;   /* time left at at_s */
     double min_s;    /* minimum of the time left that is shown until the next prediction */
 };
 

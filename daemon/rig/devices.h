@@ -69,7 +69,7 @@ struct devices {
     } lamps[RIG_MAX_LAMPS]; /* in the order of geometry.lamps */
     /* In the order of geometry.lasers; a mount position has the laser of its unit. */
     Laser *lasers[RIG_MAX_LASERS];
-    Axis *sweeps[RIG_MAX_LASERS]; /* the sweep of each laser */
+    Axis *sweeps[RIG_MAX_LASERS]; /* the sweep axis of each laser */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
     /* stands for all interlocks of the rig and guards the lasers; NULL if the rig has no

@@ -20,8 +20,7 @@
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
 #define LASTED_US                                                                                  \
-    (10 * G_USEC_PER_SEC) /* running time of a guardian after which the next pause is              \
-                             MIN_RESTART_MS again */
+    (10 * G_USEC_PER_SEC) /* running time after which the next pause is MIN_RESTART_MS */
 #define AWAIT_US (5 * G_USEC_PER_SEC)
 
 struct Guardian {

@@ -169,7 +169,7 @@ static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     return different == 0;
 }
 
-/* Returns FALSE if the request was refused, and thus answered. */
+/* Checks the token of a request. Returns FALSE if the request was refused, and thus answered. */
 static gboolean admit_token(const WebServer *server, SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     WebVisitor *visitor = web_door_visitor(message);

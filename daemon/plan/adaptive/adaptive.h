@@ -11,10 +11,10 @@
  * - Sweeps: at each turntable angle, the sweep that is expected to add most to the knowledge of its
  *   cameras joins the next round, and so does the next best one, if they add at least [lasers]
  *   gain_pct. When no sweep does, the remaining sweeps are left out for good.
- * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots join
- *   that lower the expected error most for their time. When the error is expected to be below
- *   [lights] error_pct, or [lights] budget_min is used up, the remaining shots are left out for
- *   good.
+ * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots
+ *   that lower the expected error most for their time join the next round. When the error is
+ * expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots
+ * are left out for good.
  *
  * A choice is a function of the session's plan and its files only. It is stored before it takes
  * effect (rounds.h), as the values "lasers.round.K" and "lights.round.K". A session that is killed

@@ -22,7 +22,7 @@ struct Lamps {
      * pair. */
     float **values;
     double *output; /* for each shot: output of its lamp, relative to the calibration */
-    gboolean *done; /* for each shot */
+    gboolean *done; /* for each shot: whether it is a shot of a lamp and done */
     /* for each shot: its price (plan_lamp_prices_s()); NULL before the first choice */
     double *price_s;
     GCancellable *cancellable;

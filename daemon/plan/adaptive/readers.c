@@ -15,7 +15,7 @@ struct Readers {
     GThreadPool *pool;
     GMutex mutex;
     GCond idle;
-    int n_reading;     /* guarded by mutex */
+    int n_reading;     /* number of jobs that have not ended; guarded by mutex */
     GPtrArray *failed; /* of struct readers_job: jobs that have failed; guarded by mutex */
     int stopped;       /* atomic */
 };

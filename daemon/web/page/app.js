@@ -1,13 +1,13 @@
-// The page of mesorig-web. It shows the state and the events of the stream /api/v1/events, and the pictures
-// of the cameras. Its buttons send actions to the server.
+// The page of mesorig-web. It shows the state and the events that the stream /api/v1/events sends, and the
+// pictures of the cameras. Its buttons send commands to the server.
 "use strict";
 
 const $ = id => document.getElementById(id);
 const api = "/api/v1/";
-const pictureInterval = 2000; // ms between two pictures of a camera
+const pictureInterval = 2000; // minimum time in ms between two requests for a picture of a camera
 const clockTime = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
 let state = {};
-let acts = true; // whether the server has a token
+let acts = true; // whether the server accepts commands, because it has a token
 let safeNeedsToken = false;
 
 function text(id, value) {
@@ -34,8 +34,8 @@ function duration(seconds) {
            : m ? `${m} min ${String(s % 60).padStart(2, "0")} s` : `${s} s`;
 }
 
-// While a capture runs, the time left is computed with the browser's clock, because a simulated rig's clock
-// runs at a different speed.
+// Returns the time left as text. While a capture runs, it is computed from the predicted end and the browser's
+// clock, because the clock of a simulated rig runs at a different speed.
 function timeLeft(runs, paused) {
   if (runs && state.predicted_end) return duration(Math.max(0, state.predicted_end - Date.now() / 1000));
   if (paused && state.left_s > 0)
@@ -87,7 +87,8 @@ function showState() {
     if (device.class === "camera") watchCamera(device.name);
 }
 
-// Shows the devices that may give light or move although they should not. Nothing is known while no daemon answers.
+// Shows the devices that have not confirmed that they are off or stand still. Shows none while no daemon answers,
+// because nothing is known then.
 function showUnsafe(away) {
   const names = away ? [] : state.unsafe || [];
   const lines = names.map(name => {
@@ -106,7 +107,8 @@ function showLatched() {
   text("latched-text", "Nothing shines or moves until the rig is released: " + (!acts ? "run mesorig release." : sessionStorage.getItem("token") ? "press Release." : "enter the token and press Release."));
 }
 
-// Shows what stopped the capture and how to continue. The message itself says what to do about a device.
+// Shows why the capture has stopped and the steps to continue it. The daemon's reason says what to do about a
+// faulty device.
 function showNotice(paused) {
   const faulty = (state.devices || []).filter(device => device.health.startsWith("fault: "));
   const prompt = state.prompt || "", reason = prompt ? "" : state.reason || "";
@@ -135,10 +137,10 @@ function showNotice(paused) {
   }
 }
 
-// --- the pose: a drawing of the turntable from above, with x to the right. A device at polar angle θ is
-// drawn at sin θ times the radius of the horizon's circle, so the zenith is in the middle.
+// --- pose: a drawing of the rig from above, with x to the right. A device at polar angle θ is
+// drawn at sin θ times the radius of the circle of the horizon, so the zenith is in the middle.
 
-const horizon = 92; // units of the drawing
+const horizon = 92; // radius of the circle of the horizon in units of the drawing
 
 function place(theta, phi) {
   const r = horizon * Math.sin(theta * Math.PI / 180), a = phi * Math.PI / 180;
@@ -149,9 +151,9 @@ function degrees(value) {
   return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
 }
 
-// Returns whether a lamp or laser shines. While shots are taken, only the light of the shot shines. At other
-// times, the health of a laser says whether it shines. For lamps this is not known, because the health of a
-// bank of lamps has only the number of lamps that are on.
+// Returns whether a lamp or laser is known to shine. While shots are taken, it is the light of the last shot. At
+// other times, the health of a laser says whether it may shine. For lamps it is not known, because the health of
+// a bank of lamps has only the number of lamps that are on.
 function shines(at) {
   if (["running", "homing", "pausing"].includes(state.state))
     return at.class === state.light_class && at.name === state.light;
@@ -183,7 +185,7 @@ function showPose() {
   shapes.push(table);
   let last = null;
   for (const at of places) {
-    const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // next to the lamp
+    const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // draws a laser next to a lamp at the same place
     let [x, y] = place(at.theta_deg, phi);
     x -= aside * Math.sin(phi * Math.PI / 180);
     y -= aside * Math.cos(phi * Math.PI / 180);
@@ -220,8 +222,8 @@ function time(seconds) {
   return seconds ? new Date(1000 * seconds).toLocaleTimeString([], clockTime) : "–";
 }
 
-// Shows when each session is expected to begin and end. A session begins when the one before it ends, and takes as long
-// as its plan predicts.
+// Shows when each session of the queue has begun and ended, or is expected to. A session is expected to begin when
+// the one before it ends, and to take as long as its plan predicts. Nothing is expected while the queue is paused.
 function showQueue() {
   const keeps = state.queue_state && state.queue_state !== "none";
   $("queue-section").hidden = !keeps;
@@ -261,7 +263,7 @@ function watchCamera(name) {
   return camera;
 }
 
-// Loads the picture of a camera. At most one request per camera is under way, and at most one per interval is sent.
+// Loads the latest picture of a camera, at most once in pictureInterval. Calls meanwhile share the next load.
 async function loadPicture(name) {
   const camera = cameras.get(name), now = Date.now();
   if (camera.waits) return;
@@ -273,7 +275,7 @@ async function loadPicture(name) {
   if (!answer || !answer.ok) return;
   const told = await answer.json();
   if (!camera.seen) {
-    camera.seen = true; // figures are in the order of the map, which is that of the rig
+    camera.seen = true; // shows the figures in the order of the map, which is the order of the cameras in the rig
     $("cameras").replaceChildren(...[...cameras.values()].filter(other => other.seen).map(other => other.figure));
   }
   camera.image.src = `${api}cameras/${encodeURIComponent(name)}.png?t=${told.time_s}`;
@@ -331,8 +333,8 @@ async function act(name) {
   showState();
 }
 
-// Shows the answer of SafeState. It names each device that was not read back. A device with the state "commanded only"
-// may still answer; if it does not, it becomes one of the unsafe devices.
+// Shows the answer of SafeState, with the devices that were not read back. A device with the state "commanded only"
+// may still answer; if it does not, it appears among the unsafe devices.
 function showSafe(told) {
   const list = (told.devices || []).filter(device => device.state !== "read back");
   const names = list.map(device => `${device.class} ${device.name}`).join(", ");
@@ -375,7 +377,8 @@ function away() {
   showState();
 }
 
-// A browser does not repeat the request for a stream that was refused, for instance because too many are open.
+// Opens the stream of events. A browser does not repeat a request for a stream that was refused, for instance because
+// too many are open, so it is repeated here.
 function openStream() {
   const stream = new EventSource(api + "events");
   stream.onopen = () => reload().catch(() => {});
