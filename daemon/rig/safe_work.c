@@ -10,12 +10,13 @@
 #include <syslog.h>
 #include <unistd.h>
 
-#define PATIENCE_US  (5 * G_USEC_PER_SEC)  /* time after which SAFE_UNTIL_TIRED gives up */
-#define MIN_PAUSE_US (100 * 1000)          /* pause between the first two attempts */
-#define MAX_PAUSE_US (500 * 1000)          /* maximum pause between two attempts */
-#define LIMIT_US     (30 * G_USEC_PER_SEC) /* time by which a process may exceed its lifetime */
-#define END_MS       1000                  /* time limit for a killed process to end */
-/* maximum pause before a process is begun after crashes */
+#define PATIENCE_US  (5 * G_USEC_PER_SEC) /* time after which SAFE_UNTIL_TIRED gives up */
+#define MIN_PAUSE_US (100 * 1000)         /* pause between the first two attempts */
+#define MAX_PAUSE_US (500 * 1000)         /* maximum pause between two attempts */
+#define LIMIT_US                                                                                   \
+    (30 * G_USEC_PER_SEC) /* time by which the process of a line may exceed its lifetime */
+#define END_MS 1000       /* time limit for a killed process to end */
+/* Maximum pause before a process is begun after crashes. */
 #define MAX_RESTART_US (5 * G_USEC_PER_SEC)
 
 /* A line of devices (safe_state_line()). */
