@@ -48,8 +48,8 @@ static const struct {
 };
 
 struct question {
-    struct bus_authority
-        *authority; /* NULL if the question was stopped and its call has been answered */
+    /* NULL if the question was stopped and its call has been answered */
+    struct bus_authority *authority;
     GDBusMethodInvocation *invocation;
     const char *action;
     GCancellable *cancellable;

@@ -1,6 +1,6 @@
 /*
- * Devices that clients use by hand, with one call for each device, while nothing is captured:
- * cameras, lamps, lasers and axes.
+ * Devices that clients use by hand while nothing is captured, each by one call at a time: cameras,
+ * lamps, lasers and axes.
  *
  * A client switches a lamp or laser on for a limited time, its lease. The daemon measures the
  * lease in real time, and the client can renew it. A light that a client has switched on goes off

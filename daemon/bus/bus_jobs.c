@@ -9,8 +9,8 @@
 
 struct bus_job {
     struct bus_jobs *jobs; /* NULL if the job was stopped */
-    GDBusMethodInvocation
-        *invocation; /* NULL if the call was answered, or if the job is for the queue */
+    /* NULL if the call was answered, or if the job is for the queue */
+    GDBusMethodInvocation *invocation;
     GCancellable *cancellable;
     enum preparer_task task;
     char *directory;

@@ -55,6 +55,6 @@ void bus_rig_show_devices(struct bus_rig *rig);
 void bus_rig_flush(const struct bus_rig *rig);
 
 /* If hold is TRUE, stops the clock of a simulated rig, so that its time stands still until a client
- * requests something. Otherwise lets the clock run. Without this, faults that the rig simulates
- * after some seconds could occur before the first call. */
+ * requests something. Otherwise lets the clock run. If the clock were never stopped, faults that
+ * the rig simulates after some seconds could occur before the first call. */
 void bus_rig_hold_clock(struct bus_rig *rig, gboolean hold);

@@ -15,7 +15,7 @@
 /*
  * GDBusServer is not used, for two reasons:
  * - If no more descriptors can be opened, GDBusServer tries again without pause and logs an error
- * for each connection that it cannot accept.
+ *   for each connection that it cannot accept.
  * - A client that does not authenticate itself keeps a thread for ever.
  */
 

@@ -48,7 +48,7 @@ struct queue_item {
     char *chosen;
     char *message; /* reason why it has stopped */
     double predicted_s;
-    guint64 bytes; /* predicted */
+    guint64 bytes; /* predicted size of the session */
     /* number of times that the session began without an orderly end of this program */
     int starts;
     gboolean process; /* process the session during the capture */

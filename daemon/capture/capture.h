@@ -53,9 +53,10 @@ struct capture_status {
     const struct session_shot *shot;
     /* number of shots of the whole session, and of those that are done, including earlier runs */
     int shots, shots_done;
-    /* number of camera frames accepted and refused, including earlier runs */
+    /* number of camera frames accepted and refused in this run */
     gint64 frames, retakes;
-    /* time since the session began, and predicted remaining time, on the rig's clock */
+    /* time for which the session was captured, without pauses, and predicted remaining time, on the
+     * rig's clock */
     double elapsed_s, left_s;
     /* size of the stored frames and of their rows in the database, including earlier runs */
     guint64 bytes_stored;

@@ -475,9 +475,8 @@ struct answer {
 };
 
 struct securing {
-    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS +
-                          /* in the order in which the devices were commanded */
-                          DEVICES_POSITIONERS];
+    /* in the order in which the devices were commanded */
+    struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS + DEVICES_POSITIONERS];
     int n;
     gboolean too_late;
 };

@@ -11,8 +11,8 @@ typedef struct WebRig WebRig;
 
 /* Connects to a daemon. address is the daemon's own socket ("unix:path=…"). If address is NULL, the
  * daemon is on the bus named by bus, "system" or "session". The daemon need not run yet, and may
- * end and start again. If no daemon answers at address, the function tries again every 2 s later,
- * and prints a message to standard error. The function waits up to 5 s until such a daemon answers.
+ * end and start again. If no daemon answers at address, the WebRig tries again every 2 s, and
+ * prints a message to standard error. The function waits up to 5 s until such a daemon answers.
  * Returns NULL with an error if the bus cannot be used. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */

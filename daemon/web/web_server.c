@@ -84,8 +84,8 @@ static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
                            const char *origin) {
     if (g_ptr_array_find_with_equal_func(server->origins, origin, g_str_equal, NULL))
         return TRUE;
-    /* The IP address on which the connection was accepted is allowed as well. Unlike a name, nobody
-     * can make an IP address of another server lead to this one. */
+    /* The IP address on which the connection was accepted is allowed as well. Unlike a name,
+     * an IP address cannot be made to lead to this server by somebody else. */
     GInetSocketAddress *local =
         G_INET_SOCKET_ADDRESS(soup_server_message_get_local_address(message));
     g_autofree char *ip = g_inet_address_to_string(g_inet_socket_address_get_address(local));

@@ -380,7 +380,7 @@ static gboolean is_brighter(const Frame *frame, const Frame *than, double margin
  * the sweep with the laser off. The laser is seen if LASER_PIXELS pixels are brighter than their
  * dark level. It is also seen if LASER_PIXELS pixels are brighter than in the first frame, because
  * the laser may also have lit the dark frames. If the laser lit only a few pixels in the middle of
- * the sweep, MIN_LASER_PIXELS and half of them suffice. */
+ * the sweep, fewer pixels suffice (MIN_LASER_PIXELS). */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;

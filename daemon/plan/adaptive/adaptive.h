@@ -13,8 +13,8 @@
  *   gain_pct. When no sweep does, the remaining sweeps are left out for good.
  * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots
  *   that lower the expected error most for their time join the next round. When the error is
- * expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots
- * are left out for good.
+ *   expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots
+ *   are left out for good.
  *
  * A choice is a function of the session's plan and its files only. It is stored before it takes
  * effect (rounds.h), as the values "lasers.round.K" and "lights.round.K". A session that is killed
