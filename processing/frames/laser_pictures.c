@@ -47,7 +47,8 @@ static void place(LaserPictures *p) {
     /* change of the angle from column to column, and from row to row */
     double across = 0, down = 0;
     for (int k = 0; k + p->width < p->width * p->height; k++) {
-        across += isfinite(p->angle[k + 1]) && isfinite(p->angle[k])
+        const gboolean is_last = k % p->width == p->width - 1;
+        across += !is_last && isfinite(p->angle[k + 1]) && isfinite(p->angle[k])
                       ? fabs(p->angle[k + 1] - p->angle[k])
                       : 0;
         down += isfinite(p->angle[k + p->width]) && isfinite(p->angle[k])
