@@ -16,7 +16,8 @@ enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
     guint environment;
-    /* of the mesh: half its width and half its depth, and its lowest z */
+    /* foot: half the size of the mesh's footprint in x and y, and the lowest z of the mesh; corner:
+     * radius of the corners of the footprint; radius: radius of the mesh */
     float foot[3], corner, radius;
 };
 

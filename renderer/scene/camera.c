@@ -61,9 +61,10 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     ret_eye[2] = (float)eye.z;
 }
 
-/* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
- * z). k is the tangent of half the field of view. The smallest d and its c follow from the maxima
- * of x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
+/* With the camera at distance d and pan c, a point is inside the picture if |x − c| ≤ k (d − z). x
+ * is its coordinate along one axis of the picture, z its coordinate towards the camera, and k the
+ * tangent of half the field of view. The smallest d and its c follow from the maxima of x + k z
+ * (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
 struct extent {
     double high, low;
 };

@@ -8,6 +8,7 @@
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 
-/* Sets distance and pan so that all points (n × 3) just fit into the picture, with a margin. */
+/* Sets camera_distance and camera_pan so that all points (n × 3) just fit into the picture, with a
+ * margin. Changes nothing if n is 0. */
 void camera_fit(struct viewer_settings *settings, const float *points, guint n, double radius,
                 double aspect);

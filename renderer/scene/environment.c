@@ -38,8 +38,8 @@ static double light_of(const struct map *map, const struct part *part) {
     return sum;
 }
 
-/* Cuts a part into two parts of equal light along its longer side, measured as an angle at its
- * middle row. Returns FALSE for a single pixel. (Debevec 2005) */
+/* Cuts a part into two parts of about equal light (Debevec 2005). The cut divides the longer side,
+ * where the width is measured as an angle at the middle row. Returns FALSE for a single pixel. */
 static gboolean cut(const struct map *map, struct part *part, struct part *ret_rest) {
     const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
     const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;
@@ -65,8 +65,8 @@ static gboolean cut(const struct map *map, struct part *part, struct part *ret_r
     return TRUE;
 }
 
-/* Returns the lamp of a part. Its direction is the mean of the part, weighted by light. Its colour
- * is ∫ L dω / π. */
+/* Returns the lamp of a part. Its direction is the mean of the directions of the pixels, weighted
+ * by light. Its colour is ∫ L dω / π. */
 static struct viewer_lamp lamp_of(const struct map *map, const struct part *part) {
     double sum[3] = {0.0}, towards[3] = {0.0};
     for (int y = part->y0; y < part->y1; y++)

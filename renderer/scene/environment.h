@@ -18,7 +18,8 @@ struct environment {
 /* The names of computed environments, NULL-terminated; see environment_made.h. */
 extern const char *const environment_names[];
 
-/* Opens an environment. name is one of these names, or the path of a file. */
+/* Opens an environment. name is one of environment_names, or the path of a file. Returns NULL on
+ * error. */
 struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */

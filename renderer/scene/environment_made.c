@@ -10,8 +10,8 @@
 
 const char *const environment_names[] = {"studio", "overcast", NULL};
 
-/* A key light on the left of the default camera (φ = −90°), a dim fill on the right, a strip above
- * and one behind the shape. */
+/* The boxes are a key light on the left of the default camera (φ = −90°), a dim fill light on the
+ * right, a strip above the shape and a strip behind it. */
 const struct environment_box environment_studio[ENVIRONMENT_BOXES] = {
     {48.0, 215.0, 0.45, 0.45, 3.2, {1.0F, 0.97F, 0.92F}},
     {65.0, -35.0, 0.50, 0.60, 0.7, {0.93F, 0.96F, 1.0F}},

@@ -16,7 +16,7 @@
 
 struct environment_box {
     double theta_deg, phi_deg;      /* direction of its centre */
-    double half_width, half_height; /* across, and along the meridian */
+    double half_width, half_height; /* across the meridian and along it, at distance 1 */
     double radiance;                /* replaces the radiance of the room */
     float rgb[3];                   /* tint; the radiance is multiplied by it */
 };

@@ -24,6 +24,7 @@ struct file_opened {
 gboolean file_kind_find(const char *path, struct file_opened *ret, GError **error);
 void file_opened_clear(struct file_opened *opened);
 
-/* Returns whether a list of files shows a file of this name. */
+/* Returns whether the ending of a file name is that of a kind that can be opened, so that a file
+ * dialog shows the file. */
 gboolean file_kind_is_shown(const char *name);
 gboolean file_kind_is_session(const char *folder);

@@ -21,7 +21,8 @@ static void picture_on_bytes(png_structp png, png_bytep bytes, size_t n) {
     g_byte_array_append(png_get_io_ptr(png), bytes, (guint)n);
 }
 
-/* Contains everything between setjmp and longjmp. None of its variables is used afterwards. */
+/* Writes the PNG into `to`. All calls that may longjmp to setjmp are in this function, and none of
+ * its variables is used after a longjmp. */
 static gboolean encode(png_structp png, png_infop info, GByteArray *to, const guint8 *rgb,
                        int width, int height, const char *const *texts) {
     if (setjmp(png_jmpbuf(png)))

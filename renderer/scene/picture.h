@@ -11,9 +11,9 @@ GQuark picture_error_quark(void);
 enum picture_error { PICTURE_ERROR_IO };
 
 /* Writes a PNG. rgb has width × height × 3 bytes, sRGB, top row first. texts is key, value, key,
- * value, …, NULL. They are stored in the file as text chunks (UTF-8). The file appears under its
- * name when it is complete. For a name that a user has given, path is the result of
- * output_file_path(). */
+ * value, …, NULL, or NULL. The texts are stored in the file as text chunks (UTF-8). The file
+ * appears under its name when it is complete. For a name that a user has given, path is the result
+ * of output_file_path(). */
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error);
 
@@ -24,6 +24,7 @@ gboolean picture_write_exr(const char *path, const float *rgb, int width, int he
                            const char *const *texts, GError **error);
 
 /* Between these two calls, printf() and similar functions write numbers with a decimal point in
- * this thread, whatever the user's locale. They are for the texts above. */
+ * this thread, whatever the user's locale. Use them when you format numbers for texts.
+ * picture_numbers_end() takes the result of picture_numbers_begin(). */
 locale_t picture_numbers_begin(void);
 void picture_numbers_end(locale_t before);

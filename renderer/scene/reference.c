@@ -38,7 +38,7 @@ struct along {
     float p[3]; /* the surface point, mm */
     int n;
     guint16 view[ALONG];
-    float share[ALONG]; /* weight of the view, where it sees the point wholly */
+    float share[ALONG]; /* weight of the view if the view sees the point completely */
 };
 
 /* One sample of the picture that shows the mesh. */
@@ -58,7 +58,7 @@ struct shading {
     guint n_samples;
     const float *texel, *view; /* values of viewer_render_geometry() */
     const float *light, *lit;  /* values of viewer_render_geometry() for the lamp that is added */
-    /* colour of that lamp, and brightness of an even sky that is added with it */
+    /* rgb: colour of that lamp; ambient: brightness of an even sky that is added with the lamp */
     double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
@@ -304,7 +304,7 @@ static const float *shading_texel(const struct shading *s, const float *texels, 
 }
 
 /* Adds the value of a layer at a place of the sample, in texels, to sum. The value is interpolated
- * bilinearly between texels. */
+ * bilinearly between texels, or that of the nearest texel (style.nearest). */
 static void add_place(const struct shading *s, int layer, const float place[2], float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -373,8 +373,9 @@ static void reference_shade_along(int part, gpointer data) {
     }
 }
 
-/* Adds the contribution of the loaded view to a part of the samples:
- * rgb × BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
+/* Adds the contribution of the loaded view to a part of the samples. The sum over all views is rgb
+ * × Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × Σ_a g_a(v) × the sky layer of view a.
+ * g_a are the weights of the views (sample->view), and h_b of the lights (sample->light). */
 static void reference_shade(int part, gpointer data) {
     const struct shading *s = data;
     const guint64 n = s->n_samples;
@@ -459,7 +460,8 @@ static void reference_find_means(const struct shading *s) {
     }
 }
 
-/* Mixes the pole and the sky of the view in memory. */
+/* Computes the layers of the pole and of the even sky from the other layers of the view in
+ * memory. */
 static void mix_layers(struct shading *s) {
     const gsize n = s->layer_size;
     const int n_lights = (int)s->reference->names->len;
@@ -519,18 +521,18 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     return TRUE;
 }
 
-/* Shades one part of the samples by a material. sky has the weight of each light under an even
- * sky. */
+/* Data of reference_shade_part(), which shades samples by a compressed material. */
 struct material_shading {
     const struct shading *shading;
     const mesorig_material *material;
     struct mesorig_material_info info;
-    const float *lights; /* n_lights × 3 */
+    const float *lights; /* unit vectors towards the lights: n_lights × 3 */
+    /* weight of each light under an even sky */
     const float *sky;
 };
 
-/* Adds weight × (rgb × lit × the value, and ambient × Σ_l sky_l × the value under light l).
- * footprint is 0, or 1 for the mean of the sample. */
+/* Adds weight × (rgb × lit × the reflectance under the lamp + ambient × Σ_l sky_l × the reflectance
+ * under light l) to sample->sum. footprint is 0, or 1 for the mean of the sample. */
 static void reference_add_point(const struct material_shading *m, struct sample *sample,
                                 const float uv[2], float footprint, float weight) {
     const struct shading *s = m->shading;
@@ -611,7 +613,8 @@ static void put_samples(const struct shading *s, float *picture, double *squares
         }
 }
 
-/* Adds a lamp and the even sky. The settings must have only this lamp. */
+/* Adds the light of one lamp with the colour rgb, and of the even sky, to the samples. The settings
+ * `lamp` must have no other lamp. */
 static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
                          const struct viewer_settings *lamp, const float rgb[3], int width,
                          int height, GError **error) {
@@ -651,8 +654,8 @@ static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *v
     return TRUE;
 }
 
-/* Shades the samples that show the material with a number. texel and to_view are results of
- * viewer_render_geometry(). */
+/* Shades the samples that show the material with this number. shading->texel and shading->view must
+ * be set. */
 static gboolean shade_material_number(Reference *r, int number, struct shading *shading,
                                       Viewer *viewer, int width, int height, GError **error) {
     g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));

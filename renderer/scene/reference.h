@@ -29,12 +29,13 @@ typedef struct Reference Reference;
  * are read. */
 Reference *reference_open(const char *btf, GError **error);
 /* Opens a compressed material. path is a file that “mesorig compress” or “mesorig process” wrote.
- * Such a reference can render pictures, but cannot read views. */
+ * Such a reference can only render pictures: reference_info() and reference_read_view() need a
+ * BTF. */
 Reference *reference_open_material(const char *path, GError **error);
 /* Makes pictures of the whole BTF mix views along the surface of its MDF from now on
  * (mdf/reprojection.h). The sample must repeat, without an index map. mdf is products/mdf.exr.
- * Texels are always interpolated. It takes about 150 bytes more for each sample, and the memory of
- * the MDF. */
+ * Texels are always interpolated. Rendering takes about 150 bytes more for each sample, and the
+ * memory of the MDF. */
 gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)

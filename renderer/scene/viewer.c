@@ -46,7 +46,7 @@ struct viewer_material {
     const struct method *method;
     gpointer material;  /* an object of the method */
     Programs *programs; /* programs of the method */
-    double tiles;       /* in each direction, for all but the first material */
+    double tiles;       /* tiles per unit of the texture coordinates; not used for the main material */
 };
 
 struct Viewer {
@@ -64,7 +64,7 @@ struct Viewer {
     guint array, vertices, shapes, indices;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
-    double reach;                    /* of the mesh and its floor */
+    double reach;                    /* radius of a sphere around the origin that contains the mesh and its floor */
     float *points;                   /* n_points × 3 */
     guint n_points;
     struct gpu_target scene, geometry, picture;
@@ -351,7 +351,8 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* Returns the places of the main material if its method looks texels up. */
+/* Returns the index map or the hexagons of a material. Only the main material can have them, and
+ * only if its method has a material file. */
 static struct places_source places(const Viewer *viewer, int material,
                                    const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;
@@ -445,8 +446,8 @@ static void main_tiles(const Viewer *viewer, const struct viewer_settings *s, do
         viewer_whole_tiles(viewer, &ret[0], &ret[1]);
 }
 
-/* Prepares a picture with hexagons. Chooses their centres from pictures of the sample for some
- * views and lights. */
+/* Makes viewer->endless if the settings need it and it does not exist yet. The centres of the
+ * hexagons are chosen from pictures of the sample for some views and lights. */
 static gboolean make_endless(Viewer *viewer, const struct viewer_settings *s, GError **error) {
     const struct viewer_material *m = &viewer->materials[0];
     int size[2];
@@ -555,7 +556,8 @@ static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
     }
 }
 
-/* Points the camera, and finds the parts of the relief that are visible to it and to the lamps. */
+/* Computes the scene as the camera sees it, and prepares the relief for it: the visible surface and
+ * the shadow maps. */
 static gboolean look(const Viewer *viewer, const struct viewer_settings *s, int width, int height,
                      struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;

@@ -14,11 +14,11 @@
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
 
+#define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 /* A further lamp, infinitely far away or near. The light of a near lamp decreases with the square
  * of the distance, and its direction differs from point to point. As for the first lamp, brightness
  * 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near lamp, this
  * diffuser is at the origin. */
-#define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction of the lamp from the origin */
     float rgb[3];
@@ -34,14 +34,16 @@ struct viewer_lamp {
  * counter-clockwise seen from above. */
 struct viewer_settings {
     double camera_azimuth_deg, camera_elevation_deg;
-    /* From the origin, in radii of the mesh; 0 means that the mesh just fits. */
+    /* Distance from the point that the camera looks at, in radii of the mesh; 0 means that the mesh
+     * just fits into the picture. */
     double camera_distance;
-    /* Offset of the point that the camera looks at, to the right and up, in radii of the mesh. */
+    /* Offset of the point that the camera looks at from the origin, to the right and up, in radii
+     * of the mesh. */
     double camera_pan[2];
     double camera_fov_deg;                 /* of the shorter side of the picture */
     double light_theta_deg, light_phi_deg; /* direction of the light from the origin */
     double lamp;                           /* brightness of this light */
-    /* As in struct viewer_lamp. The lamp aims at the origin. */
+    /* Distance and cone of this light as in struct viewer_lamp. The light aims at the origin. */
     double light_distance, light_cone_deg, light_inner_deg;
     int n_lamps; /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
@@ -49,7 +51,8 @@ struct viewer_settings {
     double environment_turn_deg;
     int environment_lamps;   /* largest number of lamps that represent the environment */
     double tiles_u, tiles_v; /* 0 keeps the numbers of the mesh */
-    /* 0: a white diffuser that is lit along its normal has 0.8 of full scale */
+    /* Exposure in stops. At 0, a white diffuser that is lit along its normal has 0.8 of full
+     * scale. */
     double exposure_ev;
     /* Radiance of an even sky, relative to the light's irradiance / π. Its light is added
      * everywhere, and is the only light in a shadow: ambient / π · L_a with L_a = ∫ T dω of Wang et
@@ -57,9 +60,9 @@ struct viewer_settings {
     double ambient;
     int samples; /* supersampling in each direction */
     struct method_style style;
-    /* These three need viewer_set_mdf(). Silhouettes: a ray that misses the structure shows the
-     * surface behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes,
-     * the structure also casts and receives them (§4.2). */
+    /* Silhouettes need an MDF (viewer_set_mdf()): a ray that misses the structure shows the surface
+     * behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes, the
+     * structure also casts and receives them (§4.2). */
     gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
     /* Width and height of the first lamp's shadow map; see relief.h for the others. */
@@ -103,14 +106,14 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
 /* Sets the mesh and copies the parts. A part without an added material shows the main material. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
-/* A scene has several materials. The functions above set the main material, number 0. This function
- * adds another one, which repeats `tiles` times in one unit of the texture coordinates. It returns
- * the number of the material, or −1 on error. The index map, viewer_render_flat() and plain
- * pictures only use the main material. */
+/* Adds a material to the main material (number 0), which the functions above set. The new material
+ * repeats `tiles` times in one unit of the texture coordinates. Returns the number of the material,
+ * or −1 on error. The index map, viewer_render_flat() and plain pictures only use the main
+ * material. */
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
-/* The same as viewer_set_mdf() and viewer_open_mdf(), for the material with this number. */
+/* Do the same as viewer_set_mdf() and viewer_open_mdf() for the material with this number. */
 gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
                                  GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
@@ -121,10 +124,10 @@ gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **e
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
 /* Sets the index map through which the material and its MDF are seen (gl/index_texture.h). With
- * NULL, the sample is repeated. Copies everything that it needs. The material and the map must have
- * the same sample. Methods without a material file, viewer_render_flat() and plain pictures ignore
- * the map. If the settings leave the tiles to the mesh, their number becomes a multiple of the
- * length of the map in tiles. */
+ * NULL, the sample is repeated. Copies everything that it needs. The map must be made for the
+ * sample of the material. Methods without a material file, viewer_render_flat() and plain pictures
+ * ignore the map. If the settings leave the tiles to the mesh, their number becomes a multiple of
+ * the length of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
 /* Opens an index map. Also fails if its sample and the open material have different sizes. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
@@ -132,7 +135,7 @@ gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
  * chosen so that the shape of the tiles changes least. Without a map, the numbers are not
  * changed. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
-/* Returns the map, or NULL if there is none. The viewer owns it. */
+/* Returns the index map, or NULL if there is none. The viewer owns it. */
 const struct index_map *viewer_index(const Viewer *viewer);
 
 /* Returns the hexagons of the picture that was drawn last, and their lattice with these settings.
@@ -146,8 +149,8 @@ struct environment;
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error);
 
-/* The GPU memory of the material, its MDF and its index map, in bytes. Textures count with all
- * their mip levels. */
+/* The GPU memory of all materials, of all MDFs and of the index map, in bytes. Textures count with
+ * all their mip levels. */
 struct viewer_memory {
     gint64 material, mdf, index;
 };
@@ -177,17 +180,14 @@ float *viewer_render_light(Viewer *viewer, const struct viewer_settings *setting
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
                             int height, GError **error);
 
-/* Returns values with which a sample of such a picture can be shaded elsewhere. The fourth float is
- * the same as in viewer_render_linear().
- * Texel: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the number of the
- * material, or 0 on a back face.
- * View and light: unit vectors in the local frame.
- * Lit: three values. The first is the share of the lamp's light that arrives, 0 … 1. For a near
- * lamp it is multiplied by the irradiance on a surface that faces the lamp, relative to the
- * irradiance at the origin. The second is the distance from the mesh along the ray to the
- * structure, and the third the distance from the eye to the mesh.
- * The lamp is the first lamp. If it is off, the first of the further lamps is used, if there is
- * one. */
+/* Returns values with which the samples of a picture of viewer_render_linear() can be shaded
+ * elsewhere. The fourth float is the same as in that picture. Texel: two coordinates in tiles, +y
+ * along the texture's rows downwards, and 1 + the number of the material, or 0 on a back face. View
+ * and light: unit vectors in the local frame. Lit: three values. The first is the share of the
+ * lamp's light that arrives, 0 … 1. For a near lamp it is multiplied by the irradiance on a surface
+ * that faces the lamp, relative to the irradiance at the origin. The second is the distance from
+ * the mesh along the ray to the structure, and the third the distance from the eye to the mesh. The
+ * lamp is the first lamp. If it is off, the first of the further lamps is used, if there is one. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,

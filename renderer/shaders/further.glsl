@@ -36,12 +36,9 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 #endif
 
 #if LAMP_SHADOWS
-uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp
-// For far lamps, the same as shadow_right. For near lamps: the tangent of half the angle of a map;
-// the bias, relative to the distance; and the layer of the second of a cube's six faces, or −1 for
-// a single map around the axis.
+uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp For far lamps, the unit vector of the map's +x, like shadow_right. For near lamps: the tangent of half the angle of a map; the bias, relative to the distance; and the layer of the second of a cube's six faces, or −1 for a single map around the axis.
 uniform vec3 further_right[MAX_LAMPS];
-uniform vec3 further_range; // range for far lamps
+uniform vec3 further_range; // shadow_range (shadow.glsl) for far lamps
 
 float far_at(vec3 towards, int k, vec3 p) {
     vec3 at = in_map(p, towards, further_right[k], further_range);
@@ -49,12 +46,13 @@ float far_at(vec3 towards, int k, vec3 p) {
 }
 
 #ifdef NEAR_LAMPS
-// The same as shadow_maps_right().
+// Computes the same as shadow_maps_right().
 vec3 map_right(vec3 back) {
     return normalize(cross(abs(back.z) > 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0), back));
 }
 
-// The depth in the map of a near lamp is the distance from the lamp.
+// Returns the share of the light of near lamp k that arrives at p. The depth in the map of a near
+// lamp is the distance from the lamp.
 float near_at(int k, vec3 p) {
     vec3 map = further_right[k], v = p - lamp_places[k].xyz, size = abs(v);
     vec3 axis = lamp_cones[k].xyz, back;

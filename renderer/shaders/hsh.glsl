@@ -2,7 +2,7 @@
 // hsh.h. N_TERMS (4, 9 or 16) is a constant. For the pages of a slice, see hsh_view.c.
 const float PI_INVERSE = 0.3183098861837907;
 
-// Computes H_0 … H_15. Those beyond N_TERMS are not used.
+// Computes H_0 … H_15. Callers use only the first N_TERMS.
 void hsh_basis(vec3 l, out float h[16]) {
     float c = clamp(l.z, 0.0, 1.0), w = c - c * c, x = 2.0 * c - 1.0;
     vec2 p = sqrt(c / (1.0 + c)) * l.xy; // sqrt(w) (cos phi, sin phi)

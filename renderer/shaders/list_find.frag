@@ -9,7 +9,8 @@ bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }
 
-// Finds the nearest back face beyond z.
+// Returns the distance of the nearest back face beyond z (1e30 if there is none), and the distance
+// from there back to the structure.
 vec2 find_back(uint head, float z) {
     vec2 back = vec2(1e30, 0.0);
     for (uint at = head; at != 0u; at = faces[at - 1u].next) {

@@ -7,7 +7,7 @@ struct face {
 };
 
 layout(std430, binding = 0) buffer Faces {
-    uint n_faces; // number of requested nodes; the list has only as many as fit
+    uint n_faces; // number of faces that were drawn; only those that fit are stored
     uint spare[3];
     face faces[];
 };

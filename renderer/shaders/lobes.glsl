@@ -1,10 +1,10 @@
 // Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or
 // one for all views), N_LOBES and ROTATION are constants.
-uniform sampler2DArray values;   // slice · n_pages + page
-uniform sampler2DArray ambients; // under an even sky: a layer per view, and one of their pole
+uniform sampler2DArray values; // layer: slice · n_pages + page
+uniform sampler2DArray ambients; // reflectance under an even sky: a layer per view, and one for the pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
-uniform usampler2D pole; // the views whose mean is the pole
+uniform usampler2D pole; // indices of the views whose mean stands for the pole
 uniform int n_pages;
 uniform int n_slices;
 
@@ -23,7 +23,8 @@ float lobe(vec4 xyzn, vec3 w) {
     return c > 0.0 ? pow(c, xyzn.w) : 0.0;
 }
 
-// The result is clamped, because polynomials may be negative.
+// Returns the reflectance of a texel in one slice, or the mean of the pole's views if slice is
+// n_slices. The result is clamped to 0, because polynomials may be negative.
 vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
 #if SLICED
     if (slice >= n_slices) {

@@ -15,7 +15,7 @@ uniform sampler2DArray
     skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
-ivec3 views, lights; // the three measured directions around v and l
+ivec3 views, lights; // indices of the three measured views around v, and first columns of the three measured lights around l
 vec3 g, h;           // and their barycentric weights
 
 ivec3 indices(samplerCube map, vec3 d) {
@@ -37,8 +37,8 @@ vec3 one_pair(int column, ivec2 at, float share, vec4 w[N_PAGES]) {
 }
 
 #if LOG
-// Converts ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε) back. No real material is as bright as the
-// limit.
+// Converts c = (ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε)) to R, G, B. Y is the luminance, and ε
+// is LOG_OFFSET. The limit of c.x avoids overflow; no real material is so bright.
 vec3 reflectance(vec3 c) {
     float size = exp(min(c.x, 11.0)), y = size - LOG_OFFSET;
     vec2 rb = y + c.yz * size;

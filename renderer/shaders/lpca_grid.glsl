@@ -5,7 +5,8 @@ uniform int n_grid;           // samples in each direction; the light cell n_gri
 // The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
-// The same for the triangle around v, under an even sky.
+// The corners of the triangle around v in the cells of the even sky, and their weights times
+// ambient.
 int sky_corners[3];
 float sky_shares[3];
 

@@ -8,14 +8,14 @@ uniform int n_grid;            // samples in each direction
 uniform int n_columns;         // number of clusters in a row
 
 vec2 place; // s_v, t_v from the centre of the first sample, in samples
-vec3 z;     // values of the light
+vec3 z; // z1, z2, w of the light
 float lit_share, sky_z;
 
 void prepare(vec3 v, vec3 l, float lit) {
     place = 0.5 + textureLod(view_map, v, 0.0).rg * float(n_grid - 1);
     z = textureLod(light_map, l, 0.0).rgb;
-    /* Where the square of directions has its corners, samples at the horizon are not 0, and the
-     * light would end immediately. It fades over the last 3°. */
+    /* Samples at the horizon are not 0 at the corners of the square of directions. The light would
+     * therefore end abruptly at the horizon. Instead, it fades over the last 3°. */
     lit_share = lit * clamp(l.z / 0.05, 0.0, 1.0);
     sky_z = 1.0 - 0.5 / float(n_grid * n_grid + 1);
 }

@@ -31,9 +31,10 @@ vec3 one_texel(vec2 x, int level) {
     return max(evaluate(cluster, 1.0, w) + sky_of(texel, level), vec3(0.0));
 }
 
-// Evaluates four texels of a tile. Within one cluster, reflectance is linear in the weights. The
-// weights of all texels of a cluster are therefore mixed, and the cluster is evaluated once.
-// Usually all four texels have the same cluster. With logarithms, each texel is evaluated.
+// Interpolates the reflectance bilinearly between the four texels around x. Within one cluster,
+// reflectance is linear in the weights. The weights of all texels of a cluster are therefore mixed,
+// and the cluster is evaluated once. Usually all four texels have the same cluster. With
+// logarithms, each texel is evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;
@@ -84,7 +85,8 @@ void btf_prepare(vec3 v, vec3 l, float lit) {
     prepare(v, l, lit);
 }
 
-// See method.h. Clusters cannot be filtered, so between two levels both are evaluated.
+// See method.h. Clusters cannot be filtered. Between two mip levels, both levels are therefore
+// evaluated, and the results are interpolated.
 vec3 btf_texel(vec2 x) {
 #if NEAREST
     return one_texel(x, 0);

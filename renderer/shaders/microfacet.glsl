@@ -1,7 +1,6 @@
-// The half vector h in the frame of microfacets whose normal n is not the surface normal z (Kang &
-// Cho 2011). how is an enum method_rotation. Returns (w h_x², w h_y², h_n, w). The exact rotation
-// divides both tangent axes by √w, w = 1 − n_y². The caller does that together with its own
-// division.
+// Transforms the half vector h to the frame of microfacets whose normal n is not the surface normal
+// z (Kang & Cho 2011). how is an enum method_rotation. Returns (w h_x², w h_y², h_n, w). The exact
+// rotation divides both tangent axes by √w, w = 1 − n_y². facet_shine() does that.
 vec4 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)

@@ -5,8 +5,8 @@
 // PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
     int n;
-    vec2 x[4];      // in tiles of the sample; the first is the place of the nearest hexagon
-    float share[4]; // share of each place; their sum is 1
+    vec2 x[4]; // in tiles of the sample; with hexagons, the first is in the nearest hexagon
+    float share[4]; // weight of each place; the sum of the weights is 1
     int mean;       // index of the place that stands for the sample's mean; −1 if there is none
 };
 
@@ -63,7 +63,8 @@ vec2 index_shift(ivec2 texel, int level) {
     return vec2(from + inside - (block << level) - texel);
 }
 
-// Returns whether texels with these shifts are neighbours in a repeated sample.
+// Returns whether neighbouring texels of the map with these shifts are also neighbours in the
+// repeated sample.
 bool index_same(vec2 a, vec2 b) {
     vec2 apart = (a - b) / index_sample;
     return all(lessThan(abs(apart - round(apart)), vec2(1e-4)));
@@ -75,8 +76,8 @@ void add_place(inout places at, vec2 x, float share) {
     at.n += share > 0.0 ? 1 : 0;
 }
 
-// Adds two neighbours of a row or column. They become one place between them if they are also
-// neighbours in the sample.
+// Adds two neighbouring texels of a row or column of the map. If they are also neighbours in the
+// sample (same), they become one place between them.
 void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, vec2 shift_to,
               bool same, float share) {
     if (same) {
@@ -87,10 +88,10 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
     add_place(at, to + shift_to, part * share);
 }
 
-// Level 0 is interpolated between four texels of the map. Texels that are also neighbours in the
-// sample are left to the sample's own filter. Most points therefore have one place, and points at a
-// seam have two to four. Coarser levels fit the size of the pixel, so only the nearest texel is
-// used.
+// Finds the places of a point. Level 0 is interpolated between four texels of the map. Texels that
+// are also neighbours in the sample are left to the sample's own filter. Most points therefore have
+// one place, and points at a seam have two to four. Coarser levels fit the size of the pixel, so
+// only the nearest texel is used.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -127,11 +128,11 @@ places find_places(vec2 x, float level) {
 #endif
 uniform vec2 endless_cells; // columns and rows of hexagons per tile
 uniform ivec2
-    endless_period;        // columns and rows after which they repeat; the number of rows is even
+    endless_period; // columns and rows after which the hexagons repeat; the number of rows is even
 uniform vec2 endless_edge; // half a texel, in tiles
 uniform vec2 endless_centres[ENDLESS_CENTRES]; // centres of hexagons in the sample, in tiles
 
-// The same as endless_hash().
+// Computes the same as endless_hash() of synthesis/endless.h.
 uint endless_hash(uvec2 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * 1664525u;
@@ -180,7 +181,8 @@ places nearest_place(vec2 x) {
     return one_place(endless_look_up(x, vertices[0]));
 }
 
-// Where hexagons blend, the last place is the mean of the sample.
+// Finds the places of a point in up to three hexagons. Where hexagons blend, the last place stands
+// for the mean of the sample (ENDLESS_MEAN).
 places find_places(vec2 x, float level) {
 #if PLACES_NEAREST
     return nearest_place(x);
@@ -217,7 +219,8 @@ places find_places(vec2 x, float level) {
 #endif
 
 #if PLACES
-// Call it before branches, because it takes derivatives.
+// Sets place_dx and place_dy, and returns the mip level of the index map. Call this function before
+// branches, because it takes derivatives.
 float prepare_places(vec2 x) {
     place_dx = dFdx(x);
     place_dy = dFdy(x);
@@ -229,7 +232,7 @@ float prepare_places(vec2 x) {
 #endif
 }
 
-// From now on, look-ups return the mean of the sample, from its coarsest mip level.
+// From now on, PLACE_TEXTURE() returns the mean of the sample, from its coarsest mip level.
 void prepare_mean() {
     place_dx = vec2(1e4, 0.0);
     place_dy = vec2(0.0, 1e4);

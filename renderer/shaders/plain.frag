@@ -1,4 +1,4 @@
-// A plain textured mesh: one picture, times n·l. Eigen-maps are compared with it.
+// Draws a plain textured mesh: one picture, times n·l. Eigen-maps are compared with it.
 uniform sampler2DArray maps;
 uniform int n_layers;
 

@@ -5,7 +5,7 @@ in vec3 bending;
 
 uniform vec4 sight; // w = 1: position of the eye; w = 0: unit vector towards a distant eye
 uniform float
-    reach; // for w = 0: distances are measured from a plane at this distance from the origin
+    reach; // for w = 0: distance from the origin to the plane from which distances are measured
 
 // Depths below the reference plane, with a layer per view, or with four maps per layer; see
 // mdf_factors.h.
@@ -13,12 +13,12 @@ uniform sampler2DArray mdf_depths;
 uniform vec2 mdf_range; // for views, mm: depth = x + y · texel value
 uniform int mdf_layers; // number of layers of maps; 0 if there are views
 uniform sampler2DArray
-    mdf_factors;                // weights of the maps over the hemisphere; the last layer has W_0
-uniform usampler2D mdf_indices; // over the hemisphere; see directions.h
+    mdf_factors; // weights of the maps over the hemisphere (mdf_factors.h); the last layer has W_0
+uniform usampler2D mdf_indices; // indices of measured views over the hemisphere; see direction_table.h
 uniform sampler2D mdf_weights;
 uniform vec2 mdf_size;     // size of a tile, mm
 uniform float mdf_deepest; // depth of the deepest structure, mm
-uniform bool straight; // as if the mesh were flat under each ray, with the same scale for all axes
+uniform bool straight; // the mesh is taken as flat under each ray, with the same scale for all axes
 
 const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
@@ -35,7 +35,7 @@ float distance_from_eye() {
 uniform sampler3D mdf_volume; // distances of views, as shares of the deepest; see mdf_texture.h
 uniform int mdf_rings;
 uniform vec4
-    mdf_ring[16]; // θ, centre of the first slice, number of slices, φ of the first in turns
+    mdf_ring[16]; // θ in rad, centre of the first slice, number of views, φ of the first view in turns
 #endif
 
 struct below {
@@ -117,21 +117,23 @@ float depth_at(places at, vec3 d, float level) {
 #endif
 }
 
-// Returns the step in the texture for a step x at some depth below a curved mesh. It is longer than
-// on the mesh, because the distance between two normals shrinks by 1 − depth · κ along each
-// principal curvature κ.
+// Returns the step on the mesh above a step x at this depth below a curved mesh. The distance
+// between two normals of the mesh changes by the factor 1 − depth · κ along each principal
+// direction with curvature κ, so the step is divided by this factor. Returns x below the depth at
+// which normals meet.
 vec2 texture_step(vec2 x, float depth) {
     mat2 shrunk = mat2(1.0) - depth * mat2(bending.x, bending.y, bending.y, bending.z);
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
 }
 
-// v is the unit vector outwards along the ray, in the frame of the mesh. Under a mesh of normal
-// curvature bend, a straight ray is at depth t v_z − ½ bend t² after a distance t. The MDF is
-// tabulated only for straight rays over a flat surface, so CHORDS chords of this parabola are
-// tested. All start where the ray enters. The last one ends where the ray is as deep as the deepest
-// structure, or at the deepest point of the ray. A chord lies above the parabola, so a structure
-// that the chord meets before its end is also met by the ray. Along the texture, a chord has the
-// length that texture_step() returns for its far end, at the depth chord · end.
+// Returns where a ray meets the structure and the base. v is the unit vector outwards along the
+// ray, in the frame of the mesh. Under a mesh of normal curvature bend, a straight ray is at depth
+// t v_z − ½ bend t² after a distance t. The MDF is tabulated only for straight rays over a flat
+// surface, so CHORDS chords of this parabola are tested. All start where the ray enters. The last
+// one ends where the ray is as deep as the deepest structure, or at the deepest point of the ray. A
+// chord lies above the parabola, so a structure that the chord meets before its end is also met by
+// the ray. Along the texture, a chord has the length that texture_step() returns for its far end,
+// at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
@@ -166,7 +168,7 @@ below below_mesh(vec3 v, float level) {
 
 // Returns whether a ray that enters at a front face and leaves through a back face after the
 // distance way meets the structure between them. front and back are the MDF distances from either
-// end. With straight, it is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each
+// end. With straight, this is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each
 // half of the way has a separate chord.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;

@@ -7,7 +7,7 @@ uniform vec3 shadow_right; // direction of the map's +x; its +y is shadow_light 
 uniform vec3 shadow_range; // shadow_maps_range(): distance at depth 0, length of the range, bias
 uniform float shadow_radius;
 
-// Returns the position in the map, 0 … 1 each. z is the depth.
+// Returns the position of p in the map: x, y and the depth z. Within the map, all three are 0 … 1.
 vec3 in_map(vec3 p, vec3 towards, vec3 right, vec3 range) {
     vec2 at = vec2(dot(right, p), dot(cross(towards, right), p)) / shadow_radius;
     return vec3(at * 0.5 + 0.5, min((range.x - dot(towards, p) - range.z) / range.y, 1.0));
@@ -17,7 +17,7 @@ bool outside(vec3 at) {
     return any(lessThan(at.xy, vec2(0.0))) || any(greaterThan(at.xy, vec2(1.0)));
 }
 
-// Returns the share that arrives at p, 0 … 1.
+// Returns the share of the first lamp's light that arrives at p, 0 … 1.
 float lamp_at(vec3 p) {
     if (!shadows)
         return 1.0;

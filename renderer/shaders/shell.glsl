@@ -1,6 +1,6 @@
 // The distance that a viewing ray travels below the mesh until it meets the material's structure,
 // by marching through the shell; see mdf/mdf_shell.h.
-uniform sampler2DArray mdf_shell; // g; the layers lie one below the other from the reference plane
+uniform sampler2DArray mdf_shell; // g (mdf/mdf_shell.h); layer 0 is at the reference plane, and further layers lie below
 uniform float mdf_most_per_mm;    // σ = mdf_most_per_mm · g⁴
 uniform float mdf_top;            // depth above which σ is 0, mm
 in vec4 stretching;
@@ -18,7 +18,7 @@ float level_of_detail() {
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
-// Returns g at a place in the texture and a share of the shell's depth. Mip levels are coarser
+// Returns g at x in the texture and at depth, a share of the shell's depth. Mip levels are coarser
 // along the texture only.
 float shell_value(vec2 x, float depth, float level) {
     float layers = float(textureSize(mdf_shell, 0).z);
@@ -38,8 +38,9 @@ vec2 shell_place(vec2 x) {
 #endif
 }
 
-// Under a mesh of normal curvature k, a ray that enters with the cosine slope is at the depth d
-// after this distance; −1 if it never is.
+// Returns the distance after which a ray is at the depth d below a mesh of normal curvature k, or
+// −1 if the ray never is. slope is the cosine of the angle between ray and normal where the ray
+// enters.
 float distance_to_depth(float d, float slope, float k) {
     float c = 2.0 * d - k * d * d, root = slope * slope - k * c;
     return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : -1.0;
@@ -49,15 +50,15 @@ float distance_to_depth(float d, float slope, float k) {
 // the foot, which is the nearest point of the mesh.
 struct marched {
     vec2 along;  // direction of the ray in the tangent plane
-    float down;  // and towards the depth
+    float down; // component of the direction towards greater depth
     float depth; // below the mesh
-    vec2 foot;   // way of the foot on the mesh, from where the ray entered
-    vec2 x;      // way of the foot in the texture, in tiles
-    float mm;    // way of the ray in the flat sample
+    vec2 foot; // vector on the mesh from the point where the ray entered to the foot
+    vec2 x; // texture coordinates of the foot, in tiles
+    float mm; // length of the last step in the flat sample, mm
 };
 
-// Parallel surfaces: where the ray goes by w dt in the tangent plane, the foot goes by
-// (1 − depth · B)⁻¹ w dt, with the second fundamental form B of the mesh.
+// Returns the velocity of the foot if the ray moves with velocity w parallel to the tangent plane:
+// (1 − depth · B)⁻¹ w, with the second fundamental form B of the mesh (parallel surfaces).
 vec2 foot_step(mat2 b, vec2 w, float depth) {
     float trace = b[0][0] + b[1][1];
     float det = 1.0 - depth * trace + depth * depth * (b[0][0] * b[1][1] - b[0][1] * b[1][0]);
@@ -69,9 +70,9 @@ vec2 grown_at(vec2 foot) {
                  MAX_GROWN);
 }
 
-// Goes further by dt, by the midpoint rule. The direction in the frame changes because the frame
-// turns: about an axis in the tangent plane by B, and about the normal because the lines of the
-// texture bend.
+// Moves the ray further by dt, by the midpoint rule. The direction in the frame changes because the
+// frame turns: about an axis in the tangent plane by B, and about the normal because the lines of
+// the texture bend.
 void march(inout marched m, mat2 b, vec3 mm, float dt) {
     vec2 turn = b * foot_step(b, m.along, m.depth);
     vec2 along = m.along + 0.5 * dt * m.down * turn;
@@ -92,9 +93,9 @@ void march(inout marched m, mat2 b, vec3 mm, float dt) {
     m.down = next.z;
 }
 
-// v is the unit vector outwards along the ray, in the frame of the mesh. The ray is marched to its
-// deepest point, or to the base. The other half of a ray that leaves again is marched from its
-// other end.
+// Returns where a ray meets the structure and the base. v is the unit vector outwards along the
+// ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. The other
+// half of a ray that leaves again is marched from its other end.
 below below_mesh(vec3 v, float level) {
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
@@ -110,8 +111,9 @@ below below_mesh(vec3 v, float level) {
     vec3 size = vec3(textureSize(mdf_shell, 0));
     vec3 voxels = vec3(size.xy / tile_size * abs(v.xy), size.z / deepest * slope);
     float longest = max(max(voxels.x, voxels.y), voxels.z) * (middle - from);
-    // Far from an edge of the mesh, a ray that goes to the base from one side also goes there from
-    // the other, and what its back face finds does not matter.
+    // Far from an edge of the mesh, a ray that goes to the base from one side also goes to the base
+    // from the other side. What is found behind its back face then does not matter, and longer
+    // steps are enough.
     float step = !gl_FrontFacing && base == middle ? BACK_STEP : STEP;
     int n = clamp(int(ceil(longest / step)), MIN_STEPS, MAX_STEPS);
     float dt = (middle - from) / float(n), hit = base == middle ? base : 1e30, sum = 0.0;

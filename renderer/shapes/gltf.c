@@ -1,5 +1,5 @@
-/* Reads the triangles of a glTF 2.0 file, at the places of its scene. Skins and morph targets stay
- * in their rest state. */
+/* Reads the triangles of a glTF 2.0 file, transformed by the nodes of its scene. Skins and morph
+ * targets stay in their rest state. */
 #include "gltf_nodes.h"
 
 #include <math.h>
@@ -14,14 +14,15 @@ struct reader {
 /* The attributes of a primitive's vertices, and its indices. */
 enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
-    GArray *of[N_ATTRIBUTES + 1]; /* NULL if the primitive has none */
+    GArray *of[N_ATTRIBUTES + 1]; /* numbers of each attribute, then the indices; NULL if the primitive has none */
 };
 
 static const float *row_of(const GArray *array, gsize k, int n) {
     return (const float *)(const void *)array->data + k * (gsize)n;
 }
 
-/* Adds one vertex of the file: its position and attributes. v of glTF increases downwards. */
+/* Adds vertex k of the primitive: its position and attributes. v is flipped, because v of glTF
+ * increases downwards. */
 static void add_vertex(struct reader *r, const struct gltf_transform *p, const struct attributes *a,
                        gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
@@ -144,7 +145,7 @@ gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
 }
 
 gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, GError **error) {
-    /* NULL if there are no positions. */
+    /* values is NULL if there are no positions. */
     const float *values = (const float *)(const void *)soup->positions->data;
     for (gsize k = 0; k < 3 * (gsize)soup->positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))

@@ -61,7 +61,7 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
     return NULL;
 }
 
-/* Returns the depth of nested brackets, without those in strings. */
+/* Returns the largest depth of nested brackets. Brackets in strings do not count. */
 static int depth_of(const char *text, gsize length) {
     int depth = 0, deepest = 0;
     gboolean string = FALSE;
@@ -263,7 +263,7 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
 static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, struct numbers *ret,
                              GError **error) {
     static const char *const shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-    /* For the codes from 5120 on: bytes, shorts, –, uint, float. */
+    /* Bytes of the component types 5120 to 5126: byte, ubyte, short, ushort, none, uint, float. */
     static const int sizes[] = {1, 1, 2, 2, 0, 4, 4};
     JsonObject *accessor = gltf_item(gltf, "accessors", k, error);
     if (accessor == NULL)

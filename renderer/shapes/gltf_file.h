@@ -13,7 +13,7 @@ struct gltf {
     GPtrArray *buffers; /* of GBytes; NULL entries are not read yet */
 };
 
-/* Sets an error: the path, and then a sentence. */
+/* Sets an error with the path and the text, and returns FALSE. */
 gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **error,
                    const char *format, ...) G_GNUC_PRINTF(4, 5);
 
@@ -23,7 +23,8 @@ gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **erro
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
 void gltf_clear(struct gltf *gltf);
 
-/* Returns element k of the root's array of that name, or NULL with an error. */
+/* Returns element k of the root's array of that name, or NULL with an error if there is no such
+ * object. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
 /* Returns a member that is a whole number, or fallback if it is missing or has another type. */
@@ -33,7 +34,7 @@ JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
 /* Returns the bytes of image k, from a buffer view, from the URI itself, or from a file below the
- * folder of the glTF file. Returns NULL with an error. */
+ * folder of the glTF file. Returns NULL with an error if there is none. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 
 /* Returns the numbers of an accessor as an array of float, n_components per element. Integers are

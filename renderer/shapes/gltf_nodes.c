@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#define MAX_NODES 100000 /* a file's nodes may refer to each other in a circle */
+#define MAX_NODES 100000 /* a limit, because a file's nodes may refer to each other in a circle */
 #define MAX_LEVEL 64
 
 struct walk {
@@ -39,8 +39,8 @@ gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint 
     return TRUE;
 }
 
-/* Returns a node's matrix, stored in columns, or the matrix of its translation, rotation and
- * scale. */
+/* Returns a node's transform: its matrix, which the file stores column by column, or otherwise the
+ * product of its translation, rotation and scale. */
 static struct gltf_transform transform(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
     struct gltf_transform p = identity;

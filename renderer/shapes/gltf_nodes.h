@@ -15,21 +15,23 @@ void gltf_move_normal(const struct gltf_transform *p, const float v[3], float re
 /* Returns the determinant. If it is negative, the transform mirrors. */
 double gltf_determinant(const struct gltf_transform *p);
 
-/* Reads a member that is an array of n numbers. If it is not such an array, returns FALSE and does
- * not change values. */
+/* Reads a member that is an array of n numbers. Returns FALSE if it is not such an array. Some
+ * values may have been set then. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
-/* Called for a mesh. p transforms from the node to the world. node is NULL for meshes of a file
- * without scenes. mesh is the index of the mesh, or −1 if the node has none. */
+/* Called for a node, or for a mesh of a file without scenes. p transforms from the node to the
+ * world. node is NULL for meshes of a file without scenes. mesh is the index of the mesh, or −1 if
+ * the node has none. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
 /* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a
  * call fails. */
 gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **error);
 
-/* Calls use for every primitive of a mesh, until one fails. */
+/* Called for a primitive of a mesh. Returns FALSE with an error on failure. */
 typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer data,
                             GError **error);
+/* Calls use for every primitive of a mesh, until a call fails. */
 gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
                              GError **error);
 

@@ -13,7 +13,8 @@ struct gltf_loading {
     const char *name;               /* name of its mesh, or "" */
 };
 
-/* Returns a number within a range, or the fallback if the member is not such a number. */
+/* Returns a member as a number, clamped to least … most. Returns fallback if there is no such
+ * member or no finite number. */
 static double number(JsonObject *object, const char *name, double fallback, double least,
                      double most) {
     JsonNode *node = object != NULL ? json_object_get_member(object, name) : NULL;
@@ -53,7 +54,8 @@ static struct gltf_material read_material(JsonObject *from) {
     return ret;
 }
 
-/* Reads a picture. Returns FALSE if the file names a texture that it does not have. */
+/* Reads the base colour texture of a material. Returns FALSE if the file names a texture or picture
+ * that cannot be read. */
 static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct gltf_material *ret,
                              GError **error) {
     static const char *const axes[2] = {"wrapS", "wrapT"};
@@ -96,7 +98,8 @@ static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GErr
     return TRUE;
 }
 
-/* Computes the direction of a node's axis in the world. Returns FALSE if it has none. */
+/* Computes the unit direction of a node's axis in the world. Returns FALSE if the node's scale
+ * makes the axis vanish. */
 static gboolean node_axis(const struct gltf_transform *p, int axis, double sign, double ret[3]) {
     float unit[3] = {0.0F, 0.0F, 0.0F}, moved[3];
     unit[axis] = (float)sign;

@@ -33,8 +33,8 @@ struct gltf_material {
 struct gltf_part {
     char *name; /* name of its mesh, or "" */
     struct mesh *mesh;
-    int material;     /* index, or −1 for glTF's default */
-    gboolean texture; /* it has texture coordinates; otherwise they are 0 */
+    int material;     /* index into materials, or −1 for glTF's default material */
+    gboolean texture; /* the mesh has texture coordinates; otherwise they are 0 */
 };
 
 /* KHR_lights_punctual */
@@ -49,7 +49,8 @@ struct gltf_lamp {
 };
 
 struct gltf_camera {
-    /* Unit vectors; back points from the scene to the camera. */
+    /* eye is the position. The others are unit vectors; back points from the scene to the
+     * camera. */
     double eye[3], right[3], up[3], back[3];
     double fov_y_rad;
 };

@@ -6,13 +6,13 @@
 
 #define MIN_SCALE 1e-6f
 
-/* Sums over the triangles around a vertex. bend is computed from the change of the normal along
- * their edges, by least squares. For an edge (a, b) and a change (p, q): L a + M b = p, M a + N b =
- * q. */
+/* Sums over the triangles around a vertex. bend = (L, M, N) is fitted by least squares to the
+ * changes of the normal along their edges: L a + M b = p and M a + N b = q. (a, b) is an edge and
+ * (p, q) the change of the normal, along the tangent and the bitangent. */
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;
-    double ga[2], gb[2]; /* changes of ln scale, times a and times b */
+    double ga[2], gb[2]; /* sums of the changes of ln scale, times a and times b */
 };
 
 /* Adds the lengths of dP/du and dP/dv, weighted by the triangle's area. */
@@ -37,7 +37,8 @@ static void add_scale(const struct vertex *const v[3], struct sums *const sums[3
     }
 }
 
-/* Gives the components of an edge along the tangent and the bitangent of a vertex. */
+/* Computes the bitangent of a vertex, and the components of an edge along the tangent and the
+ * bitangent. */
 static void components(const struct vertex *at, const float edge[3], float ret_bitangent[3],
                        double ret[2]) {
     float3_cross(at->normal, at->tangent, ret_bitangent);
@@ -64,7 +65,8 @@ static void add_edge(const struct vertex *at, const struct vertex *from, const s
     sums->qb += q * b;
 }
 
-/* Solves (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa, pb + qa, qb). */
+/* Computes bend from the normal equations (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa,
+ * pb + qa, qb). */
 static void solve(const struct sums *s, float ret[3]) {
     double slack = 1e-9 * (s->aa + s->bb) + G_MINDOUBLE;
     double aa = s->aa + slack, bb = s->bb + slack, ab = s->ab;
@@ -92,7 +94,8 @@ static void add_change(const struct mesh *mesh, const struct vertex_shape *shape
     }
 }
 
-/* Solves (aa, ab; ab, bb) (∂t, ∂b) = (ga, gb) for both scales. */
+/* Computes stretch: solves (aa, ab; ab, bb) (∂t, ∂b) = (ga, gb) for both scales. ∂t and ∂b are the
+ * derivatives of ln scale along tangent and bitangent. */
 static void solve_stretch(const struct sums *s, float ret[4]) {
     const double determinant = s->aa * s->bb - s->ab * s->ab;
     const double size = (s->aa + s->bb) * (s->aa + s->bb);

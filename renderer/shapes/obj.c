@@ -42,7 +42,8 @@ static void skip_blanks(const char **text) {
     }
 }
 
-/* Returns the start of the next line, or the end. */
+/* Returns the start of the next line, or the end of the text, and counts lines in obj->line. A
+ * backslash before the end of a line continues the line. */
 static const char *next_line(struct obj *obj, const char *start) {
     for (const char *at = start;; at++) {
         at += strcspn(at, "\n");

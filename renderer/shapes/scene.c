@@ -146,8 +146,8 @@ struct mesh *scene_sphere(void) {
     return grid("sphere", NULL, sphere_point, 128, 64, 6, 3);
 }
 
-/* Adds a flat end at height z that faces up or down. Its texels have the size of those around
- * it. */
+/* Adds a flat end to a cylinder, facing up (side 1) or down (side −1). Its texels have about the
+ * size of those on the cylinder. */
 static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, double side) {
     guint first = mesh->n_vertices, at = mesh->n_indices;
     mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += n + 1);
@@ -192,8 +192,9 @@ static double twice_area(const double a[3], const double b[3]) {
                 pow(a[0] * b[1] - a[1] * b[0], 2));
 }
 
-/* Lays a plane of half_width radii below the lowest point of the mesh. If the mesh has tiles_u ×
- * tiles_v tiles, the tiles of the floor are square, and have the mean size of the mesh's tiles. */
+/* Adds a square floor at the height of the lowest point of the mesh. half_width is half the width
+ * of the floor, in radii of the mesh. If the mesh has tiles_u × tiles_v tiles, the tiles of the
+ * floor are square, and have the mean size of the mesh's tiles. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
     double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums of areas on the mesh, and in u and v */

@@ -3,7 +3,7 @@
  *
  * u increases along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so
  * that row 0 of a texture lies at v = 1), with b = tangent[3] · n × t. Coordinates are z-up. One
- * tile covers u or v from 0 to 1. A renderer multiplies them by the number of tiles.
+ * tile covers u or v from 0 to 1. A renderer multiplies u and v by the numbers of tiles.
  */
 #pragma once
 
@@ -41,10 +41,10 @@ struct mesh {
     guint n_vertices;
     guint32 *indices; /* three for each triangle, counter-clockwise seen from outside */
     guint n_indices;
-    float radius;            /* radius of the sphere around the origin that contains it */
+    float radius;            /* radius of the sphere around the origin that contains the mesh without its floor */
     double tiles_u, tiles_v; /* suggested number of tiles */
-    /* The last vertices and indices belong to a floor. It receives shadows and casts none. It need
-     * not lie within the radius nor fit into the picture. */
+    /* The last vertices and indices belong to a floor. The floor receives shadows and casts none.
+     * It may extend beyond the radius and beyond the picture. */
     guint n_floor_vertices, n_floor_indices;
     /* The parts are in the order of the indices, and each index belongs to exactly one part. A part
      * lies wholly in the floor or wholly outside it. If n_parts is 0, the whole mesh has material
@@ -63,7 +63,8 @@ enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 /* "plane", "torus", "sphere", "cylinder", "torus-knot" */
 extern const char *const scene_shape_names[SCENE_SHAPES];
 
-/* Returns a shape. name is one of these names, or the path of an .obj, .gltf or .glb file. */
+/* Returns a shape, or NULL on error. name is one of scene_shape_names, or the path of an .obj,
+ * .gltf or .glb file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {
@@ -91,5 +92,6 @@ struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
  * requires an extension (compression) is refused. */
 struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error);
 
-/* The same as scene_read_obj(), from memory. text ends with NUL. name is for messages. */
+/* Does the same as scene_read_obj() with text in memory. text ends with NUL. name is for
+ * messages. */
 struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error);

@@ -37,7 +37,7 @@ struct parts {
     const struct gltf_scene *scene;
     const struct scene_binding *bindings;
     guint n_bindings;
-    gboolean *floor; /* for each part of the scene */
+    gboolean *floor; /* whether each part of the scene belongs to the floor */
     float low[3], high[3];
 };
 

@@ -3,7 +3,7 @@
  * The first binding has material 1, the second 2, and so on. Parts that no binding names have
  * material 0.
  *
- * Lengths stay those of the file. z is up, and the middle of the box around the objects becomes the
+ * Lengths are as in the file. z is up, and the middle of the box around the objects becomes the
  * origin. A mesh is the floor if it is flat, lies in the lower half, faces up and reaches as far as
  * everything else on all sides, unless there is no other mesh.
  */
@@ -13,7 +13,7 @@
 
 struct scene_binding {
     char *name, *path;
-    double tiles; /* number in one unit of the texture coordinates */
+    double tiles; /* number of tiles in one unit of the texture coordinates */
 };
 
 /* Parses NAME=PATH or NAME=PATH,TILES. If the text after the last comma is not a number, it belongs
@@ -21,7 +21,7 @@ struct scene_binding {
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error);
 void scene_binding_clear(struct scene_binding *binding);
 
-/* Reads a scene. Fails if a name is not in the scene, or if a mesh with that material has no
- * texture coordinates. */
+/* Reads a scene. Fails if no mesh has the material of a binding, or if a mesh with such a material
+ * has no texture coordinates. */
 struct mesh *scene_read_parts(const char *path, const struct scene_binding *bindings, guint n,
                               GError **error);

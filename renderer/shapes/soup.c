@@ -7,7 +7,7 @@
 
 struct builder {
     GArray *vertices, *indices, *corners, *next;
-    gint32 *first; /* chains of the vertices that were made from a position */
+    gint32 *first; /* for each position, the last vertex that was made from it, or −1; next chains to the earlier ones */
 };
 
 void soup_init(struct soup *soup) {
@@ -50,8 +50,9 @@ static const float *uv(const struct soup *soup, int vt) {
     return (const float *)soup->uvs->data + 2 * (gsize)vt;
 }
 
-/* Moves the middle of the bounding box to the origin and scales to radius 1, before anything else
- * is computed, so that no later product can overflow. */
+/* Moves the middle of the bounding box to the origin and scales to radius 1. This is done before
+ * anything else is computed, so that no later product can overflow. Fails if all positions are the
+ * same. */
 static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint c = 0; c < soup->corners->len; c++)
@@ -103,8 +104,8 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
-/* Returns whether the winding disagrees with the normals. In such files, the normals are taken as
- * correct. */
+/* Returns whether the winding of a polygon disagrees with its normals. The normals are taken as
+ * correct then. */
 static gboolean wound_backwards(const struct soup *soup, const struct soup_corner *corners, int n) {
     float face[3], sum = 0.0f;
     polygon_normal(soup, corners, n, face);
@@ -116,7 +117,9 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
     return sum < 0.0f;
 }
 
-/* Corners that agree in everything share a vertex. This includes the handedness of the texture. */
+/* Returns the index of the vertex for a corner, which is added if there is none yet. Corners with
+ * the same position, texture coordinates, normal and handedness of the texture (sense, 1 or −1)
+ * share a vertex. */
 static guint32 add_vertex(const struct soup *soup, struct builder *b,
                           const struct soup_corner *corner, float sense) {
     for (gint32 at = b->first[corner->v]; at >= 0; at = g_array_index(b->next, gint32, at)) {
@@ -159,8 +162,8 @@ static float corner_angle(struct vertex *const v[3], int c) {
 }
 
 /* Adds dP/du of the triangle to its corners as MikkTSpace does, so that normal maps and fibres made
- * by other programs fit. It is projected onto the surface at each corner, and weighted by the angle
- * there. */
+ * by other programs fit. dP/du is normalised, projected onto the surface at each corner, and
+ * weighted by the angle of the triangle there. */
 static void add_tangent(struct builder *b, const guint32 index[3]) {
     struct vertex *v[3];
     for (int k = 0; k < 3; k++)
@@ -197,8 +200,9 @@ static void add_polygon(const struct soup *soup, struct builder *b,
     }
 }
 
-/* Completes a tangent. own is the tangent in the file, which takes precedence over a computed one.
- * It is NULL if the file has none. */
+/* Completes the tangent of a vertex. own is the tangent in the file, or NULL if the file has none.
+ * It takes precedence over the computed tangent. If there is neither, any direction along the
+ * surface is used. */
 static void finish_tangent(struct vertex *vertex, const float *own) {
     float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);

@@ -15,9 +15,10 @@ struct soup {
     /* float[4] for each position; [3] is 0 if the position has no tangent. Empty if the file has no
      * tangents. */
     GArray *tangents;
-    /* struct soup_corner of all polygons; number of corners of each polygon (int) */
+    /* corners: struct soup_corner of all polygons, one polygon after the other; polygons: the
+     * number of corners of each polygon (int) */
     GArray *corners, *polygons;
-    float *smooth; /* computed from the faces: a normal for each position */
+    float *smooth; /* float[3] for each position: its normal, computed from the faces; not of unit length */
 };
 
 void soup_init(struct soup *soup);
@@ -26,7 +27,7 @@ void soup_clear(struct soup *soup);
 /* Rotates a vector from a y-up to a z-up frame. */
 void soup_y_to_z_up(float values[3]);
 
-/* Makes a mesh. If fit is TRUE, it is scaled to radius 1 around the origin. Returns NULL with an
- * error that begins with where. */
+/* Makes a mesh. If fit is TRUE, the mesh is centred and scaled to radius 1 around the origin.
+ * Returns NULL with an error that begins with where. */
 struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, gboolean fit,
                        GError **error);

@@ -66,7 +66,8 @@ static void on_signal(int number) {
     stopped = 1;
 }
 
-/* Shows progress on a terminal, in a line that is overwritten. Otherwise prints nothing. */
+/* Cancels the work after a signal. Shows progress in a line that is overwritten, if stderr is a
+ * terminal. */
 static void trace_main_tell(const struct work_progress *progress, gpointer cancellable) {
     if (stopped)
         g_cancellable_cancel(cancellable);
@@ -233,7 +234,8 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
-/* Warns about contents of the file that are not visible in the picture. */
+/* Warns about surfaces that the picture does not show as the file describes them, unless a captured
+ * material replaces them. */
 static void trace_main_warn(const char *path, const TraceScene *scene) {
     for (guint k = 0; k < scene->surfaces->len; k++) {
         const struct trace_surface *surface =

@@ -6,7 +6,7 @@
 
 struct trace_choice {
     gsize n;
-    double *sums; /* n + 1 cumulated weights, from 0 to 1 */
+    double *sums; /* n + 1 cumulative weights, from 0 to 1 */
 };
 
 /* Initializes a choice. Returns FALSE if all weights are 0. Weights must be finite and not

@@ -33,7 +33,8 @@ static struct vec3 path_local(const struct trace_hit *hit, struct vec3 d) {
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
-/* Computes the power heuristic, β = 2. */
+/* Returns the weight of a sample by the power heuristic with β = 2. own is the density of the way
+ * in which the sample was drawn, and other the density of the other way. */
 static double path_weight(double own, double other) {
     return own * own / (own * own + other * other);
 }
@@ -44,8 +45,8 @@ static void path_add(struct path *path, const double reflected[3], const double 
         path->light[c] += path->share[c] * reflected[c] * radiance[c] * factor;
 }
 
-/* Returns whether a surface reflects light from a direction. The direction must also be on the
- * triangle's own side, which an interpolated normal may contradict. */
+/* Computes the reflectance for light from a direction. Returns FALSE if it is 0, or if the
+ * direction is behind the triangle, which an interpolated normal may not show. */
 static gboolean path_reflects(const struct trace_hit *hit, struct vec3 view, struct vec3 towards,
                               double ret_rgb[3]) {
     if (vec3_dot(towards, hit->facet) <= 0.0)
@@ -68,8 +69,8 @@ static void path_look_for_sky(struct path *path, const struct trace_hit *hit, st
     path_add(path, reflected, radiance, path_weight(density, other) / density);
 }
 
-/* Returns the probability density of a point on an area, per solid angle as seen from the end of
- * the path. */
+/* Returns the probability density with which path_look_for_area() draws the direction towards area
+ * k, per solid angle. Returns 0 if the area faces away. */
 static double area_density(const TraceScene *scene, gsize k, struct vec3 towards, double distance) {
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
     const double cos_area = -vec3_dot(area->normal, towards);
@@ -82,7 +83,8 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
     const TraceScene *scene = path->scene;
     const gsize k = trace_choice_draw(&scene->lit, trace_random_next(&path->random));
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
-    /* An even distribution in a triangle: (1 − √a, b √a). */
+    /* Evenly distributed barycentric coordinates in a triangle are (1 − √a, b √a), with random a
+     * and b. */
     const double root = sqrt(trace_random_next(&path->random));
     const double b = trace_random_next(&path->random) * root;
     const struct vec3 at = vec3_add(area->corner, vec3_add(vec3_scale(area->edges[0], 1.0 - root),
@@ -102,8 +104,8 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
     path_add(path, reflected, area->emission, path_weight(density, other) / density);
 }
 
-/* Returns the intensity of glTF's spot lamp: full light at the inner cone's cosine, none at the
- * outer one's, with a squared transition. */
+/* Returns the share of a spot lamp's intensity at the cosine cos_off from its axis, as glTF defines
+ * it: full light at the inner cone's cosine, none at the outer one's, with a squared transition. */
 static double lamp_cone(const struct gltf_lamp *lamp, double cos_off) {
     const double range = fmax(lamp->inner_cos - lamp->outer_cos, 1e-3);
     const double inside = CLAMP((cos_off - lamp->outer_cos) / range, 0.0, 1.0);
@@ -142,15 +144,17 @@ static void path_look_for_lights(struct path *path, const struct trace_hit *hit,
         path_look_for_lamp(path, hit, view, &g_array_index(scene->lamps, struct gltf_lamp, k));
 }
 
-/* Takes the light that a path meets. drawn is the density with which its direction was drawn. It is
- * 0 for a ray of the camera, because its light could not be found in another way. */
+/* Adds the light that a path meets. drawn is the density with which its direction was drawn from
+ * the surface, and other the density with which the light could have been sampled directly. drawn
+ * is 0 for a ray of the camera, whose light cannot be sampled directly. */
 static void path_take(struct path *path, const double radiance[3], double drawn, double other) {
     const double all[3] = {1.0, 1.0, 1.0};
     path_add(path, all, radiance,
              drawn > 0.0 && path->options->lamps_too ? path_weight(drawn, other) : 1.0);
 }
 
-/* Ends the path at random. Returns FALSE if the path ends. */
+/* Ends a path of little light at random (Russian roulette). Returns FALSE if the path ends.
+ * Otherwise, path->share is increased to compensate. */
 static gboolean path_survives(struct path *path, int depth) {
     const double most = fmax(path->share[0], fmax(path->share[1], path->share[2]));
     if (!(most > 0.0))

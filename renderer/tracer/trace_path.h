@@ -1,8 +1,9 @@
 /*
  * Path tracing (Kajiya 1986): the light that a camera sees, with any number of reflections. At each
  * point, the sky, one area and every point-like lamp are sampled, and a further direction is drawn
- * from the surface. The two ways to find sky and areas are weighted by the power heuristic (Veach &
- * Guibas 1995). Paths end at random where little light is left, which does not change any mean.
+ * from the surface. Light of the sky and of areas is found in both ways, which are weighted by the
+ * power heuristic (Veach & Guibas 1995). Paths end at random where little light is left, which does
+ * not change any mean.
  *
  * The same scene and options give the same picture with any number of threads.
  */

@@ -7,6 +7,6 @@
 /* Computes the texel (R, G, B, A from 0 to 1) of a direction. */
 typedef void (*CubeMapFill)(struct vec3 direction, gpointer data, float ret[4]);
 
-/* Makes a cube map of 16 bits per channel. If filtered is TRUE, it is filtered linearly. Otherwise
- * the nearest texel is used. */
+/* Returns a new cube map texture with 16 bits per channel. It is filtered linearly if filtered is
+ * TRUE, and unfiltered otherwise. */
 guint cube_map_new(int size, gboolean filtered, CubeMapFill fill, gpointer data);

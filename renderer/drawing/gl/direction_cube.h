@@ -1,9 +1,9 @@
 /*
  * The three measured directions around any direction, and their weights, as two cube maps
  * (Schneider 2004 §5). The three are the corners of a triangle of the measured directions, and the
- * weights are the barycentric coordinates. The maps are not filtered, because the next texel may
- * name other directions beyond an edge of a triangle. The angular resolution is a third of a
- * degree. Directions below the horizon are clamped to it.
+ * weights are the barycentric coordinates. The maps are not filtered, because neighbouring texels
+ * name different directions if an edge of a triangle lies between them. The angular resolution is a
+ * third of a degree. Directions below the horizon are clamped to it.
  */
 #pragma once
 

@@ -1,7 +1,7 @@
 /*
  * Interpolation weights of measured directions as two textures over all directions. One has the
- * indices of the measured directions, the other their weights. They are filled by direction_table.h
- * and direction_cube.h. The functions belong to the thread of the GL context.
+ * indices of the measured directions, the other their weights. direction_table.h and
+ * direction_cube.h make the textures. The functions belong to the thread of the GL context.
  */
 #pragma once
 

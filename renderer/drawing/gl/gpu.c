@@ -13,7 +13,8 @@ struct Gpu {
     EGLContext context;
 };
 
-/* Opens a display. It belongs to the whole process, and stays initialised for the next context. */
+/* Returns an initialised EGL display, or EGL_NO_DISPLAY. The display is never terminated, because
+ * all contexts of the process share it. */
 static EGLDisplay open_display(void) {
     static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
     static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
@@ -72,7 +73,7 @@ void gpu_watch(void) {
 #endif
 }
 
-/* The library stays loaded, because libepoxy opens it next. */
+/* The library is not closed, because libepoxy opens it next. */
 gboolean gpu_find_library(gboolean window, GError **error) {
     if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)

@@ -17,8 +17,9 @@ enum gpu_error {
 
 typedef struct Gpu Gpu;
 
-/* Returns whether the OpenGL library is installed. window selects the library that libepoxy needs
- * for a window. Without the library, libepoxy would end the program at the first call. */
+/* Returns whether the OpenGL library is installed. If window is TRUE, only libGL.so.1 counts, which
+ * libepoxy needs for a window. Without the library, libepoxy would end the program at the first
+ * call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
 /* Makes a context current through EGL without a surface (Mesa, or the EGL platform of a graphics
@@ -42,18 +43,18 @@ gboolean gpu_check(const char *what, GError **error);
  * NAME value”, which are put before the shaders, or is "". Returns 0 on error. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
-/* Does the same with shaders in the language of OpenGL 4.3. Requires gpu_has_43(). */
+/* Does the same as gpu_program() in the shading language of OpenGL 4.3. Requires gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 
 /* Draws the triangle of screen.vert, which covers the whole screen. */
 void gpu_fill_screen(void);
 
-/* Makes a texture with storage of the format. It is a 2D texture if layers is 0, and otherwise a 2D
- * array. It is clamped and unfiltered. */
+/* Returns a new texture with undefined contents. It is a 2D texture if layers is 0, and otherwise a
+ * 2D array. The texture is clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
-/* Makes the same as a 2D array with n_levels mip levels. Each level has half the width and height
- * of the level before, but at least 1. */
+/* Does the same as gpu_texture() for a 2D array with n_levels mip levels. Each level has half the
+ * width and height of the level before, but at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
 /* Binds a texture (0 for none) to a texture unit and makes it the sampler NAME of a program in use.
@@ -64,7 +65,7 @@ void gpu_bind_texture(guint program, const char *name, int unit, guint target, g
  * Returns 0 for texture 0. target is a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);
 
-/* Returns the columns and rows of a level of a texture. */
+/* Returns the width and height in texels of a level of a texture, and leaves the texture bound. */
 void gpu_texture_size(guint target, guint texture, int level, int ret[2]);
 
 /* A framebuffer with a colour texture, and with or without a depth buffer. */
@@ -77,7 +78,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);
 
-/* Returns the picture as width × height × 3 bytes, top row first. Free it with g_free(). */
+/* Returns the picture as width × height × 3 bytes, top row first, or NULL on error. Free it with
+ * g_free(). */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Flips a picture vertically, in place. stride is the number of bytes per row. */

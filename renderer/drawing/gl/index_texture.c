@@ -12,7 +12,7 @@ struct IndexTexture {
 };
 
 /* Places level 0 at the top and all other levels next to each other below it. Returns the total
- * size. */
+ * width and height in texels. */
 static void lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;

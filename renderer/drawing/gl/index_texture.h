@@ -6,7 +6,8 @@
  * Texture lookups use the derivatives of the point on the surface, so that the mip levels of the
  * sample fit. A texel of the map whose neighbours are also neighbours in the sample is filtered by
  * the sample's filter. Other texels are interpolated one by one. Where the surface is drawn small,
- * the mip levels of the map are read; one of their texels stands for a block.
+ * the mip levels of the map are read. One texel of such a level stands for a block of texels of the
+ * map.
  */
 #pragma once
 

@@ -1,6 +1,6 @@
-/* The places of the sample that a point of the surface shows (places.glsl). The sample is repeated,
- * seen through an index map, or continued endlessly in hexagons. At most one of the two members is
- * set. */
+/* The places of the sample that a point of the surface shows (places.glsl). The sample is seen
+ * through an index map, continued endlessly in hexagons, or repeated. At most one member of struct
+ * places_source is set. If none is set, the sample is repeated. */
 #pragma once
 
 #include "index_texture.h"

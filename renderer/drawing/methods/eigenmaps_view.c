@@ -9,14 +9,14 @@
 
 #define VIEW_TABLE 256
 #define HALF_MAX   65504.0f
-#define FINE_BYTES ((gsize)128 << 20) /* limit for refined textures; see put_layer() */
+#define FINE_BYTES ((gsize)128 << 20) /* maximum size of the finer level; see make_maps() */
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
     int n_terms, n_layers; /* n_layers: layers per term */
     gboolean refined;      /* level 0 has twice the resolution of the material */
     guint maps, view_weights;
-    float *means; /* R, G, B of each layer */
+    float *means; /* mean R, G, B of each layer */
     struct direction_textures lights;
 };
 
@@ -92,7 +92,8 @@ static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, i
                     GL_FLOAT, fine);
 }
 
-/* Allocates both levels if the finer one fits into FINE_BYTES and the card. */
+/* Allocates the texture. It has a level of twice the resolution (refined) if that level fits into
+ * FINE_BYTES and its sides into the limit of the graphics card. */
 static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
     gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
@@ -108,7 +109,8 @@ static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
                      layers, 0, GL_RGB, GL_FLOAT, NULL);
 }
 
-/* Uploads one layer that is a mix of lights. */
+/* Uploads one layer: the sum of the maps of a term, each multiplied by the share of its light.
+ * Fails if a map has a value that is not finite. */
 static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
                           gsize layer, const float *shares, float *texels, GError **error) {
     const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
@@ -129,8 +131,8 @@ static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *map
     return TRUE;
 }
 
-/* Uploads the mip level that has one texel. If a side is not a power of two, drivers compute that
- * texel from only a part of the texels. */
+/* Uploads the means of the layers as the mip level that has one texel. If a side is not a power of
+ * two, drivers compute that texel from only a part of the texels. */
 static void put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
     const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
@@ -165,8 +167,8 @@ static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, c
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     put_means(view, maps);
-    /* Software renderers take many times as long with it. Supersampling gives the same quality
-     * there. */
+    /* Software renderers take many times as long with anisotropic filtering. Supersampling gives
+     * the same quality there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
     if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
         GLfloat most = 1.0f;
@@ -191,7 +193,8 @@ static float weight_at(const struct eigenmaps *maps, const Directions *views, in
     return sum;
 }
 
-/* The outermost samples of the table lie on the horizon, so filtering needs no values beyond it. */
+/* Makes the table of the weights of views. Its outermost samples lie on the horizon, so filtering
+ * needs no values below the horizon. */
 static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
     int n_pages = (maps->n_terms + 3) / 4;
     gsize page = 4 * VIEW_TABLE * VIEW_TABLE;

@@ -12,7 +12,8 @@ struct HshView {
     int n_terms;
 };
 
-/* Computes √(2/π) c_0, or 0 if it is negative. */
+/* Computes the reflectance of each texel under an even sky, √(2/π) c_0 (hsh_view.h), or 0 if it is
+ * negative. */
 static void sky(gconstpointer model, gsize view, float *ret_layer) {
     const struct hsh *hsh = model;
     const gsize texels = btf_layout_texels(&hsh->layout), n_values = (gsize)hsh->n_terms * COLOURS;

@@ -4,9 +4,9 @@
  * views around v are evaluated, and the results are interpolated bilinearly in θ and φ, as for ptm
  * (lobes_view.h). Negative values become black.
  *
- * Mip levels are made on the card. f is linear in its coefficients, so the mean of the coefficients
- * is the fit of the mean. Under an even sky, all basis functions except the first integrate to 0,
- * so (1/π) ∫ f dω = √(2/π) c_0.
+ * Mip levels are made on the card. The reflectance f is linear in its coefficients c_i, so the mean
+ * of the coefficients is the fit of the mean. Under an even sky, all basis functions except the
+ * first integrate to 0, so (1/π) ∫ f dω = √(2/π) c_0.
  */
 #pragma once
 

@@ -10,7 +10,7 @@
 
 #define COLOURS  3
 #define PAGE     SLICES_PAGE
-#define SKY      4 /* number of lights in each direction */
+#define SKY      4 /* an even sky is replaced by SKY × SKY lights */
 #define HALF_MAX 65504.0f
 
 struct LobesView {
@@ -19,8 +19,8 @@ struct LobesView {
 };
 
 /* Sets which values of lobes.h each page contains. The first page has the colour (for lafortune
- * with its diffuse part), and each further page four values. For ward and ashikhmin, U and V are in
- * the pages of the colours. */
+ * with its diffuse part), and each further page four values. For ward and ashikhmin, U and V are
+ * the fourth values of the pages of the two colours. */
 static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobes) {
     static const int facets[4][PAGE] = {
         {0, 1, 2, 12}, {3, 4, 5, 13}, {6, 7, 8, -1}, {9, 10, 11, -1}};
@@ -39,7 +39,7 @@ static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobe
         }
 }
 
-/* Returns whether a model can be this mip level of the material whose level 0 is first. */
+/* Returns whether lobes can be mip level `number` of the material whose level 0 is first. */
 static gboolean lobes_view_belongs(const struct lobes *first, const struct lobes *lobes,
                                    int number) {
     return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&

@@ -4,17 +4,17 @@
  *
  * A reflectance field or polynomial belongs to one view. The models of the up to four measured
  * views around v are evaluated, and the results are interpolated bilinearly in θ and φ (Meseth et
- * al. 2003 §5.4, with direction_table.h instead of the paper's cube maps). A pole is the mean of
- * its ring.
+ * al. 2003 §5.4, with direction_table.h instead of the paper's cube maps). If the pole was not
+ * measured, the mean of the topmost ring stands for it.
  *
  * Ward and Ashikhmin–Shirley: the tangent has the azimuth of the surface's anisotropy, and the
  * normal is the perturbed one. With these, METHOD_ROTATION_EXACT is exactly the fitted model. The
  * other rotations are those that Kang & Cho 2011 compares with it.
  *
- * Parameters cannot be mixed. Four texels are evaluated, in each of two mip levels, and the results
- * are mixed. Mip levels have separate models (lobes_levels.h); a file may lack them. An even sky is
- * replaced by 16 lights that see equal areas of the sky. Their sum is computed beforehand for each
- * measured view.
+ * Parameters of different texels cannot be averaged. Instead, four texels are evaluated in each of
+ * two mip levels, and the results are interpolated. Mip levels have separate models
+ * (lobes_levels.h); a file may lack them. An even sky is replaced by 16 lights that see equal areas
+ * of the sky. Their sum is computed beforehand for each measured view.
  */
 #pragma once
 

@@ -14,12 +14,12 @@
 
 #define STEPS 127
 #define WORDS                                                                                      \
-    4 /* words per texel: the mean (or an unused word), then red, green and blue of four           \
-         components */
+    4 /* words per texel: the mean (unused except in the first texel of a sample), then red, green and blue of four \ components */
 
 struct LpcaGrid {
     struct lpca_texels texels;
-    /* Texels of samples, in the order cluster × view cell × (light cells, then the sky). */
+    /* The buffer, and the buffer texture that reads it. The buffer has the texels of the samples in
+     * the order cluster × view cell × (light cells, then the sky). */
     guint buffer, brdfs;
     int n;
 };
@@ -32,7 +32,8 @@ static double texels_of(const struct lpca *lpca, int n) {
     return (double)lpca->n_clusters * pages_of(lpca) * n * n * (n * n + 1.0);
 }
 
-/* Returns the finest grid that LPCA_GRID_BYTES and the graphics card allow. */
+/* Returns the largest number of samples in each direction, from LEAST to MOST, that LPCA_GRID_BYTES
+ * and the graphics card allow. */
 static int fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
@@ -50,7 +51,8 @@ struct share {
 };
 
 /* Returns, for each cell of the grid, the measured directions from which it is mixed, as a GArray
- * of struct share. The weight of the pole is divided among the directions whose mean it is. */
+ * of struct share. The weight of the pole is divided among the directions whose mean stands for the
+ * pole. If fade is TRUE, the weights are multiplied by directions_fade(). */
 static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (int cell = 0; cell < n * n; cell++) {
@@ -85,14 +87,16 @@ static void mix(const float *values, gsize step, const GArray *shares, float ret
     }
 }
 
-/* Resamples one component, first over the lights and then over the views. half is the intermediate
- * result, n_views × (n² + 1) × 3. */
+/* The directions of a grid of n × n cells, for resample(). */
 struct resampling {
     const struct lpca *lpca;
     GPtrArray *views, *lights; /* the last element of lights is the sky */
+    /* Values resampled over the lights only: measured view × (n² light cells, then the sky) ×
+     * RGB. */
     float *half;
 };
 
+/* Resamples one component, first over the lights and then over the views. */
 static void resample(const struct resampling *r, const float *component, float *ret) {
     const struct lpca *lpca = r->lpca;
     const gsize n_columns = r->lights->len;

@@ -2,14 +2,14 @@
  * Local PCA, drawn faster than by lpca_view.h and lpca_revised.h. The eigen-BRDFs are resampled on
  * a regular grid of the hemisphere's square (directions.h), for views and for lights. The square
  * replaces the elevated concentric map of Schneider 2004 §6. Between the samples, the eigen-BRDFs
- * are linear in the simplex of the four coordinates around (v, l). This takes five samples. Pairs
- * of measured directions take nine. A 3D texture with one manual step takes sixteen, in two
- * filtered fetches.
+ * are linear in the simplex of the four coordinates around (v, l). This takes five samples. Three
+ * measured views and three measured lights (lpca_view.h) take nine. A 3D texture, with the fourth
+ * coordinate interpolated by the shader (lpca_revised.h), takes sixteen in two filtered fetches.
  *
  * All values of a sample are stored together. The first 16 bytes hold the mean (nine bits per
  * colour and an exponent) and four components (signed bytes, whose scales are included in the
- * weights of the texels). Each further 16 bytes hold further components. If its four texels belong
- * to one cluster, a pixel takes these fetches, with p = ⌈c/4⌉:
+ * weights of the texels). Each further 16 bytes hold further components. If the four texels around
+ * a pixel belong to one cluster, the pixel takes these fetches for c components, with p = ⌈c/4⌉:
  *
  *   c           directions    texels      eigen-BRDFs                  of these at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
@@ -27,10 +27,11 @@
 
 typedef struct LpcaGrid LpcaGrid; /* belongs to the thread of the GL context */
 
-/* Makes the grid. levels is a local PCA and its n − 1 mip levels. n_grid is the number of samples
- * in each direction, at least 2. If it is 0, it is chosen as large as LPCA_GRID_BYTES allow, but at
- * most 16. */
+/* Maximum size of the buffer of samples if the grid is chosen automatically. */
 #define LPCA_GRID_BYTES ((gsize)128 << 20)
+/* Makes the grid. levels is a local PCA and its n − 1 mip levels. n_grid is the number of samples
+ * in each direction, from 2 to 1000. If n_grid is 0, the number is as large as LPCA_GRID_BYTES and
+ * the graphics card allow, but at most 16. */
 LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_grid_free(LpcaGrid *grid); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaGrid, lpca_grid_free)

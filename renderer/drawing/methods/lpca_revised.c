@@ -21,8 +21,8 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* Returns the finest grid within LPCA_REVISED_BYTES. A card stores RGB bytes as 4 bytes, and RGB
- * half floats as 8 bytes. */
+/* Returns the largest number of samples in each direction, at most MOST, that fits into
+ * LPCA_REVISED_BYTES. A card stores RGB bytes as 4 bytes, and RGB half floats as 8 bytes. */
 static int fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&

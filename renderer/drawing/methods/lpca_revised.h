@@ -6,10 +6,10 @@
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).
  *
- * Two cube maps give (s_v, t_v) of a view and (z1, z2, w) of a light. The first is filtered. The
- * second cannot be filtered, because z jumps from one volume to the next; its angular resolution is
- * a quarter of a degree. A volume ends at the centres of its outermost samples, so that filtering
- * never mixes neighbouring volumes along any axis.
+ * S is a filtered fetch of the 3D texture. Two cube maps give (s_v, t_v) of a view and (z1, z2, w)
+ * of a light. The first is filtered. The second cannot be filtered, because z jumps from one volume
+ * to the next; its angular resolution is a quarter of a degree. A volume ends at the centres of its
+ * outermost samples, so that filtering never mixes neighbouring volumes along any axis.
  *
  * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied by their scales
  * beforehand. Means are half floats, because no small weight makes their steps smaller.
@@ -21,11 +21,12 @@
 
 typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL context */
 
+/* Maximum size of the 3D textures if the grid is chosen automatically. */
+#define LPCA_REVISED_BYTES ((gsize)128 << 20)
 /* Makes the view. levels is a local PCA and its n − 1 mip levels. Levels that are not on a grid yet
  * are resampled to n_grid samples in each direction (lpca_resample.h has the limits). If n_grid is
- * 0, it is chosen as large as LPCA_REVISED_BYTES allow, but at most 16. Copies everything that it
+ * 0, the number is as large as LPCA_REVISED_BYTES allow, but at most 16. Copies everything that it
  * needs. */
-#define LPCA_REVISED_BYTES ((gsize)128 << 20)
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_revised_free(LpcaRevised *revised); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaRevised, lpca_revised_free)

@@ -130,8 +130,9 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* Makes a packed material drawable. It has one cluster with too many components to be drawn, so it
- * is clustered again, with the default numbers of “mesorig compress”. */
+/* Replaces a packed material of one cluster, which has too many components to be drawn. The
+ * material is clustered again, with the default numbers of “mesorig compress”. *lpca becomes NULL
+ * on error. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -154,8 +155,8 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
-/* Uploads the cluster of each texel together with those of its three neighbours, so that one fetch
- * reads four clusters. */
+/* Uploads the cluster of each texel together with those of the next column, the next row, and both,
+ * so that one fetch reads four clusters. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;
@@ -188,7 +189,7 @@ static void upload_weights(const struct lpca_pyramid *pyramid, const float *scal
     }
 }
 
-/* Makes a texture with these levels. Its texels are fetched and never filtered. */
+/* Returns a new texture with n_levels mip levels. Its texels are fetched and never filtered. */
 static guint mipmapped(GLenum target, int n_levels) {
     GLuint texture;
     glGenTextures(1, &texture);

@@ -11,15 +11,15 @@
  * all levels one after the other. */
 struct lpca_pyramid {
     struct lpca *lpca;
-    gboolean owned; /* lpca is not levels[0] itself */
+    gboolean owned; /* lpca is a copy to be freed, and not levels[0] */
     int n_levels;
     const struct lpca *levels[LPCA_MAX_LEVELS]; /* borrowed */
     int first[LPCA_MAX_LEVELS];                 /* number of the first cluster of each level */
 };
 
 /* Initializes a pyramid. Checks that all values are finite and that the levels fit together: each
- * level has half the texels of the one before, and all have the same directions. levels must live
- * longer than the pyramid. */
+ * level has half the width and height of the level before, but at least 1, and all levels have the
+ * same directions. levels must live longer than the pyramid. */
 gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
@@ -28,20 +28,22 @@ void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
  * logarithms between directions is not a linear interpolation of reflectances. */
 gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
 
-/* Implements a method's function open(). Reads all levels of a file, and calls make, which borrows
- * them and uploads them to the card. */
+/* Uploads n levels, which are borrowed, to the card. Returns a method's material, or NULL on
+ * error. */
 typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
+/* Implements a method's function open(): reads all levels of a file, and returns the result of
+ * make. */
 gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
 struct lpca_texels {
     int width, height; /* of level 0 */
     int n_components, n_levels;
-    gboolean log; /* texels are evaluated before they are mixed */
+    gboolean log; /* values are logarithms, so texels are evaluated before they are mixed */
     guint weights, clusters;
 };
 
-/* Initializes the textures. scales is NULL, or has the factors of the weights of each cluster,
- * n_clusters × (n_components + 1) as in struct lpca. */
+/* Initializes the textures. scales is NULL, or has the factors by which the weights of each cluster
+ * are multiplied, n_clusters × (n_components + 1) as in struct lpca. */
 gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
                           const float *scales, GError **error);
 void lpca_texels_clear(struct lpca_texels *texels);
@@ -64,7 +66,7 @@ struct lpca_stack {
 /* Computes the layout. advice says what to do if the card cannot hold it. */
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
                          const char *advice, GError **error);
-/* Makes a texture with storage for half floats. */
+/* Returns a new texture of half floats with this layout, or 0 on error. */
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
 /* Clamps the values, in place, to the range of half floats, and uploads them. */
 void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);

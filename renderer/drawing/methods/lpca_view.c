@@ -11,15 +11,16 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    /* One row per view; columns are lights and the sky, each with all components. */
+    /* A block has one row per view. Its columns are the lights and the sky, each with all
+     * components. */
     struct lpca_stack stack;
     guint brdfs;
-    guint skies; /* only with logarithms, else 0 */
+    guint skies; /* reflectance under an even sky; 0 unless values are logarithms */
     int ambient_column;
     struct direction_textures views, lights;
 };
 
-/* Fills one row per view: for each component the measured lights, then the sky. */
+/* Fills one row per view: all components of each measured light, then all components of the sky. */
 static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
                          const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;

@@ -1,7 +1,8 @@
 /*
  * Local PCA on the graphics card as it was first drawn (Schneider 2004 §5). The cluster and the
  * weights of a texel select and mix eigen-BRDFs. Each eigen-BRDF is looked up for all nine pairs of
- * the three measured views and the three measured lights nearest to v and l (direction_cube.h),
+ * the three measured views around v and the three measured lights around l, whose interpolation
+ * weights are g and h (direction_cube.h):
  *
  *   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_{0,k(x)}(a, b) + Σ_i w_i(x) E_{i,k(x)}(a, b)).
  *

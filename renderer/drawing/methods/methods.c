@@ -44,7 +44,8 @@ char *method_path(const struct method *method, const char *argument) {
     return g_strdup(argument);
 }
 
-/* Sets an error and returns TRUE if no method draws files of the kind of this file. */
+/* Sets an error and returns TRUE if the file names its kind (mesorig.kind) and no method draws that
+ * kind. */
 static gboolean refuse_kind(const char *path, GError **error) {
     g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
     const char *kind = NULL;

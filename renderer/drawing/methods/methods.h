@@ -3,7 +3,7 @@
 
 #include "method.h"
 
-#define METHOD_DEMO "fabric-ashikhmin" /* shown if no material is named or open yet */
+#define METHOD_DEMO "fabric-ashikhmin" /* method that is shown while no material is named or open */
 
 extern const struct method *const methods[]; /* NULL-terminated; the first is the default */
 

@@ -14,9 +14,9 @@
 #define BUMP_RADIUS 0.36
 #define BUMP_SLOPE  0.75
 
-/* The parameters of the surfaces. For fabric they are the parameters of the warp; a weft yarn has U
- * and V exchanged. For metal, U is along the brushing, because the facets lean least in that
- * direction. */
+/* The parameters of the surfaces. For fabric, diffuse is the colour of the warp, and rough belongs
+ * to the weft, whose yarns run along U. A warp yarn has U and V exchanged. For metal, U is along
+ * the brushing, because the facets lean least in that direction. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
@@ -31,15 +31,15 @@ struct material {
     guint normals;
 };
 
-/* Returns the unit normal along (x, y, 1). On the side of a boss, the normal leans towards the foot
- * of the boss. */
+/* Returns the unit normal along (x, y, 1). */
 static struct vec3 microfacet_view_normal_of(double x, double y) {
     const double length = sqrt(x * x + y * y + 1);
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
-/* Returns the normal of bosses on a lattice. Their slope half way down their sides is BUMP_SLOPE.
- * The normal is constant within each texel of the normal map. */
+/* Returns the normal at texel coordinates `at` on a lattice of bosses. On the side of a boss, the
+ * normal leans away from the centre of the boss. The slope is largest half way down the side, where
+ * it is BUMP_SLOPE. The normal is constant within each texel of the normal map. */
 static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const int i = (int)floor((at[0] - floor(at[0])) * SIZE);
     const int j = (int)floor((at[1] - floor(at[1])) * SIZE);
@@ -49,7 +49,7 @@ static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
     if (!(r > 0))
         return microfacet_view_normal_of(0, -0.0);
-    /* Rows run downwards. */
+    /* v increases downwards, and y of the normal upwards. */
     return microfacet_view_normal_of(slope * u / (r * BUMP_RADIUS),
                                      -(slope * v / (r * BUMP_RADIUS)));
 }

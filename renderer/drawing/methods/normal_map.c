@@ -7,7 +7,7 @@
 #include <png.h>
 #include <string.h>
 
-#define SHORTEST 0.5F /* filtering makes normals shorter, and noise makes them longer */
+#define SHORTEST 0.5F /* shortest accepted normal: filtering makes normals shorter, noise longer */
 #define LONGEST  1.5F
 
 G_DEFINE_QUARK(normal_map_error, normal_map_error)
@@ -27,7 +27,8 @@ static struct normal_map *normal_map_new(int width, int height) {
     return map;
 }
 
-/* Sets a texel. n need not have unit length. */
+/* Sets texel k to n, scaled to unit length. Fails if the length of n is not within SHORTEST …
+ * LONGEST, or if n does not point out of the surface. */
 static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3], const char *path,
                                GError **error) {
     const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -64,7 +65,8 @@ static void normal_map_on_error(png_structp png, png_const_charp text) {
 static void normal_map_on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Contains everything between setjmp and a longjmp. Allocated memory is kept in reading. */
+/* Decodes the PNG into reading->rows. All calls that may longjmp to setjmp are in this function.
+ * Memory that it allocates is kept in reading, so that the caller can free it after a longjmp. */
 static gboolean normal_map_decode(png_structp png, png_infop info, struct png_reading *reading) {
     if (setjmp(png_jmpbuf(png)))
         return FALSE;

@@ -12,7 +12,8 @@
 GQuark normal_map_error_quark(void);
 enum normal_map_error {
     NORMAL_MAP_ERROR_IO,
-    /* Unreadable, or not a normal map; the message names the first wrong texel. */
+    /* The file is unreadable or no normal map. If a texel is wrong, the message names the first
+     * one. */
     NORMAL_MAP_ERROR_FORMAT,
 };
 

@@ -56,7 +56,7 @@ static void upload_values(const struct slices *slices, const struct slices_level
     }
 }
 
-/* Uploads one layer per view, and one of their pole. */
+/* Uploads the reflectance under an even sky: one layer per view, then one for the pole. */
 static void upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
                             const float *pole_share) {
     const gsize texels = btf_layout_texels(from->layout), n_views = from->layout->views.n;
@@ -82,7 +82,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!views)
         return FALSE;
     slices->views = direction_table_new(views, FALSE);
-    /* The number of views whose mean is the pole. */
+    /* number of views whose mean stands for the pole */
     int n_members;
     const int *members = directions_pole(views, &n_members);
     g_autofree guint16 *indices = g_new0(guint16, MAX(1, n_members));

@@ -1,8 +1,8 @@
 /*
  * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card. One array texture of
  * halves holds their values: each slice (one per view, or a single one for all views) has n_pages
- * layers of four values. Another holds the reflectance of each view under an even sky. A third
- * texture is the table of views.
+ * layers of four values. Another array texture holds the reflectance of each view under an even
+ * sky. The table of views is in the textures of direction_table.h.
  */
 #pragma once
 
@@ -20,8 +20,9 @@ struct slices_level {
     gconstpointer model;
 };
 
-/* Computes the reflectance under an even sky in a view, (1/π) ∫ BTF dω. ret_layer is texels ×
- * SLICES_PAGE. The first three values of a texel are R, G, B, and the last is 0. */
+/* Computes the reflectance of each texel under an even sky, seen in a view: (1/π) ∫ BTF dω.
+ * ret_layer is texels × SLICES_PAGE. The first three values of a texel are R, G, B, and the last is
+ * 0. */
 typedef void (*SlicesSky)(gconstpointer model, gsize view, float *ret_layer);
 
 struct slices {

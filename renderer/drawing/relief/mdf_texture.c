@@ -10,10 +10,12 @@
 #include <string.h>
 
 struct MdfTexture {
-    /* For views, one layer each, and one for the pole. For factors, four maps per layer. */
+    /* Depths. An MDF of views has one layer per view, and one for the pole. An MDF of factors has
+     * four maps per layer. */
     guint depths;
     struct direction_textures views; /* directions of views; 0 for factors */
-    /* W_1 … W_c by direction, four per layer, and W_0 in the last layer. */
+    /* Weights of the factors (mdf_factors.h) by direction: W_1 … W_c, four per layer, and W_0 in
+     * the last layer. 0 for views. */
     guint factors;
     int n_terms;             /* c, see mdf_factors.h; 0 for views */
     double scale_mm, min_mm; /* depth of a view = min_mm + scale_mm · value */
@@ -26,8 +28,8 @@ struct MdfTexture {
     guint volume;               /* 0 before it is first used */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
-               /* Θ in rad, centre of the first slice, number of slices, φ of the first slice in
-                * turns. */
+               /* θ in rad, centre of the first slice in slices, number of views, φ of the first
+                * view in turns */
                [4];
 };
 
@@ -144,8 +146,9 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* Computes the next mip level in place: the root of the mean square of g over each 2 × 2 voxels of
- * a layer. The mean of g makes grass too thin, and the mean of σ ∝ g⁴ makes a weave too thick. */
+/* Computes the next mip level in place: the root of the mean square of g (mdf_shell.h) over each 2
+ * × 2 voxels of a layer. The mean of g makes grass too thin, and the mean of σ ∝ g⁴ makes a weave
+ * too thick. */
 static void halve_shell(guint8 *values, int w, int h, int depth) {
     const int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
     for (int l = 0; l < depth; l++)
@@ -193,7 +196,7 @@ gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error) {
     return gpu_check("uploading the shell of the MDF", error);
 }
 
-/* The values that all three forms of an MDF have in common. */
+/* The values that all three forms of an MDF (views, blocks, factors) have in common. */
 struct extent_mm {
     int width, height, n_views;
     double texel_mm, deepest_mm;
@@ -270,7 +273,8 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                                  direction_textures_bytes(&texture->views);
 }
 
-/* Returns the number after the last of the successive views that have the same θ. */
+/* Returns the index after the last view of the ring that starts at first. A ring consists of
+ * successive views whose θ differs by less than 0.1° from that of the first view. */
 static int ring_end(const MdfTexture *texture, int first) {
     int end = first + 1;
     while (end < texture->n_views &&
@@ -289,8 +293,8 @@ static gboolean ring_is_even(const MdfTexture *texture, int first, int end) {
     return TRUE;
 }
 
-/* Finds the rings. Returns FALSE if the views are not on rings that are ordered from above to
- * below. */
+/* Finds the rings. Returns FALSE if the views are not on evenly spaced rings of increasing θ, or if
+ * there are more than MDF_VOLUME_RINGS rings. */
 static gboolean find_rings(MdfTexture *texture) {
     texture->n_rings = 0;
     for (int first = 0, end, slice = 0; first < texture->n_views; first = end) {

@@ -23,18 +23,19 @@ gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* returns 0 for NULL */
 
-/* The published form (Wang et al. 2005 §5), for comparison. Distances have 8 bits and are in a 3D
- * texture whose third axis is the view. The texture is filtered trilinearly, without mip levels.
- * Its filter interpolates between views of a ring, and the shader mixes two rings. The texture is
- * made from the views when this function is first called. The first view of each ring is repeated
- * at the end of the ring. Shaders are compiled with MDF_VOLUME 1. The function fails if the MDF is
- * in factors, or if its views are not on at most MDF_VOLUME_RINGS rings, each evenly spaced. */
+/* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances have 8 bits and are
+ * in a 3D texture whose third axis is the view. The texture is filtered trilinearly, without mip
+ * levels. Its filter interpolates between views of a ring, and the shader mixes two rings. The
+ * texture is made from the views when this function is first called. The first view of each ring is
+ * repeated at the end of the ring. Shaders are compiled with MDF_VOLUME 1. The function fails if
+ * the MDF is in factors, or if its views are not on at most MDF_VOLUME_RINGS rings, each evenly
+ * spaced. */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
-/* The shell of the MDF (mdf/mdf_shell.h), in a 3D texture with mip levels. It is made when this
- * function is first called, which takes about a second for 60 views of 64² texels. Shaders are
- * compiled with MDF_SHELL 1. The function fails if the shell is too large for the card. */
+/* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
+ * makes the shell, which takes about a second for 60 views of 64² texels. Shaders are compiled with
+ * MDF_SHELL 1. The function fails if the shell is too large for the card. */
 gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
 
 /* Sets textures and uniforms of a program in use. */

@@ -75,7 +75,7 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return sum;
 }
 
-/* Reduces the parts to the first n_casting indices. A single part is cut. */
+/* Removes all indices from n_casting on. A part that contains index n_casting is cut there. */
 static void parts_casting(struct visibility_scene *scene, guint n_casting) {
     int n = 0;
     for (int k = 0; k < scene->n_parts; k++) {
@@ -127,8 +127,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     relief->n_further = from->n_further;
     if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
         return FALSE;
-    /* Further lamps share the memory of four maps of full size, because each of many lamps
-     * contributes little. */
+    /* Up to 64 maps of further lamps take no more memory than four maps of full size. Low
+     * resolution is enough, because each of many lamps contributes little. */
     const int layers = shadow_maps_layers(from->further, from->n_further, from->radius);
     shadows.size /= layers <= 4 ? 1 : layers <= 16 ? 2 : 4;
     if (!shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,

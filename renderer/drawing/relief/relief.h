@@ -22,8 +22,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
  * smooth. Copies everything that it needs. On error the former MDF stays. */
 gboolean relief_set_mdf(Relief *relief, int material, const struct mdf_source *mdf, GError **error);
 
-/* Makes the next call draw all shadow maps again, because something outside the scene has changed
- * on which they depend. */
+/* Makes the next relief_prepare() draw all shadow maps again. Call this function if something has
+ * changed on which shadow maps depend and which struct relief_scene does not contain. */
 void relief_forget(Relief *relief);
 
 gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of all MDFs */
@@ -37,7 +37,8 @@ struct relief_scene {
     double radius; /* radius of the part that casts shadows */
     float light[3];
     guint serial; /* a different number for each mesh */
-    /* Silhouettes, and shadows of every lamp. Silhouettes need a part with an MDF. */
+    /* Whether silhouettes and the shadows of all lamps are drawn. Silhouettes need a part with an
+     * MDF. */
     gboolean silhouettes, shadows;
     gboolean lit; /* the first lamp is on; if FALSE, it casts no shadow */
     int n_further;
@@ -48,7 +49,7 @@ struct relief_scene {
     int shadow_size;
 };
 
-/* Prepares a scene. Other framebuffers are bound afterwards. Shadow maps are kept while lamp, mesh,
+/* Prepares a scene. May leave another framebuffer bound. Shadow maps are kept while lamp, mesh,
  * tiles, MDF and options stay the same. */
 gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
 

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#define SLACK 2.0 /* bias, in texels */
+#define SLACK 2.0 /* depth bias, in texels */
 #define REACH 2.0 /* in radii of the mesh; see shadow_maps_range() */
 #define RANGE 4.0
 
@@ -171,8 +171,8 @@ static void face_back(const struct shadow_lamp *lamp, int face, double radius, f
                         : (float)(lamp->place[k] / distance);
 }
 
-/* Computes the column-major matrix of a view from far away along the light. A sphere of the radius
- * fills the picture. */
+/* Computes the column-major matrix of a parallel projection along the light. A sphere of the radius
+ * around the origin fills the picture. */
 static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     float right[3], up[3];
     shadow_maps_right(light, right);
@@ -186,8 +186,8 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     ret[15] = 1.0f;
 }
 
-/* Computes the column-major matrix of a view from a place. Everything nearer than a hundredth of
- * the radius is cut off. */
+/* Computes the column-major matrix of a perspective view from the lamp through one face of its
+ * maps. Everything nearer than a hundredth of the radius is cut off. */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
@@ -249,7 +249,7 @@ static gboolean same_key(const struct key *a, const struct key *b) {
            a->options.straight == b->options.straight && a->options.volume == b->options.volume;
 }
 
-/* Returns an FNV-1a hash of everything that casts shadows; never 0. */
+/* Returns an FNV-1a hash of the parts that cast shadows. The hash is never 0. */
 static guint64 parts_hash(const struct visibility_scene *s) {
     guint64 hash = 14695981039346656037U;
     for (int k = 0; k < s->n_parts; k++) {

@@ -1,8 +1,9 @@
 /*
  * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map. A
- * lamp outside the sphere of the mesh, or with a narrow cone, has a perspective map. Any other near
- * lamp has six maps, the faces of a cube around it. The depth is the depth of the base of the
- * structure, because shadows of the structure on itself are already part of the BTF.
+ * lamp with a cone of at most 75° half-angle, or a lamp without a cone at least 1.2 radii of the
+ * mesh from the origin, has one perspective map. Any other near lamp has six maps, the faces of a
+ * cube around it. The depth is the depth of the base of the structure, because shadows of the
+ * structure on itself are already part of the BTF.
  */
 #pragma once
 
@@ -22,7 +23,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowMaps, shadow_maps_free)
 struct shadow_scene {
     /* Scene; sight, reach, projection and size are set for each lamp. */
     struct visibility_scene casting;
-    double radius; /* radius of its sphere around the origin */
+    double radius; /* radius of a sphere around the origin that contains the mesh */
     guint serial;  /* a different number for each mesh */
     int size;      /* width and height of a map */
 };
@@ -33,12 +34,12 @@ struct shadow_lamp {
     float cone_rad; /* half the angle of its cone of light; 0 if it shines in all directions */
 };
 
-/* Returns the number of layers for n lamps. The first n layers belong to one lamp each. Then follow
- * five further layers for each lamp that has six. */
+/* Returns the number of layers for n lamps. The first n layers belong to one lamp each. The other
+ * five maps of each lamp with six maps follow. */
 int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
 
-/* Draws those maps whose lamp, mesh, tiles, MDF or options have changed. Maps that are not layered
- * allow only one lamp (n = 1), which must be far away. */
+/* Draws the maps whose lamp, mesh, tiles, MDF or options have changed since the last call. Maps
+ * that are not layered allow only one lamp (n = 1), which must be far away. */
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
                           GError **error);

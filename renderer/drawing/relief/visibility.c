@@ -5,7 +5,7 @@
 #include <epoxy/gl.h>
 
 #define FACE_BYTES   16
-#define HEADER_BYTES 16 /* header of the buffer of lists: their number */
+#define HEADER_BYTES 16 /* the buffer of lists begins with the number of faces */
 
 enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
 
@@ -19,7 +19,7 @@ struct Visibility {
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint query;
     struct gpu_target back[2], seen;
-    guint stencil; /* stencil of seen: the layer in which a pixel was found */
+    guint stencil; /* stencil buffer of seen: the layer in which the surface of a pixel was found */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
     guint32 room; /* number of faces for which the buffer has space */
@@ -139,7 +139,8 @@ static void clear(guint framebuffer, GLbitfield what) {
     glClear(what);
 }
 
-/* Returns whether there are still faces to peel at pixels without a visible surface. */
+/* Draws the back faces of a layer. Returns whether any were drawn, so that there may be more
+ * layers. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
@@ -152,8 +153,8 @@ static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int l
     return any != 0;
 }
 
-/* Draws front faces. The stencil buffer keeps the layer in which a pixel was found, and masks it
- * for all later layers. */
+/* Draws front faces. The stencil buffer keeps the layer in which the surface of a pixel was found,
+ * and masks the pixel in all later layers. */
 static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
     clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
     glEnable(GL_STENCIL_TEST);
@@ -200,7 +201,8 @@ static gboolean make_room(Visibility *v, guint32 faces) {
     return FALSE;
 }
 
-/* Returns the number of faces. Faces beyond v->room are missing from the lists. */
+/* Adds all faces to the lists of their pixels. Returns the number of faces. If it is larger than
+ * v->room, the lists are incomplete. */
 static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     const GLuint none[4] = {0, 0, 0, 0};
     guint32 n_faces = 0;

@@ -5,7 +5,7 @@
  *
  * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure.
  * A ray that only leaves sees nothing. A scene may have several meshes, which must not intersect,
- * and several materials. It is searched as a whole.
+ * and several materials. All its parts are searched together.
  */
 #pragma once
 
@@ -37,7 +37,7 @@ struct visibility_options {
 
 #define VISIBILITY_MAX_PARTS 64
 
-/* The indices of one material. */
+/* A part of the mesh, with one material. */
 struct visibility_part {
     const MdfTexture *mdf;
     /* The places at which depths of the MDF are read. Reflectance is read at the same places. */
