@@ -51,7 +51,7 @@ float distance_to_depth(float d, float slope, float k) {
 struct marched {
     vec2 along;  // direction of the ray in the tangent plane
     float down; // component of the direction towards greater depth
-    float depth; // below the mesh
+    float depth; // depth below the mesh
     vec2 foot; // vector on the mesh from the point where the ray entered to the foot
     vec2 x; // texture coordinates of the foot, in tiles
     float mm; // length of the last step in the flat sample, mm

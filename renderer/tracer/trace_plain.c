@@ -14,7 +14,7 @@ static double plain_fresnel(double f0, double f90, double cos_half) {
     return f0 + (f90 - f0) * left * left * left * left * left;
 }
 
-/* Computes Smith's Λ of a direction. */
+/* Returns Smith's Λ of the direction d for GGX. */
 static double plain_lambda(double alpha, struct vec3 d) {
     const double z2 = d.z * d.z;
     return 0.5 * (sqrt(1.0 + alpha * alpha * (1.0 - z2) / z2) - 1.0);

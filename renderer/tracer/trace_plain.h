@@ -24,8 +24,9 @@ struct trace_plain {
 /* Computes f cos θ_l. It is 0 below the horizon. */
 void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, struct vec3 light,
                           double ret_rgb[3]);
-/* Draws a light direction approximately in proportion to f cos θ_l, by visible normals (Heitz 2018)
- * or by the cosine. Returns its density per solid angle, or 0 if there is no direction. */
+/* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)
+ * for the highlight, or by the cosine for the diffuse part. Returns its density per solid angle, or
+ * 0 if there is no direction. */
 double trace_plain_draw(const struct trace_plain *plain, struct vec3 view, const double random[3],
                         struct vec3 *ret_light);
 double trace_plain_density(const struct trace_plain *plain, struct vec3 view, struct vec3 light);

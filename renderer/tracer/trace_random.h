@@ -7,7 +7,7 @@ struct trace_random {
     guint64 state;
 };
 
-/* SplitMix64 (Steele, Lea & Flood 2014). */
+/* Returns 64 random bits by SplitMix64 (Steele, Lea & Flood 2014). */
 static inline guint64 trace_random_bits(struct trace_random *random) {
     guint64 z = random->state += G_GUINT64_CONSTANT(0x9e3779b97f4a7c15);
     z = (z ^ (z >> 30)) * G_GUINT64_CONSTANT(0xbf58476d1ce4e5b9);

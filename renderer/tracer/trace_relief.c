@@ -5,10 +5,10 @@
 #define CHORDS    3
 #define MIN_SLOPE 0.01 /* smallest slope of rays, as in the library */
 
-/* Tests the ray from one end. v points towards the origin of the ray there, in the frame of that
- * end. w is the distance to the other end. A chord lies below the parabola's arc, so a hit of the
- * chord before its end is also a hit of the ray. If the ray goes deeper than the whole relief, it
- * meets the relief in any case. */
+/* Returns whether the half of the ray at one end meets the relief. v is the unit vector along the
+ * ray, pointing out of the mesh, in the frame of that end. way is the distance to the other end. A
+ * chord lies below the parabola's arc, so a hit of the chord before its end is also a hit of the
+ * ray. If the ray goes deeper than the whole relief, it meets the relief in any case. */
 static gboolean meets_from(const struct trace_hit *end, struct vec3 v, double way) {
     const struct trace_surface *s = end->surface;
     const double slope = fmax(v.z, MIN_SLOPE), bend = 2.0 * slope / way;

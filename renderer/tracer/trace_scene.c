@@ -465,7 +465,7 @@ gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 
 
 gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                              double distance) {
-    /* The end of the ray lies on a surface. */
+    /* The end of the ray lies on a surface, so the ray is shortened a little. */
     const double far = isfinite(distance) ? distance - 2.0 * LIFT * scene->reach : INFINITY;
     struct RTCIntersectContext context;
     struct RTCRay ray = scene_ray(from, direction, far);

@@ -21,7 +21,7 @@ enum trace_error {
 };
 
 struct trace_camera {
-    struct vec3 eye, right, up, back; /* unit vectors; back points from the scene to the camera */
+    struct vec3 eye, right, up, back; /* eye is a position, the others unit vectors; back points from the scene to the camera */
     double fov_y_rad;
 };
 
@@ -40,8 +40,8 @@ struct trace_hit {
     struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
     struct trace_texel texel;
     double distance;
-    gint64 area; /* index into areas if its lit side was hit, otherwise −1 */
-    guint part;  /* part of the file */
+    gint64 area; /* index into areas if the lit side of an area was hit, otherwise −1 */
+    guint part;  /* index of the part in gltf->parts */
     gboolean is_front;
     /* Length of one unit of the texture's u and v at the point. 0 if there are no texture
      * coordinates. */
@@ -88,15 +88,15 @@ void trace_scene_add_lamp(TraceScene *scene, double theta_deg, double phi_deg, d
  * above. */
 void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_deg, double fov_deg);
 
-/* Finds the nearest surface along a ray. With relief, it is the nearest surface that the ray does
- * not pass. Any thread may call it. */
+/* Finds the nearest surface along a ray. Surfaces whose relief the ray passes above are skipped.
+ * Returns FALSE if there is no surface. Any thread may call it. */
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret);
-/* Returns whether nothing lies between two points. With distance INFINITY, the second point is the
- * sky. */
+/* Returns whether nothing lies between from and the point at this distance in this direction. With
+ * distance INFINITY, that point is the sky. */
 gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                              double distance);
-/* Returns the point at which a ray leaves a surface towards direction. It is moved off the surface
- * by the rounding error. */
+/* Returns the point at which a ray leaves a surface towards direction. The point is moved off the
+ * surface, so that rounding errors do not make the ray hit it again. */
 struct vec3 trace_scene_leave(const TraceScene *scene, const struct trace_hit *hit,
                               struct vec3 direction);

@@ -14,7 +14,7 @@ static void query_direction(struct vec3 d, float ret[3]) {
 static struct query query_of(const struct trace_surface *s, struct trace_texel at, struct vec3 view,
                              struct vec3 light) {
     const double u = at.u * s->tiles, v = -at.v * s->tiles;
-    /* Within one tile, so that the float keeps its precision. */
+    /* Coordinates are reduced to one tile, so that they keep their precision as floats. */
     struct query q = {.uv = {(float)(u - floor(u)), (float)(v - floor(v))}};
     query_direction(view, q.view);
     query_direction(light, q.light);

@@ -151,7 +151,8 @@ void trace_texture_free(TraceTexture *texture) {
     g_free(texture);
 }
 
-/* Returns the pixel that represents number k of a row or column of n. */
+/* Returns the index, 0 … n − 1, of the pixel that is shown at position k of a row or column of n
+ * pixels. k may lie beyond its ends. */
 static int texture_wrapped(double k, int n, enum gltf_wrap wrap) {
     if (wrap == GLTF_WRAP_CLAMP)
         return (int)CLAMP(k, 0.0, n - 1.0);

@@ -14,11 +14,11 @@
 typedef struct trace_texture TraceTexture;
 
 /* Makes a texture. bytes is a PNG of any kind, whose alpha is ignored, or a JPEG in grey or colour.
- * The error is TRACE_ERROR_SCENE if the format is another one, if it is damaged, or if it is larger
- * than TRACE_TEXTURE_MAX_SIDE in a direction. */
+ * The error is TRACE_ERROR_SCENE if the picture has another format, is damaged, or is larger than
+ * TRACE_TEXTURE_MAX_SIDE in a direction. */
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
 
-/* Reads the texture at coordinates whose v increases upwards from the lowest row, as in the
- * tracer. */
+/* Computes the linear colour at texture coordinates. As elsewhere in the tracer, v increases
+ * upwards from the lowest row. */
 void trace_texture_colour(const TraceTexture *texture, double u, double v, double ret_rgb[3]);

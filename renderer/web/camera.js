@@ -30,7 +30,8 @@ function centre(points, axis, back, distance, pan) {
   return pan;
 }
 
-// Returns the distance and pan, in radii, at which the points (x, y, z, x, …) fill the picture.
+// Returns the distance and pan, in radii, at which the points (x, y, z, x, …) fill the picture
+// except for a margin.
 export function fitCamera(settings, points, radius, aspect) {
   const { right, up, back } = axesOf(settings), [halfX, halfY] = halfAngles(settings, aspect);
   const fit = (axis, half) => {
@@ -62,7 +63,8 @@ function perspective(halfY, aspect, near, far) {
     2 * near * far * depth, 0];
 }
 
-// Returns the matrix of world coordinates and the position of the eye, for settings with a distance.
+// Returns the matrix from world to clip coordinates and the position of the eye. The settings must
+// have a distance.
 export function cameraMatrix(settings, radius, aspect) {
   const axes = axesOf(settings), [, halfY] = halfAngles(settings, aspect);
   const distance = settings.cameraDistance * radius, [panX, panY] = settings.cameraPan;

@@ -65,8 +65,9 @@ export class Gpu {
     return program;
   }
 
-  // Returns a function for each uniform that sets it. Each sampler has a separate texture unit,
-  // because samplers of two types must not share a unit, even if neither is read.
+  // Returns a map from the name of each uniform to an object whose function set() sets the uniform.
+  // Each sampler has a separate texture unit, because samplers of two types must not share a unit,
+  // even if neither is read.
   uniformsOf(id) {
     const gl = this.gl, uniforms = new Map();
     const targets = {
@@ -171,7 +172,7 @@ export class Gpu {
     this.gl.deleteRenderbuffer(target.depth || null);
   }
 
-  // Draws the triangle of screen.vert.
+  // Draws the triangle of screen.vert, which covers the whole target.
   fillScreen() {
     const gl = this.gl;
     gl.bindVertexArray(this.empty);

@@ -18,7 +18,7 @@ function square(x, y, z, ret) {
   ret[1] = 0.5 + 0.5 * [across, rho, -across, -rho][side];
 }
 
-// The cube maps of mesorig-view have 16 bits.
+// Rounds to 16 bits, as in the cube maps of mesorig-view.
 const sixteen = value => Math.round(value * 65535) / 65535;
 
 export class LocalPca {
@@ -58,7 +58,7 @@ export class LocalPca {
     };
   }
 
-  // Texels are fetched and never filtered.
+  // Makes a texture without contents for all mip levels. Its texels are fetched and never filtered.
   levelled(target) {
     const gl = this.gpu.gl, texture = gl.createTexture();
     gl.bindTexture(target, texture);
@@ -132,7 +132,8 @@ export class LocalPca {
     }
   }
 
-  // Makes a cube map of a function of (s, t). The faces are in the order of OpenGL.
+  // Makes a cube map. fill computes a texel from (s, t) of its direction. The faces are in the
+  // order of OpenGL.
   cubeMap(size, filtered, fill) {
     const gl = this.gpu.gl, texture = gl.createTexture(), at = [0, 0], one = [0, 0, 0];
     const halves = filtered && !this.gpu.filtersFloats;

@@ -10,7 +10,8 @@ export { loadMaterial, readMaterial } from "./material_file.js";
 
 const white = 0.8; // share of full scale of a white diffuser that is lit along its normal, at an exposure of 0 EV
 
-// Replaces the shader's main(). Converts to sRGB unless the output must stay linear light.
+// The main() of the fragment shader, which calls the main() of surface_relief.frag as
+// shade_surface(). Converts to sRGB unless the output must stay linear light.
 const ending = `
 #undef main
 uniform float exposure;
@@ -22,7 +23,7 @@ void main() {
 }
 `;
 
-// three.js adds the #version line itself.
+// Removes the #version line, because three.js adds one.
 const unversioned = text => text.slice(text.indexOf("\n") + 1);
 
 // Adds the attributes that the shaders read in addition to position, normal and uv: tangent, if it
@@ -62,6 +63,7 @@ export class MesorigMaterial extends RawShaderMaterial {
   //   silhouettes    show the outlines of the material's structure, if its file has an MDF
   //   shadows        show the shadows that the mesh casts on itself
   //   layers         number of parts of the mesh that may lie behind each other
+  //   shadowMap      width and height of the shadow map, in texels
   // The setting toned is only read here. TRUE writes sRGB, for the canvas. FALSE writes linear light, for
   // a render target of floats.
   constructor(renderer, material, settings = {}) {
@@ -120,9 +122,9 @@ export class MesorigMaterial extends RawShaderMaterial {
     return this.meshes.get(geometry);
   }
 
-  // Call it before each renderer.render(). Finds the visible and lit parts of the mesh. object is
-  // the Mesh with this material. It may be moved, rotated or scaled evenly. The picture must fill
-  // the canvas or the render target.
+  // Finds the visible and lit parts of the mesh. Call this function before each renderer.render().
+  // object is the Mesh with this material. It may be moved, rotated or scaled evenly. The picture
+  // must fill the canvas or the render target.
   prepare(object, camera) {
     const { renderer, settings } = this, mesh = this.meshOf(object.geometry);
     const target = renderer.getRenderTarget(), size = renderer.getDrawingBufferSize(new Vector2());

@@ -69,7 +69,8 @@ function change(what) {
 
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
-// Fixes the distance and pan of the camera from now on, for any aspect of the picture.
+// Stores the distance and pan of the camera in the settings, so that they no longer depend on the
+// aspect of the picture.
 function holdCamera() {
   viewer.setShape(settings.shape);
   settings = viewer.fitted(settings, aspect());
@@ -81,7 +82,7 @@ function turnCamera(right, down) {
     cameraElevationDeg: clamp(settings.cameraElevationDeg + down, -90, 90) });
 }
 
-// The light follows the pointer. Its azimuth is relative to that of the camera.
+// Turns the light by angles in degrees: about the vertical axis, and away from the zenith.
 function turnLight(right, down) {
   change({ lightPhiDeg: settings.lightPhiDeg + right,
     lightThetaDeg: clamp(settings.lightThetaDeg + down, 0, 180) });
@@ -226,8 +227,8 @@ function fail(error) {
   $("controls").hidden = $("drag").hidden = true;
 }
 
-// For scripts that control the page: returns a picture, drawn with these settings, as the URL of a
-// PNG.
+// Returns a picture with these settings as the data URL of a PNG, for scripts that control the
+// page.
 function pictureUrl(wanted, width, height) {
   const sheet = document.createElement("canvas");
   Object.assign(sheet, { width, height });

@@ -8,7 +8,7 @@ const reach = 2;         // distance from the origin to the plane from which a l
 const range = 4;         // length from depth 0 to depth 1, in radii
 const shadowSlack = 2;   // depth bias, in texels of the map
 
-// The MDF as factors, or a flat one.
+// The MDF of a material as factors on the GPU, or a flat MDF if material is null.
 class Mdf {
   constructor(gpu, material) {
     const gl = gpu.gl, mdf = material && material.mdf;
@@ -36,8 +36,8 @@ class Mdf {
   }
 }
 
-// Peels layers (Wang et al. 2005 fig. 7): the back faces of a layer, then the front faces before
-// them.
+// Finds the visible surface by peeling layers (Wang et al. 2005 fig. 7): first the back faces of a
+// layer, then the front faces before them.
 class Visibility {
   constructor(gpu) {
     this.gpu = gpu;
@@ -62,8 +62,9 @@ class Visibility {
   }
 
   // scene has mesh, mdf, tiles, projection, sight, reach, width and height. Returns a texture with
-  // the distance to the mesh, from there to the structure, from there to the base of the structure,
-  // and 1. All four are 0 where nothing is seen.
+  // four values per pixel: the distance from the eye to the mesh, the distance along the ray from
+  // the mesh to the structure, the distance from the mesh to the base of the structure, and 1. All
+  // four are 0 where nothing is seen.
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
     const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "relief.glsl"];
@@ -87,8 +88,8 @@ class Visibility {
       const now = this.back[layer & 1], last = this.back[~layer & 1];
       this.clear(now, gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
       this.drawFaces(mesh, gl.FRONT, backs, { ...values, before: last.colour, seen: this.seen.colour });
-      // The stencil buffer keeps the layer in which a pixel was found, and masks it for all later
-      // layers.
+      // The stencil buffer keeps the layer in which the surface of a pixel was found, and masks the
+      // pixel in all later layers.
       this.clear(this.seen, gl.DEPTH_BUFFER_BIT);
       gl.enable(gl.STENCIL_TEST);
       gl.stencilFunc(gl.LEQUAL, layer, 0xff);
@@ -109,8 +110,8 @@ function rightOf(towards) {
   return unit(cross(Math.abs(towards[2]) > 0.9 ? [0, 1, 0] : [0, 0, 1], towards));
 }
 
-// Returns the matrix of a view from far away along the light. A sphere of the radius fills the
-// picture.
+// Returns the matrix of a parallel projection along the light. A sphere of the radius around the
+// origin fills the picture.
 function lampMatrix(light, radius) {
   const right = rightOf(light), up = cross(light, right), ret = new Array(16).fill(0);
   for (let k = 0; k < 3; k++) {
@@ -133,7 +134,7 @@ export class Relief {
   }
 
   // scene has mesh, tiles, projection, eye, light, width, height, silhouettes, shadows and
-  // shadowMap. Other framebuffers are bound afterwards.
+  // shadowMap. Leaves another framebuffer bound. The results are in this.uniforms.
   prepare(scene) {
     const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.mdf !== null;
     const mdf = silhouettes ? this.mdf : this.smooth;
@@ -151,7 +152,7 @@ export class Relief {
     };
   }
 
-  // The map is kept while lamp, mesh, tiles, MDF and size stay the same.
+  // Draws the shadow map, unless lamp, mesh, tiles, MDF and size are the same as in the last call.
   findShadow(mesh, tiles, mdf, light, size) {
     const gl = this.gpu.gl, key = [...light, ...tiles, size];
     if (this.key && this.key.mesh === mesh && this.key.mdf === mdf &&

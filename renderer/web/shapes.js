@@ -3,8 +3,8 @@
 
 // number of floats of a vertex: position 3, normal 3, tangent 4, uv 2
 const stride = 12;
-// number of floats of the local shape at a vertex: lengths of a step of 1 in u and in v, second
-// fundamental form
+// number of floats of the local shape at a vertex: lengths of a step of 1 in u and in v (2), second
+// fundamental form (3)
 const shapeStride = 5;
 
 const attributes = [["position", 3, 0], ["normal", 3, 3], ["tangent", 4, 6], ["uv", 2, 10]];
@@ -76,8 +76,8 @@ function grid(point, nu, nv) {
   return { vertices, indices };
 }
 
-// Adds a flat end of the cylinder that faces up (side 1) or down (side −1). Its texels have the
-// size of those around it.
+// Adds a flat end of the cylinder that faces up (side 1) or down (side −1). Its texels have about
+// the size of those on the cylinder.
 function addLid(mesh, n, side) {
   const first = mesh.vertices.length / stride;
   for (let k = 0; k <= n; k++) {
@@ -154,7 +154,8 @@ function addEdge(v, corner, from, to, total) {
   total[at + 8] += q * b;
 }
 
-// Solves (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa, pb + qa, qb).
+// Returns the second fundamental form (L, M, N): solves (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L,
+// M, N) = (pa, pb + qa, qb).
 function solve(total, at) {
   const slack = 1e-9 * (total[at + 3] + total[at + 5]) + Number.MIN_VALUE;
   const aa = total[at + 3] + slack, bb = total[at + 5] + slack, ab = total[at + 4];
@@ -164,8 +165,8 @@ function solve(total, at) {
   return [(pa - ab * m) / aa, m, (qb - ab * m) / bb].map(x => (Number.isFinite(x) ? x : 0));
 }
 
-// vertices has twelve numbers per vertex, as described above. Returns the attributes "scale" and
-// "bend" of mesh.vert.
+// Returns shapeStride numbers per vertex: the attributes "scale" and "bend" of mesh.vert. vertices
+// has stride numbers per vertex.
 export function vertexShapes(vertices, indices) {
   const n = vertices.length / stride, total = new Float64Array(sums * n);
   for (let k = 0; k < indices.length; k += 3) {

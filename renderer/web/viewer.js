@@ -8,7 +8,7 @@ import { directionFromDeg } from "./vectors.js";
 
 const white = 0.8; // share of full scale of a white diffuser that is lit along its normal, at an exposure of 0 EV
 
-// They have the names and meanings of mesorig-view's options.
+// The default settings. Settings have the names and meanings of mesorig-view's options.
 export const defaults = {
   shape: "torus",
   tiles: null, // null means the numbers of the shape
@@ -67,6 +67,7 @@ export class Viewer {
   }
 
   // Returns settings with the distance and pan at which the shape fills a picture of this aspect.
+  // If the settings have a distance, they are returned unchanged.
   fitted(settings, aspect) {
     if (settings.cameraDistance > 0) return settings;
     return { ...settings, ...fitCamera(settings, this.mesh.points, this.mesh.radius, aspect) };

@@ -18,7 +18,7 @@ struct Chooser {
     int n_asked;
     enum chooser_what what;
     char *folder, *name;
-    enum chooser_state state; /* result for chooser_poll() */
+    enum chooser_state state; /* next result of chooser_poll() */
     char *path;
 };
 
@@ -35,8 +35,8 @@ static void end(Chooser *chooser, enum chooser_state state) {
     chooser->state = state;
 }
 
-/* Takes the signal Response (u response, a{sv} results). 0 means chosen, 1 cancelled, 2 ended
- * otherwise. */
+/* Handles the signal Response (u response, a{sv} results). response is 0 if a file was chosen, 1 if
+ * the user cancelled the dialog, and 2 if the dialog ended in another way. */
 static void on_response(GDBusConnection *bus, const char *sender, const char *object,
                         const char *interface, const char *signal, GVariant *parameters,
                         gpointer data) {
@@ -87,7 +87,7 @@ static void on_opened(GObject *source, GAsyncResult *result, gpointer data) {
 }
 
 /* Returns the filters of the dialog, for files that can be opened and for all files, as a(sa(us)).
- * 0 marks a pattern. */
+ * The number 0 marks a file name pattern. */
 static GVariant *chooser_filters(void) {
     static const char *const patterns[] = {"session.db", "*.exr", "*.obj",
                                            "*.gltf",     "*.glb", "*.png"};

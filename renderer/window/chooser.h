@@ -1,6 +1,6 @@
 /*
  * The desktop's file dialog, through its portal (org.freedesktop.portal.FileChooser) on the session
- * bus, without a toolkit. It belongs to the thread of the default main context, which
+ * bus, without a toolkit. A Chooser belongs to the thread of the default main context, which
  * chooser_poll() iterates. No function blocks.
  */
 #pragma once
@@ -17,7 +17,7 @@ enum chooser_what {
 
 enum chooser_state {
     CHOOSER_IDLE,        /* no dialog was requested, or the dialog is open */
-    CHOOSER_CHOSEN,      /* *ret_path is set; g_free() */
+    CHOOSER_CHOSEN,      /* the user has chosen *ret_path; free it with g_free() */
     CHOOSER_CANCELLED,   /* the user has cancelled the dialog */
     CHOOSER_UNAVAILABLE, /* there is no portal, or it does not answer within seconds */
 };
@@ -25,11 +25,12 @@ enum chooser_state {
 Chooser *chooser_new(void);
 void chooser_free(Chooser *chooser); /* closes an open dialog; NULL is ignored */
 
-/* Opens a dialog, and closes an open one first. name is for CHOOSER_SAVE: the name of a file in
- * folder. */
+/* Opens a dialog in folder. An open dialog is closed first. name is the suggested file name for
+ * CHOOSER_SAVE. */
 void chooser_ask(Chooser *chooser, enum chooser_what what, const char *folder, const char *name);
 void chooser_close(Chooser *chooser);
 gboolean chooser_is_open(const Chooser *chooser);
 
-/* Returns the result of the last dialog, once. */
+/* Returns the result of the last dialog. Each result is returned once, and CHOOSER_IDLE
+ * afterwards. */
 enum chooser_state chooser_poll(Chooser *chooser, char **ret_path);

@@ -4,7 +4,7 @@
 #include "scene/reference.h"
 #include "session/session.h"
 
-#define TERMS 4 /* Wang et al. 2005 §5 */
+#define TERMS 4 /* number of terms, as in Wang et al. 2005 §5 */
 
 static gboolean get_column(int view, float *ret_column, gpointer data, GError **error) {
     return reference_read_view(data, view, ret_column, error);

@@ -22,6 +22,6 @@ void live_free(Live *live); /* ends the thread when it reads the next file; NULL
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
 
 /* Returns immediately. Returns eigen-maps that are newer than before, which the caller then owns,
- * or NULL. Starts a new computation when there are more views than last time. After a computation
- * has failed, returns NULL with an error. */
+ * or NULL. Starts a new computation when there are more views than in the last one. If a
+ * computation has failed, returns NULL with an error once. */
 struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error);

@@ -132,7 +132,7 @@ static gboolean open_live(struct studio *studio, Viewer *viewer, GError **error)
     const gboolean good = maps != NULL && viewer_set_material(viewer, maps, error);
     eigenmaps_free(maps);
     g_autoptr(GArray) planned = good ? live_views(session, NULL) : NULL;
-    if (planned != NULL) { /* otherwise it has a BTF and no plan */
+    if (planned != NULL) { /* otherwise the session has a BTF and no plan */
         viewer_set_planned(viewer, (const struct planned_view *)(const void *)planned->data,
                            planned->len);
         studio->n_planned = (int)planned->len;

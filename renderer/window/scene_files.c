@@ -15,7 +15,8 @@ struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
     return mesh;
 }
 
-/* Returns the given method for a session, and for a file the method that draws it. */
+/* Returns the method that draws path. For a session, this is the given method, or the default
+ * method if the given one needs no file. */
 static const struct method *scene_files_method(const struct method *method, const char *path,
                                                GError **error) {
     struct file_opened file;

@@ -17,8 +17,9 @@ enum series_error {
  * is not such a list. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Waits until this share of the planned views exists. Returns struct planned_view for all of them.
- * The session need not exist at first. Fails after wait_s seconds without a new view. */
+/* Waits until percent % of the planned views exist. Returns all planned views, an array of struct
+ * planned_view. The session need not exist at first. Fails after wait_s seconds without a new view,
+ * or if the capture has ended with fewer views. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

@@ -146,7 +146,7 @@ static char *command_number(double value) {
     return g_strdup(g_ascii_formatd(text, sizeof text, "%.10g", value));
 }
 
-/* Returns numbers with a separator: "5x2" or "30,90,1,1,1". */
+/* Returns n numbers joined by a separator, such as "5x2" or "30,90,1,1,1". */
 static char *command_numbers(const double *values, int n, const char *separator) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < n; k++) {
@@ -156,8 +156,8 @@ static char *command_numbers(const double *values, int n, const char *separator)
     return g_string_free(text, FALSE);
 }
 
-/* Returns a file with its whole path, so that the command can be used in any folder. A name stays
- * as it is. */
+/* Returns the absolute path of a file, so that the command can be used in any folder. Text that is
+ * not the path of an existing file, such as the name of a shape, is returned unchanged. */
 static char *command_file(const char *path) {
     return g_file_test(path, G_FILE_TEST_EXISTS) ? g_canonicalize_filename(path, NULL)
                                                  : g_strdup(path);

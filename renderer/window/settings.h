@@ -1,6 +1,6 @@
 /*
- * The settings of a picture, in one table. The options of the command line, the controls of the
- * panel, and the command that draws the window's picture again are made from it.
+ * The settings of a picture, in one table. The table gives the options of the command line, the
+ * controls of the panel, and the command that draws the window's picture again.
  */
 #pragma once
 
@@ -57,7 +57,7 @@ enum setting_id {
 
 struct setting {
     const char *option; /* name on the command line, without dashes */
-    const char *label;  /* label in the panel; NULL if the panel does not have it */
+    const char *label;  /* label in the panel; NULL if the setting is not in the panel */
     enum setting_kind kind;
     gsize offset;                /* in struct viewer_options; unused for SETTING_OTHER */
     double low, high;            /* range of the slider */
@@ -67,17 +67,17 @@ struct setting {
 
 extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
-/* Fills ret with the option entries of all rows except SETTING_OTHER. They set fields of options.
- * ret has room for SETTINGS entries. Returns their number. */
+/* Fills ret with the option entries of all rows except SETTING_OTHER. The entries set fields of
+ * options. ret must have room for SETTINGS entries. Returns the number of entries. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
-/* A picture for settings_command(), which returns the command that writes this picture, quoted for
- * a shell. Free the command with g_free(). n_lamps is the number of settings.lamps that do not come
- * from the environment. live says that the picture has eigen-maps of a session that is still being
- * captured. */
+/* The size of a picture in pixels, its samples per pixel in each direction, the number of
+ * settings.lamps that do not come from the environment, and whether the picture shows eigen-maps of
+ * a session that is still being captured (live). */
 struct settings_picture {
     int width, height, samples, n_lamps;
     gboolean live;
 };
+/* Returns the command that writes this picture, quoted for a shell. Free it with g_free(). */
 char *settings_command(const struct viewer_options *options,
                        const struct settings_picture *picture);

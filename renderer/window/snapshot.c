@@ -19,7 +19,7 @@ static char *file_of(const char *path) {
     return path != NULL ? g_path_get_basename(path) : NULL;
 }
 
-/* Describes all lamps; the further ones are written in the form of --lamp. */
+/* Describes all lamps. The further lamps are written in the form of --lamp. */
 static char *lamps_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "first %.10g, and %d more", s->lamp, s->n_lamps);
@@ -79,7 +79,7 @@ static char *materials_of(const struct viewer_options *o) {
     return g_string_free(text, o->n_bindings == 0);
 }
 
-/* Adds a text. Takes ownership of value. If value is NULL, the name is left out. */
+/* Adds a text. Takes ownership of value. Adds nothing if value is NULL. */
 static void add_text(GPtrArray *texts, const char *name, char *value) {
     if (value == NULL)
         return;

@@ -1,5 +1,5 @@
-/* Writes a picture with all settings that are needed to reproduce it. In a PNG file they are text
- * chunks. */
+/* Writes a picture with all settings that are needed to reproduce it. In a PNG file the settings
+ * are text chunks, and in an EXR file attributes. */
 #pragma once
 
 #include "viewer_options.h"
@@ -7,12 +7,12 @@
 struct snapshot {
     const char *material; /* path; only its last parts are written */
     const char *shape;
-    /* Second is the method with which the first is compared, or NULL. */
+    /* second is the method with which first is compared, or NULL. */
     const struct method *first, *second;
     const struct compose *how;
     gboolean reference;                     /* the picture is a reference from the whole BTF */
     const struct viewer_settings *settings; /* with the actual numbers of tiles, not 0 */
-    /* Has the files from which the picture was made, and the floor. */
+    /* options with the files from which the picture was made, and the floor */
     const struct viewer_options *options;
     int n_views, n_planned; /* of a session that is being captured, otherwise 0 */
 };

@@ -28,14 +28,15 @@ const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 2
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255),
                          IM_COL32(255, 210, 80, 255)};
 
-/* GRIP is the distance from which the mouse grips a dot. */
+/* Radius of a dialog's corners, and distance from which the mouse grips a dot. Both are multiplied
+ * by scale. */
 const float ROUNDING = 4.0F, GRIP = 10.0F;
 
 float scale = 1.0F;
 
-/* Returns the factor for fonts and widgets. Where windows are measured in pixels, this is the
- * display's scale. Elsewhere the framebuffer is larger than the window by that scale already, so
- * the scale is divided out. */
+/* Returns the factor for fonts and widgets. Where windows are measured in pixels, this factor is
+ * the display's scale. Elsewhere the framebuffer is already larger than the window by that scale,
+ * so the factor is 1. */
 float scale_of(struct GLFWwindow *window) {
     float across = 1.0F, down = 1.0F;
     int width = 0, height = 0, pixels_across = 0, pixels_down = 0;
@@ -46,8 +47,8 @@ float scale_of(struct GLFWwindow *window) {
     return std::min(std::max(across / std::max(framebuffer, 0.1F), 1.0F), 4.0F);
 }
 
-/* Returns the position of a direction. Equal steps of the polar angle are equal distances from the
- * middle. */
+/* Returns the position of a dot on the disk of the hemisphere. The distance from the middle is
+ * proportional to the polar angle, which is limited to 90°. */
 ImVec2 on_disk(const struct ui_dot *dot, ImVec2 middle, float radius) {
     const double out = std::min(dot->theta_deg, 90.0) / 90.0 * radius;
     const double phi = dot->phi_deg * G_PI / 180.0;
@@ -337,7 +338,7 @@ int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size
                  y = (double)(middle.y - mouse.y) / radius;
     if (held < 0 || held >= n)
         return -1;
-    const bool dragged = ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click chooses it */
+    const bool dragged = ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click only chooses the dot */
     *ret_theta_deg = dragged ? std::min(std::hypot(x, y), 1.0) * 90.0 : dots[held].theta_deg;
     *ret_phi_deg = dragged ? std::atan2(y, x) * 180.0 / G_PI : dots[held].phi_deg;
     return held;

@@ -1,7 +1,7 @@
 /*
  * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All functions belong
  * to the thread of the window's GL context. Text is UTF-8. In every frame, each call between
- * ui_begin() and ui_end() adds a control. It returns TRUE if the user has just changed this
+ * ui_begin() and ui_end() adds a control. The call returns TRUE if the user has just changed this
  * control.
  */
 #pragma once
@@ -11,8 +11,8 @@
 typedef struct Ui Ui;
 struct GLFWwindow;
 
-/* Makes the controls. Call it after the window's own callbacks are set. These are still called; see
- * ui_wants_mouse() and ui_wants_keyboard(). */
+/* Makes the controls. Call this function after the window's own callbacks are set. The window's
+ * callbacks are still called; see ui_wants_mouse() and ui_wants_keyboard(). */
 Ui *ui_new(struct GLFWwindow *window);
 void ui_free(Ui *ui); /* NULL is ignored */
 
@@ -52,7 +52,7 @@ void ui_text(const char *text);
 void ui_note(const char *text); /* highlighted text */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
-/* The same with a logarithmic scale. low must be above 0. */
+/* Adds a slider with a logarithmic scale. low must be above 0. */
 gboolean ui_slider_log(const char *label, double *value, double low, double high,
                        const char *format);
 gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format);
@@ -60,13 +60,14 @@ gboolean ui_check(const char *label, gboolean *value);
 gboolean ui_button(const char *label);
 gboolean ui_colour(const char *label, float rgb[3]);
 
-/* A list that scrolls. ui_row() returns whether its row was clicked. */
+/* Begins a list that scrolls. ui_row() adds a row and returns whether the row was clicked.
+ * ui_list_end() ends the list. */
 void ui_list_begin(const char *name, float height);
 gboolean ui_row(const char *text, gboolean marked);
 void ui_list_end(void);
 
-/* A line of text input, as wide as its dialog. If focus is TRUE, it takes the keyboard. The
- * window handles Enter, because a control misses a key that is pressed and released between two
+/* Adds a line of text input, as wide as its dialog. If focus is TRUE, the line takes the keyboard.
+ * The window handles Enter, because a control misses a key that is pressed and released between two
  * pictures. */
 void ui_line(const char *name, char *text, gsize size, gboolean focus);
 
@@ -75,14 +76,15 @@ void ui_picture(guint texture, float width, float height);
 /* Draws bars of red, green and blue over each other: 3 × n values, 0 … 1. */
 void ui_histogram(const float *values, int n, float width, float height);
 
-/* Directions of the hemisphere, seen from above. Directions below the hemisphere are drawn on its
- * edge. */
+/* The kinds of directions that ui_hemisphere() draws as dots on the hemisphere, seen from above.
+ * Directions below the horizon are drawn on the edge. */
 enum ui_dot_kind { UI_DOT_THERE, UI_DOT_MISSING, UI_DOT_CAMERA, UI_DOT_LIGHT, UI_DOT_CHOSEN_LIGHT };
 struct ui_dot {
     double theta_deg, phi_deg;
     enum ui_dot_kind kind;
 };
-/* Returns the number of the dot that the mouse holds, and the position on the upper hemisphere to
- * which the mouse has dragged it. Returns −1 if the mouse holds none. */
+/* Draws the dots. Returns the index of the light's dot that the mouse holds, and in *ret_theta_deg
+ * and *ret_phi_deg the direction on the upper hemisphere to which the mouse has dragged this dot.
+ * Returns −1 and sets neither if the mouse holds no dot. */
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg);

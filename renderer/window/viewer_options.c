@@ -24,7 +24,7 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
     return refuse_options(error, "%s %s: %s is expected", option, text, wanted);
 }
 
-/* The data of the option group are the options; see main(). */
+/* data is the data of the option group: the options (see main()). */
 static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
                                   GError **error) {
     static const char *const ways[] = {"auto", "peel", "lists"};
@@ -330,7 +330,7 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                    methods[k]->name);
         return bad(error, "--method", o->method_name, names->str);
     }
-    if (o->method_name == NULL && o->argument != NULL) { /* the kind that the file states */
+    if (o->method_name == NULL && o->argument != NULL) { /* use the method of the file, or a method of the session */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
             /* Only the default method supports --live and --plain, and sessions that are being

@@ -9,9 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* the path as given, and the path of the file that is read, which need
-                             not exist */
-    /* Index map as given (a file or the directory of a session), and its file. */
+    char *mdf, *mdf_path; /* mdf: the path as given; mdf_path: the path of the file that is read, which need not exist */
+    /* index: the index map as given, a file or the directory of a session; index_path: its file */
     char *index, *index_path;
     /* normal map for methods that accept one; NULL keeps the normals of the method */
     char *normal_map;
@@ -20,14 +19,14 @@ struct viewer_options {
     char **materials; /* as given */
     struct scene_binding bindings[VIEWER_MAX_MATERIALS - 1];
     int n_bindings;
-    char *split, *difference; /* names of a second method */
+    char *split, *difference; /* names of the second method as given; at most one is not NULL */
     const struct method *second;
     struct compose compose;
     enum scene_up upward;
     gboolean measured, live, with_panel;
     gint64 started_us; /* start of the program */
     char *series_text;
-    int series[SERIES_MAX], n_series; /* percentages of the views */
+    int series[SERIES_MAX], n_series; /* n_series percentages of the views */
     double wait_s;
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, along_surface, light_turn, camera_turn, json, sample, force;
@@ -42,15 +41,14 @@ struct viewer_options {
 /* Initializes options before parsing. */
 void viewer_options_init(struct viewer_options *options);
 
-/* Sets the brightness of the first lamp and of the even sky for pictures without options for
- * them. */
+/* Sets the default brightness of the first lamp and of the even sky: 0 with an environment. */
 void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
 /* Returns entries for an option group whose data are the options. Free them with g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* Sets defaults, and checks which options exclude each other. Call it after parsing. The error
- * names the options. */
+/* Sets defaults, and checks which options exclude each other. Call this function after parsing. The
+ * error names the options. */
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 

@@ -6,9 +6,10 @@
 #include <math.h>
 
 #define MIN_PICTURE                                                                                \
-    64 /* minimum width of the picture in pixels; in a narrower window the panel is hidden */
+    64 /* minimum width of the picture in pixels; the panel is hidden if it would leave less */
 
-/* Returns the width of the panel in framebuffer pixels, at the left. */
+/* Returns the width of the panel, at the left of the window, in framebuffer pixels. Returns 0 if
+ * the panel is folded or hidden. */
 static int panel_pixels(const struct window *w) {
     int width, height, pixels, unused;
     glfwGetWindowSize(w->glfw, &width, &height);
@@ -85,7 +86,8 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
     return glfw;
 }
 
-/* Bins relative to the fullest one, as square roots, so that small bins stay visible. */
+/* Computes the histogram. Counts are divided by that of the fullest bin. Their square roots are
+ * shown, so that small bins stay visible. */
 static void count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
@@ -156,7 +158,7 @@ static gboolean draw_frame(struct window *w, struct window_result *ret, GError *
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     width -= panel_pixels(w);
-    if (width < 1 || height < 1) { /* the size is known after on_size() */
+    if (width < 1 || height < 1) { /* the window has no size yet; on_size() reports one */
         w->stale = FALSE;
         w->frames_due = 0;
         return TRUE;
@@ -172,8 +174,8 @@ static gboolean draw_frame(struct window *w, struct window_result *ret, GError *
     return gpu_check("the window", error);
 }
 
-/* Returns whether a frame must be drawn. An idle window draws nothing. It draws while a file is
- * opened, to show the progress, and while a text field shows its cursor. */
+/* Returns whether a frame must be drawn. An idle window draws nothing. A window draws while a file
+ * is opened, to show the progress, and while a text field shows its cursor. */
 static gboolean must_draw(const struct window *w) {
     return w->stale || w->frames_due > 0 || w->now.close_after > 0 || opener_is_busy(w->opener) ||
            ui_wants_keyboard();
@@ -198,7 +200,8 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
     return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
-/* Opens the requested shape, or the default shape and shows a sentence. */
+/* Opens the requested shape. If this fails, opens the default shape and shows the reason, or fails
+ * with close_after. */
 static gboolean set_first_shape(struct window *w, GError **error) {
     window_set_shape(w, w->now.shape, &w->now.settings);
     if (w->mesh != NULL)
@@ -229,7 +232,7 @@ static gboolean do_run(struct window *w, struct window_result *ret, GError **err
      * seconds. */
     w->now.method = method_find(METHOD_DEMO);
     w->material = g_strdup(METHOD_DEMO);
-    /* The picture is shown without the environment until it is open. */
+    /* The picture is shown without the environment until the environment is open. */
     if (w->start->environment != NULL) {
         w->now.environment = NULL;
         w->now.settings.backdrop = FALSE;

@@ -3,10 +3,10 @@
  * Dragging with the left button orbits, dragging with the right button moves the light, the wheel
  * zooms, and F1 shows all keys.
  *
- * The window follows a session. It opens products again when they change. While the session has no
- * eigen-maps yet, the window makes eigen-maps of the existing views (live.h). Until a product can
- * be shown, the window shows a material that needs no file. If a file cannot be opened, the window
- * shows a sentence with the reason.
+ * The window follows a session. Products are opened again when they change. While the session has
+ * no eigen-maps yet, the window makes eigen-maps of the existing views (live.h). Until a product
+ * can be shown, the window shows a material that needs no file. If a file cannot be opened, the
+ * window shows a sentence with the reason.
  */
 #pragma once
 
@@ -14,7 +14,7 @@
 
 struct window_result {
     int n_frames;
-    double seconds;       /* time spent drawing them */
+    double seconds;       /* time spent drawing the frames */
     double first_seconds; /* time from the start of the program to the first picture */
     char *renderer;       /* g_free() */
     struct viewer_memory memory;

@@ -17,8 +17,8 @@ struct window_files {
     char *folder;
     GPtrArray *rows;  /* of struct files_row */
     char *problem;    /* problem of the folder, or NULL */
-    char line[4096];  /* text that was typed: a path, or a name in the folder */
-    gboolean focus;   /* the line must take the keyboard */
+    char line[4096];  /* text of the input line: a path, or a name in the folder */
+    gboolean focus;   /* the input line must take the keyboard in the next frame */
     gboolean entered; /* Enter was pressed */
 };
 
@@ -100,7 +100,8 @@ void window_files_clear(struct window *w) {
     g_free(files);
 }
 
-/* Returns a path relative to the folder, or an absolute path. */
+/* Returns the absolute path of name, which is a path relative to the folder, or an absolute
+ * path. */
 static char *files_path(const struct window_files *files, const char *name) {
     g_autofree char *local = g_filename_from_utf8(name, -1, NULL, NULL, NULL);
     return g_canonicalize_filename(local != NULL ? local : name, files->folder);
@@ -140,7 +141,7 @@ static void files_draw_rows(struct window_files *files, char **ret_path) {
             continue;
         g_free(*ret_path);
         *ret_path = g_build_filename(files->folder, row->name, NULL);
-        if (files->what == CHOOSER_SAVE && !row->is_folder) { /* its name is copied to the line */
+        if (files->what == CHOOSER_SAVE && !row->is_folder) { /* only copy its name to the line */
             g_strlcpy(files->line, row->shown, sizeof files->line);
             g_clear_pointer(ret_path, g_free);
         }

@@ -35,14 +35,16 @@ const struct window_key window_keys[] = {
     {NULL, NULL},
 };
 
-/* Returns the window of an event. The next frames show what the event means to the panel. */
+/* Returns the window of an event. The next frames are drawn, because the event may change the
+ * panel. */
 static struct window *window_input_of(GLFWwindow *glfw) {
     struct window *w = glfwGetWindowUserPointer(glfw);
     w->frames_due = WINDOW_FRAMES;
     return w;
 }
 
-/* Removes the message when a key or button is pressed, because the user has read it. */
+/* Removes a message that is not an error when a key or button is pressed, because the user has read
+ * it. */
 static void pressed(struct window *w) {
     if (w->message != NULL && !w->is_error)
         window_tell(w, NULL);
@@ -89,7 +91,7 @@ static void toggle_full_screen(struct window *w) {
     glfwSetWindowMonitor(w->glfw, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);
 }
 
-/* Closes the topmost dialog or panel, never the window. Called for Esc. */
+/* Handles Esc: closes a dialog or a message, or leaves the full screen. Never closes the window. */
 static void escape(struct window *w) {
     if (w->page != WINDOW_NO_PAGE)
         window_show_page(w, WINDOW_NO_PAGE);

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define GLYPH 150.0F /* width of the hemisphere in the panel, times ui_scale() */
+#define GLYPH 150.0F /* width of the hemisphere in the panel, multiplied by ui_scale() */
 
 void window_relight(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
@@ -16,7 +16,7 @@ void window_relight(struct window *w) {
     w->stale = TRUE;
 }
 
-/* Sets the environment and takes ownership of it. With NULL there is none, and name is also
+/* Sets the environment and takes ownership of it. NULL removes the environment; name is then also
  * NULL. */
 void window_set_environment(struct window *w, struct environment *environment, const char *name) {
     struct viewer_settings *s = &w->now.settings;
@@ -53,7 +53,7 @@ void window_add_lamp(struct window *w) {
 void window_remove_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
     if (w->lamp == 0) {
-        s->lamp = 0.0; /* switched off; setting the brightness switches it on again */
+        s->lamp = 0.0; /* switch it off; setting the brightness switches it on again */
     } else if (w->lamp > w->n_lamps) {
         window_set_environment(w, NULL, NULL);
     } else {
@@ -118,7 +118,8 @@ static void draw_glyph(struct window *w) {
         window_move_lamp(w, theta - dots[held].theta_deg, phi - dots[held].phi_deg);
 }
 
-/* Draws a slider of a lamp with the row that the table has for the first light. */
+/* Draws a slider for a value of any lamp, with the label, range and format that settings_table has
+ * for the first lamp. */
 static void lamp_slider(struct window *w, enum setting_id id, double *value) {
     const struct setting *setting = &settings_table[id];
     w->stale |= ui_slider(setting->label, value, setting->low, setting->high, setting->format);

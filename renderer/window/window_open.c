@@ -1,4 +1,4 @@
-/* Opens any file that the user names at the start, in a dialog, or by dropping it on the window. */
+/* Opens files that the user names at the start or in a dialog, or drops on the window. */
 #include "recent.h"
 #include "scene_files.h"
 #include "window_private.h"
@@ -73,15 +73,17 @@ void window_open(struct window *w, const char *path) {
     file_opened_clear(&file);
 }
 
-/* Returns whether the session is being captured, so that its folder lacks the product. */
+/* Returns whether a session was given that does not have the product at path yet, so that
+ * eigen-maps of the existing views are shown. */
 static gboolean is_being_captured(const struct window *w, const char *path) {
     return w->session != NULL && w->start->method == methods[0] &&
            !g_file_test(path, G_FILE_TEST_EXISTS);
 }
 
-/* Returns whether MATERIAL of the command line has to be opened as a material. It may be any file
- * that window_open() accepts. If it is not a material, opening it gives the error that the user
- * should see. */
+/* Returns whether MATERIAL of the command line has to be opened as a material. If MATERIAL is
+ * another kind of file, it is opened here, and FALSE is returned. If MATERIAL cannot be opened, the
+ * error is shown here, except with close_after: then TRUE is returned, because opening MATERIAL
+ * gives the error. */
 static gboolean has_material(struct window *w) {
     const struct viewer_options *o = w->start;
     struct file_opened file;
@@ -104,7 +106,8 @@ static gboolean has_material(struct window *w) {
     return FALSE;
 }
 
-/* Opens the index map given at the start, and sets the tiles in which it repeats. */
+/* Opens the index map given at the start. Rounds the numbers of tiles to whole repetitions of the
+ * map, unless the numbers were given. */
 static void window_open_index(struct window *w) {
     g_autoptr(GError) error = NULL;
     if (w->now.index_path == NULL)
@@ -118,7 +121,7 @@ static void window_open_index(struct window *w) {
         viewer_whole_tiles(w->viewer, &w->now.settings.tiles_u, &w->now.settings.tiles_v);
 }
 
-/* Opens the materials of a scene. They appear together, when all are read. */
+/* Opens the materials of a scene. The window shows them together, when all are read. */
 static void window_open_scene(struct window *w) {
     const struct viewer_options *o = w->start;
     g_autoptr(GError) error = NULL;
@@ -195,7 +198,8 @@ void window_scale_tiles(struct window *w, double factor) {
     w->stale = TRUE;
 }
 
-/* Returns the folder of the last material. */
+/* Returns the folder that contains the present material, or the current directory if there is no
+ * material. */
 static char *window_folder(const struct window *w) {
     g_autofree char *whole =
         w->now.argument != NULL ? g_canonicalize_filename(w->now.argument, NULL) : NULL;
@@ -215,7 +219,7 @@ void window_ask_file(struct window *w, enum chooser_what what) {
 
 static void take_chosen(struct window *w, const char *path) {
     if (w->chooser_what == CHOOSER_SAVE)
-        window_save_named(w, path, TRUE); /* the dialog has asked whether to replace it */
+        window_save_named(w, path, TRUE); /* the dialog has asked whether to replace an existing file */
     else
         window_open(w, path);
 }

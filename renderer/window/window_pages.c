@@ -3,7 +3,7 @@
 #include "window_private.h"
 
 static void set_message(struct window *w, const char *message, gboolean is_error) {
-    char *copy = g_strdup(message); /* message may be the present one */
+    char *copy = g_strdup(message); /* message may be w->message itself */
     g_free(w->message);
     w->message = copy;
     w->is_error = is_error && message != NULL;

@@ -79,7 +79,7 @@ static void draw_shape(struct window *w) {
     int chosen = 0, n = 0;
     while (!g_str_equal(names[n], names[own]))
         n++;
-    n = n < own ? own : own + 1; /* a file is chosen like the other entries */
+    n = n < own ? own : own + 1; /* a file has its own entry after the computed shapes */
     while (chosen < n - 1 && !g_str_equal(names[chosen], w->now.shape))
         chosen++;
     names[own] = own_name;

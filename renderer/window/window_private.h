@@ -34,27 +34,27 @@ struct window {
     double aspect;
     Viewer *viewer, *second;
     struct mesh *mesh;
-    const char *own_shape; /* shape that was given or opened, in addition to the computed shapes */
+    const char *own_shape; /* shape that was given or opened: a file, or the name of a computed shape */
     char *session;         /* directory of the session, or NULL */
     char *material, *second_material;
-    char *message; /* the last sentence for the user, or NULL */
+    char *message; /* sentence that is shown to the user, or NULL */
     gboolean is_error;
     char *title; /* the present title of the window */
     double x, y; /* position of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
     gboolean stale; /* the picture must be drawn again */
-    int frames_due; /* number of frames in which the panel adapts to an event */
+    int frames_due; /* number of frames still to be drawn after an event */
     gboolean panel; /* the panel is unfolded */
     enum window_page page;
-    int before_full_screen[4]; /* x, y, width, height */
-    /* Modification times of the file that is shown, of the file that is being opened, and of the
-     * MDF. */
+    int before_full_screen[4]; /* position and size of the window before full screen: x, y, width, height */
+    /* Modification times in µs of the file that is shown, of the file that is being opened, and of
+     * the MDF */
     gint64 file_time, asked_time, mdf_time;
     gint64 looked_us;
-    Live *live; /* NULL if there is no session to follow */
+    Live *live; /* computes eigen-maps of a session that is being captured; NULL if there is none */
     int n_live;
-    struct eigenmaps *live_maps; /* the last that were computed; NULL if there are none yet */
+    struct eigenmaps *live_maps; /* the latest eigen-maps of live; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
     const char
@@ -67,7 +67,7 @@ struct window {
     struct measured measured;
     guint measured_texture;
     struct environment *environment; /* NULL if there is none */
-    /* File that was opened, in addition to the computed environments. */
+    /* path of the environment map that was opened last, or NULL */
     const char *own_environment;
     /* Number of further lamps that do not come from the environment. */
     int n_lamps;
@@ -80,20 +80,20 @@ struct window {
     GPtrArray *recent;          /* list of WINDOW_START */
 };
 
-/* window_source.c: changes the sources of the picture. An error is shown as the message, and the
- * picture stays as it was. */
+/* window_source.c: changes the materials, the MDF and the environment of the picture. An error is
+ * shown as the message, and the picture stays as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
-void window_follow(struct window *w); /* checks the files once a second */
+void window_follow(struct window *w); /* checks at most once a second whether files have changed */
 void window_ask_material(struct window *w, const char *argument, const struct method *method);
 void window_ask_mdf(struct window *w, const char *path);
 void window_ask_environment(struct window *w, const char *name);
-/* For a session that is being captured. */
+/* Shows a session that is being captured: first a demonstration, then eigen-maps of its views. */
 void window_watch_session(struct window *w, const char *session);
-/* Takes materials that were opened meanwhile. Returns FALSE if the material given at the start
- * cannot be opened and the window has to close. */
+/* Shows files that the opener has opened since the last call. Returns FALSE if the material given
+ * at the start cannot be opened and the window has to close. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 
@@ -106,7 +106,7 @@ void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialo
 void window_follow_chooser(struct window *w);
 
 /* window_lamps.c */
-void window_relight(struct window *w); /* call it after a change of the environment or its lamps */
+void window_relight(struct window *w); /* makes the environment's lamps again, after a change of the environment or of n_lamps */
 void window_set_environment(struct window *w, struct environment *environment, const char *name);
 void window_add_lamp(struct window *w);
 void window_remove_lamp(struct window *w);
@@ -114,8 +114,8 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
 void window_draw_lamps(struct window *w); /* the part of the panel for lamps */
 
-/* The number of frames that are drawn after an event. The panel's windows take their size from
- * their contents in the frame before. */
+/* The number of frames that are drawn after an event. Several frames are needed, because the
+ * windows of the panel take their size from their contents in the frame before. */
 #define WINDOW_FRAMES 3
 
 /* window_input.c */
@@ -126,14 +126,14 @@ extern const struct window_key window_keys[]; /* ends with NULL */
 void window_listen(struct window *w);
 
 /* window_panel.c */
-#define WINDOW_PANEL 300.0F /* width of the panel, times ui_scale() */
+#define WINDOW_PANEL 300.0F /* width of the panel, multiplied by ui_scale() */
 void window_draw_panel(struct window *w, struct ui_box box);
-/* Draws a control of the table. Returns TRUE if it was changed, so that the picture must be drawn
- * again. */
+/* Draws the control of a setting. Returns TRUE if the user has changed the setting. The picture is
+ * then drawn again. */
 gboolean window_draw_setting(struct window *w, enum setting_id id);
 
 /* window_pages.c: dialogs, and the line of text at the bottom. */
-/* Shows an error and also prints it on stderr. NULL removes it. */
+/* Shows an error and also prints it on stderr. NULL removes the message. */
 void window_say(struct window *w, const char *error);
 void window_tell(struct window *w, const char *sentence);
 void window_show_page(struct window *w, enum window_page page);
@@ -149,7 +149,7 @@ void window_files_clear(struct window *w);
 /* window_save.c */
 /* Saves the picture. force says that the user has agreed to replace an existing file. */
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error);
-/* The same, and shows the result to the user. */
+/* Saves the picture like window_save(), and shows the path or the error to the user. */
 void window_save_named(struct window *w, const char *path, gboolean force);
 void window_screenshot(struct window *w); /* saves under the next free name */
 char *window_picture_name(const struct window *w, char **ret_folder);
@@ -157,5 +157,5 @@ void window_copy_command(struct window *w);
 
 /* In window.c. window_paint() draws the picture and the panel into the window's back buffer. */
 void window_paint(struct window *w);
-/* Returns whether it is unfolded and there is room for it. */
+/* Returns whether the panel is unfolded and there is room for it. */
 gboolean window_has_panel(const struct window *w);

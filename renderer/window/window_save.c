@@ -72,7 +72,8 @@ static char *picture_folder(void) {
     return g_steal_pointer(&current);
 }
 
-/* Returns NAME-001.png, or the next name that is not used. */
+/* Returns NAME-001.png, or the next name that is not used in *ret_folder, which is also returned.
+ * Free both with g_free(). */
 char *window_picture_name(const struct window *w, char **ret_folder) {
     g_autofree char *base =
         g_path_get_basename(w->now.argument != NULL ? w->now.argument : w->material);

@@ -30,7 +30,7 @@ void window_ask_environment(struct window *w, const char *name) {
     opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
 }
 
-/* Requests the method with which to draw the MATERIAL that is being opened or is shown. */
+/* Requests to open, for a method, the MATERIAL that is being opened or is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     struct viewer_options options = w->now;
     if (w->asked_argument != NULL)
@@ -65,7 +65,7 @@ static void show_live(struct window *w) {
     window_say(w, good ? NULL : error->message);
 }
 
-/* While a session is captured, its eigen-maps are made from the existing views. */
+/* While a session is captured, eigen-maps come from live_maps, because there is no file yet. */
 void window_set_method(struct window *w, const struct method *method) {
     g_autofree char *product = w->live_maps != NULL ? method_path(methods[0], w->session) : NULL;
     if (method == methods[0] && product != NULL && time_of(product) < 0)
@@ -84,7 +84,7 @@ static void show_planned(struct window *w) {
     w->stale = TRUE;
 }
 
-/* Drops the state of the previous material, and sets the paths of the new one. */
+/* Removes the state of the previous material, and sets the paths of the new one. */
 static void change_argument(struct window *w, const char *argument) {
     g_autofree char *folder = g_file_test(argument, G_FILE_TEST_IS_DIR)
                                   ? g_build_filename(argument, "products", NULL)
@@ -198,7 +198,7 @@ gboolean window_take_opened(struct window *w, GError **error) {
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
             w->file_time =
-                w->asked_time; /* in either case it is not opened again until it changes */
+                w->asked_time; /* even after an error, the file is not opened again until it changes */
         if (o->place == OPENER_MDF && why != NULL)
             w->outlines = FALSE;
         const gboolean good = why == NULL && takers[o->place](w, o, &why);
@@ -262,7 +262,8 @@ void window_compare_measured(struct window *w) {
                                 : "only a session has measured frames to compare with");
 }
 
-/* Follows the capture until the eigen-maps of all views exist. */
+/* Shows the latest eigen-maps of a session that is being captured. Ends when the file of the
+ * eigen-maps exists. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;

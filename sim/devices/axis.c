@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-/* Interval between updates of the world by a moving axis. */
+/* interval between updates of the world by a moving axis */
 #define TICK_US     20000
 #define MIN_TICK_US 1000
 
@@ -27,10 +27,10 @@ struct sim_axis {
 
     enum phase phase;
     guint timer, unanswered;
-    gboolean mute; /* the answer to the last command is lost */
+    gboolean mute; /* the axis does not answer the last command */
     int n_moves;
     gboolean stalls;
-    double from_deg, to_deg, speed0_deg_s; /* speed0 is the signed speed when braking began */
+    double from_deg, to_deg, speed0_deg_s; /* speed0_deg_s is the signed speed when braking began */
     gint64 start_us, end_us;
     double speed_deg_s;             /* top speed of this movement */
     gboolean turning;               /* axis_turn() is under way, so the position is reported */
@@ -81,8 +81,8 @@ static gint64 sim_axis_to_us(double seconds) {
     return (gint64)ceil(seconds * 1e6);
 }
 
-/* Returns a hash from −1 to 1. It uses only integer arithmetic, so it is the same on every
- * machine. */
+/* Returns a hash of value and seed from −1 to 1. The hash uses only integer arithmetic, so it is
+ * the same on every machine. */
 static double hash_unit(gint64 value, int seed) {
     guint64 x = (guint64)value * 0x9e3779b97f4a7c15u + (guint64)seed * 0xbf58476d1ce4e5b9u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -90,8 +90,8 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Returns the position error. 70 % of it has one period per turn, like the error of an eccentric
- * bearing. 30 % changes every 0.001°, like the error of an uneven scale. */
+/* Returns the position error at deg. 70 % of most_deg has one period per turn, like the error of an
+ * eccentric bearing. 30 % changes every 0.001°, like the error of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
         return 0;
@@ -146,8 +146,8 @@ static void go_to(struct sim_axis *sim, double deg) {
     sim->position_deg = deg;
 }
 
-/* Returns the distance and the speed after t seconds of a move over d degrees, with trapezoidal
- * speed. Both are positive. */
+/* Returns the distance and, in *ret_speed, the speed after t seconds of a move over d degrees with
+ * a trapezoidal speed profile. Both are positive. */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
     double a = sim->motion.accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
@@ -161,7 +161,8 @@ static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
     return v * (t - ramp / 2);
 }
 
-/* Returns the present position of the drive, and its signed speed. */
+/* Returns the position of the drive at now_us, and its signed speed in *ret_speed. The drive must
+ * be moving or braking. */
 static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
     double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
     double sign = sim->to_deg < sim->from_deg ? -1 : 1;
@@ -276,7 +277,8 @@ static void sim_axis_on_unanswered(gpointer data) {
     axis_report(axis, AXIS_FAULT, sim_unheard_error(&axis->device));
 }
 
-/* Returns whether a command is carried out. If it is not answered, a fault is reported later. */
+/* Returns whether the axis carries out a command. If the axis does not answer the command, a fault
+ * is reported after SIM_UNHEARD_US. */
 static gboolean sim_axis_obeys(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     Clock *clock = axis->device.clock;
@@ -327,7 +329,7 @@ static gboolean sim_axis_stop(Axis *axis, GError **error) {
     /* An axis that has stalled silently does not answer. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
-    if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops immediately */
+    if (sim->phase == HOMING || stands) { /* homing is slow, so the axis stops immediately */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {

@@ -30,8 +30,8 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time of the rendering */
 };
 
-/* One exposure. Another thread renders it. The picture is complete when its time is over and its
- * pixels are rendered. It exists until the thread has finished, even if the camera was closed. */
+/* One exposure. Another thread renders it. The picture is delivered when it is due and rendered. It
+ * exists until the thread has finished, even if the camera was closed. */
 struct picture {
     Camera *camera; /* NULL after the camera was closed or disarmed */
     World *world;
@@ -94,8 +94,8 @@ static void sim_camera_picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* Drops the camera's reference to a picture. If the thread is still rendering it, on_rendered()
- * frees it. */
+/* Detaches a picture from its camera and frees it. If a thread is still rendering the picture,
+ * on_rendered() frees it later. */
 static void picture_drop(struct picture *picture) {
     if (!picture)
         return;
@@ -158,8 +158,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* g_main_context_invoke() would call it in this thread while no main loop iteration owns the
-     * context. */
+    /* Not g_main_context_invoke(), which would call on_rendered() in this thread while no main loop
+     * iteration owns the context. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
@@ -208,7 +208,8 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Uses integer arithmetic, so that the result is the same on every machine. */
+/* Returns the random delay of a shot, 0 … jitter_ms, from a hash of its number. The hash uses
+ * integer arithmetic, so that it is the same on every machine. */
 static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
     guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;

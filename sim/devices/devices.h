@@ -12,8 +12,9 @@
 #include "drivers/lamps.h"
 #include "drivers/laser.h"
 
-/* Returns the position of the load when the drive stands at deg, without backlash. The drive has at
- * most the given position error. wraps says that deg and deg + 360 are the same position. */
+/* Returns the position of the load when the drive stands at deg, without backlash.
+ * position_error_deg is the largest position error of the drive. wraps says that deg and deg + 360
+ * are the same position. */
 double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
 
 /* Return the time, on the rig's clock, until which a device neither obeys nor answers

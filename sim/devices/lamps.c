@@ -14,7 +14,7 @@ struct sim_lamps {
     int *lamps;         /* index in the world of each lamp of the bank */
     int *switches;      /* number of times that each lamp was switched on */
     GQueue pending;     /* of struct pending, in order */
-    gint64 answered_us; /* no command is answered before an earlier one */
+    gint64 answered_us; /* time of the latest answer; answers come in the order of the commands */
 };
 
 struct pending {

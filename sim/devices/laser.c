@@ -15,7 +15,7 @@ struct sim_laser {
     gboolean on;
     int n_deaf;
     GQueue pending;     /* of struct pending, in order */
-    gint64 answered_us; /* no command is answered before an earlier one */
+    gint64 answered_us; /* time of the latest answer; answers come in the order of the commands */
 };
 
 struct pending {
@@ -103,7 +103,7 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     return found;
 }
 
-/* Moves the laser to the place of the laser in the world file that is named by place. The name of
+/* Moves the laser to the place of the laser that is called place in the world file. The name of
  * this device means the place of its own part. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;

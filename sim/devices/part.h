@@ -1,5 +1,5 @@
-/* Checks the part of a world file that a simulated device acts on or looks at. For a driver's
- * check(). */
+/* For the check() of drivers: checks the part of a world file that a simulated device acts on or
+ * looks at. */
 #pragma once
 
 #include "base/options.h"
