@@ -16,7 +16,8 @@ struct sim_unheard {
     gint64 dead_until_us;
 };
 
-/* The options of a struct sim_unheard at an offset, for a driver's table. */
+/* The options of a struct sim_unheard at the offset `at` of the driver's struct, for its table of
+ * options. */
 /* clang-format off */
 #define SIM_UNHEARD(at, field) ((at) + G_STRUCT_OFFSET(struct sim_unheard, field))
 #define SIM_UNHEARD_OPTIONS(at)                                                                    \
@@ -27,7 +28,7 @@ struct sim_unheard {
 /* clang-format on */
 
 /* Returns whether a command that reaches the device now is carried out. *ret_answers says whether
- * it is answered. */
+ * the command is answered. */
 gboolean sim_unheard_obeys(struct sim_unheard *fault, const Clock *clock, gboolean *ret_answers);
 gboolean sim_unheard_is_dead(const struct sim_unheard *fault, const Clock *clock);
 GError *sim_unheard_error(const struct device *device);

@@ -28,8 +28,8 @@
 #define STOP  3
 #define CLEAR 4
 
-/* Duration of homing for a drive that already stands on its switch. It leaves the switch and comes
- * back. */
+/* Duration of homing for a drive that already stands on its switch. The drive leaves the switch and
+ * comes back. */
 #define MIN_HOMING_US 20000
 
 enum phase { STANDING, MOVING, BRAKING, HOMING };
@@ -53,7 +53,7 @@ struct VirtualModbus {
     gint64 start_us, end_us;
     /* Time of the last request; 0 if the timeout has expired since. */
     gint64 heard_us;
-    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0 if the coil stays as it is */
+    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* time when the pulse of the coil ends; 0 if there is no pulse */
     int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of the coil's last pulse */
 };
 
@@ -117,8 +117,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* Does the actions of the device that depend on time: ends pulses, and switches coils off and
- * brakes when the timeout expires. */
+/* Does what the device does without a request: ends pulses, and switches coils off and brakes the
+ * drive when the communication timeout expires. */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;
@@ -183,7 +183,8 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* Applies the changes of a request. */
+/* Carries out the actions of a request that the mapping does not: pulses, commands of the drive,
+ * and counters. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];
@@ -217,7 +218,7 @@ static gboolean is_write(guint8 function) {
     return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
-/* Makes a reply without sending it. */
+/* Makes a reply without sending it. Returns its length, or 0 if there is none. */
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
@@ -235,7 +236,8 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
     return made > 0 ? (int)recv(device->made[1], ret, MODBUS_TCP_MAX_ADU_LENGTH, MSG_DONTWAIT) : 0;
 }
 
-/* Makes an answer. Returns its length, and the time for which it is delayed. */
+/* Carries out a request and makes the answer, with the faults that were set. Returns its length, or
+ * 0 if there is no answer, and in *ret_hold_us the time by which the answer is delayed. */
 static int modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
                          gint64 *ret_hold_us) {
     struct virtual_modbus_faults *faults = &device->faults;
@@ -346,8 +348,8 @@ static gboolean follow_orders(VirtualModbus *device) {
     return start_listening(device);
 }
 
-/* Returns the time until the device has to act without a request, or -1 if there is no such
- * time. */
+/* Returns the time in ms after which timeouts and pulses must be checked again, or −1 if none is
+ * running. */
 static int wait_ms(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     update_motion(device);

@@ -36,7 +36,7 @@ struct virtual_modbus_options {
     gboolean rtu;
     int unit;
     double speed_steps_s, accel_steps_s2; /* true values, whatever the drive's registers hold */
-    /* Unit of the speed register; 0 if that register has no effect. */
+    /* Unit of the speed register (3); 0 if the register has no effect. */
     double speed_unit_steps_s;
 };
 
@@ -77,9 +77,8 @@ struct virtual_modbus_state {
     gint64 began_us; /* time of g_get_monotonic_time() when the last motion began */
     gboolean coils[VIRTUAL_MODBUS_BITS];
     int requests, watchdogs, connections, pulses;
-    int timeouts; /* how often its communication timeout has expired */
-    /* Length of the communication timeout, or of the pulse, that has expired last. 0 if none has
-     * expired. */
+    int timeouts; /* number of times that the communication timeout has expired */
+    /* Length of the communication timeout or of the pulse that ended last. 0 if none has ended. */
     int expired_ms;
     /* Time of g_get_monotonic_time() when the line is usable again after a lost answer. 0 if no
      * answer has been lost. */

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #define PORT        3956
-#define N_ADDRESSES 256 /* largest number of addresses that are tried */
+#define N_ADDRESSES 256 /* largest number of random addresses that are tried */
 #define TICK_MS     50
 
 static int open_socket(const char *address, int port, gboolean share) {

@@ -31,12 +31,12 @@ const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);
 
-/* Simulates another program that takes control of the camera. That program gives control back when
- * steal is FALSE. */
+/* Simulates another program: with steal TRUE it takes control of the camera, and with steal FALSE
+ * it releases the camera. */
 void virtual_gige_steal(VirtualGige *camera, gboolean steal);
 
-/* Switches the power off, and on again after down_ms. All registers then have their initial
- * values. */
+/* Switches the power off, and on again after down_ms. Does not wait. All registers then have their
+ * initial values. */
 void virtual_gige_restart(VirtualGige *camera, int down_ms);
 
 /* Sends a pulse to the input "Line0". */

@@ -120,7 +120,8 @@ static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_i
            camera->controller.sin_port == from->sin_port;
 }
 
-/* Answers a GVCP request without its header. Returns a status. */
+/* Carries out a GVCP request. data is the request without its header, and ret receives the answer
+ * without its header. Returns the status of the answer. */
 static guint answer(VirtualGige *camera, enum command command, const guint8 *data, gsize size,
                     const struct sockaddr_in *from, guint8 *ret, gsize *ret_size) {
     gboolean writes = command == WRITE || command == WRITE_MEMORY;
@@ -140,7 +141,7 @@ static guint answer(VirtualGige *camera, enum command command, const guint8 *dat
             if (!read_memory(camera, gige_get32(data + i), 4, ret + i))
                 return BAD_ADDRESS;
         return 0;
-    case WRITE: /* pairs of address and value; the answer is the number of those written */
+    case WRITE: /* pairs of address and value; the answer is the number of pairs that were written */
         *ret_size = 4;
         gige_put32(ret, 0);
         for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))

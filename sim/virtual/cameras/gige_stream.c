@@ -18,18 +18,21 @@ static void send_packet(VirtualGige *camera, const guint8 *packet, gsize size) {
     sendto(camera->stream, packet, size, 0, (struct sockaddr *)&to, sizeof to);
 }
 
-/* Returns the bytes of a picture in one packet. */
+/* Returns the number of bytes of a picture in one packet, or 0 if the packet size is not
+ * possible. */
 static gsize data_size(const VirtualGige *camera) {
     gsize packet = gige_reg(camera, GVBS_PACKET_SIZE) & 0xffff;
     return packet > GIGE_OVERHEAD && packet <= MAX_PACKET ? packet - GIGE_OVERHEAD : 0;
 }
 
-/* Returns the block id. It has 16 bits, and 0 is left out, so it wraps often. */
+/* Returns the block id of a picture. Ids have 16 bits and start again at 1. The first is close to
+ * the end, so that tests reach the wrap. */
 static guint gige_id(const struct imager_picture *kept) {
     return (guint)((kept->id + FIRST_ID - 1) % 65535) + 1;
 }
 
-/* Returns the number of blocks, or 0 if none can be sent. */
+/* Returns the number of packets of a picture with its leader and trailer, or 0 if none can be
+ * sent. */
 static guint n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
     gsize data = data_size(camera);
     if (data == 0)

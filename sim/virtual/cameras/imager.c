@@ -93,8 +93,9 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* Fills in the chosen region of the sensor's picture (a ramp, if there is no source), and adds the
- * change of BlackLevel. */
+/* Makes picture->data: the chosen region of the sensor's picture (a ramp if options->picture is
+ * NULL). shift, the change of BlackLevel in DN, is added. If processed is TRUE, values are
+ * squared. */
 static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                  gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
@@ -139,7 +140,7 @@ static void keep(struct imager *imager, struct imager_picture *picture) {
     imager->kept[0] = *picture;
 }
 
-/* Returns FALSE if the imager was stopped. */
+/* Waits until a time of g_get_monotonic_time(). Returns FALSE if the imager was stopped. */
 static gboolean wait_until(struct imager *imager, gint64 until_us) {
     while (!imager->quit && imager_reg(imager, REG_ACQUISITION) == 1)
         if (!g_cond_wait_until(&imager->cond, &imager->mutex, until_us))
@@ -147,7 +148,8 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
     return FALSE;
 }
 
-/* Called with the mutex locked. */
+/* Exposes a picture, keeps it and sends it. Called with the mutex locked, which is unlocked while
+ * the picture is made. */
 static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,

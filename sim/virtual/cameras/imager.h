@@ -12,8 +12,8 @@ struct virtual_exposure {
     double gain_db;
 };
 
-/* Called in the camera's thread when an exposure is over. It fills pixels with height × width
- * values. They have the bits of the sensor and the black level options.black_level. */
+/* Fills ret_pixels with height × width values of the sensor, with its number of bits and the black
+ * level options.black_level. Called in the camera's thread when an exposure is over. */
 typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer data,
                                guint16 *ret_pixels);
 
@@ -40,19 +40,20 @@ struct virtual_camera_options {
     const struct virtual_processing *processing; /* NULL if there is none */
 };
 
-/* Faults from now on. Integer members are counters that decrease with each fault. */
+/* Faults from now on. Members of type int, except mtu, are numbers of pictures, triggers or packets
+ * that are still affected. They decrease with each fault. */
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle and cannot be resent */
     int blind;           /* triggers that are acknowledged but make no picture */
     int old;             /* pictures that repeat the previous one, with its time stamp */
-    gint64 ahead_us;     /* time stamps of pictures are this far in the future */
+    gint64 ahead_us;     /* time by which time stamps of pictures are in the future */
     gint64 late_us;      /* extra delay before a picture is sent */
     int odd;             /* pictures that report a smaller width than they have */
     gboolean stamps_end; /* time stamps mark the end of the exposure, as with some makers */
     gint64 slow_us;      /* delay from the trigger to the exposure */
     gboolean announces;  /* the first packet of a picture is sent at the trigger */
     gint64 answer_us;    /* delay of each answer on the control channel */
-    double rounding_us;  /* exposures are multiples of this; 0 means 1 µs */
+    double rounding_us;  /* exposures are rounded to multiples of this time; 0 means 1 µs */
 
     /* Only for GigE Vision. */
     double loss;        /* share of the packets of pictures that is lost */

@@ -2,7 +2,8 @@
 
 #define NAMESPACE "http://www.genicam.org/GenApi/Version_1_1"
 
-/* The names are separated by spaces, as in all lists of names here. */
+/* The features that all cameras have. Names are separated by spaces, as in all lists of names in
+ * this file. */
 static const char features[] =
     "DeviceVendorName DeviceModelName DeviceSerialNumber DeviceID SensorWidth SensorHeight Width "
     "Height OffsetX OffsetY PixelFormat PayloadSize AcquisitionMode AcquisitionStart "
@@ -49,7 +50,7 @@ static void add_integer(struct imager_xml *xml, const char *name, guint address,
     imager_xml_integer(xml, name, address, 4, access, limits);
 }
 
-/* Adds a feature whose register counts fractions of a unit. */
+/* Adds a feature whose register counts fractions of a unit: value × parts. */
 static void add_float(struct imager_xml *xml, const char *name, guint address, const char *unit,
                       double parts, double max) {
     g_string_append_printf(xml->text,
@@ -61,7 +62,8 @@ static void add_float(struct imager_xml *xml, const char *name, guint address, c
     add_register(xml, name, address, "RW");
 }
 
-/* Adds a choice. entries has the names in the order of their values. */
+/* Adds a choice. entries has the names in the order of their values. If address is 0, the choice is
+ * fixed to value 0 and has no register. */
 static void add_choice(struct imager_xml *xml, const char *name, guint address,
                        const char *entries) {
     g_auto(GStrv) names = g_strsplit(entries, " ", -1);

@@ -77,7 +77,7 @@ void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, i
             *to++ = (guint8)(values[i + 1] >> low);
         }
         break;
-    case P: /* one bit after another, the lowest first */
+    case P: /* all bits one after another, the lowest bit of each pixel first */
         memset(to, 0, (n * (gsize)kind->bits + 7) / 8);
         for (gsize at = 0; at < n * (gsize)kind->bits; at++) {
             guint bit = values[at / (gsize)kind->bits] >> at % (gsize)kind->bits & 1;

@@ -49,7 +49,7 @@ struct imager_picture {
 /* The bus that transmits pictures. Its functions are called with the mutex locked. */
 struct imager_bus {
     void (*announce)(const struct imager_picture *picture, gpointer data);
-    void (*send)(gpointer data); /* sends the last picture kept; may unlock the mutex for a while */
+    void (*send)(gpointer data); /* sends kept[0]; may unlock the mutex for a while */
 };
 
 struct imager {
@@ -118,7 +118,7 @@ char *imager_genicam(enum cfa cfa, const struct imager_transport *transport,
 
 void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
                          const char *access);
-/* limits has elements such as <Min> and <pMax>. */
+/* Adds an integer feature with its register. limits has elements such as <Min> and <pMax>. */
 void imager_xml_integer(struct imager_xml *xml, const char *name, guint address, int length,
                         const char *access, const char *limits);
 void imager_xml_string(struct imager_xml *xml, const char *name, guint address, int length);
@@ -130,8 +130,8 @@ void imager_xml_command(struct imager_xml *xml, const char *name, const char *re
 void imager_append_formats(GString *xml, enum cfa cfa);
 guint32 imager_first_format(enum cfa cfa); /* the first format of 8 bits */
 
-/* Returns the bytes of a picture. Returns 0 if the format does not exist or does not fit the colour
- * filter array. */
+/* Returns the size of a picture in bytes, or 0 if the format does not exist or does not fit the
+ * colour filter array. */
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
 
 /* Packs n values of the given bits into the format. imager_payload() of that format must not be

@@ -30,7 +30,7 @@ void virtual_u3v_fail(VirtualU3v *camera, const struct virtual_camera_faults *fa
 void virtual_u3v_unplug(VirtualU3v *camera);
 void virtual_u3v_plug(VirtualU3v *camera);
 
-/* Makes the endpoint of its stream stall until the host clears it. */
+/* Makes the endpoint of the stream stall until the host clears the stall. */
 void virtual_u3v_halt_stream(VirtualU3v *camera);
 
 /* Sends a pulse to the input "Line0". */

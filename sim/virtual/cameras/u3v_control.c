@@ -6,8 +6,8 @@
 /* The header of a command and of an answer: prefix, flags or status, command, length, number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
-#define RESPONSE_MS 200 /* the longest time that an answer may take, as on a busy computer */
-#define ALIGNMENT   3   /* sizes of transfers are multiples of 2 to the power of this */
+#define RESPONSE_MS 200 /* longest time that an answer may take, long enough for a busy computer */
+#define ALIGNMENT   3   /* sizes of transfers are multiples of 2^ALIGNMENT bytes */
 #define SUPER_SPEED 8
 
 #define NOT_IMPLEMENTED   0x8001
@@ -121,7 +121,7 @@ static guint obey(VirtualU3v *camera, enum command command, const guint8 *data, 
     return status;
 }
 
-/* Takes one command at a time. An answer that was not read is lost. */
+/* Carries out a command and makes its answer. An earlier answer that was not read is lost. */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n) {
     guint size = n >= HEADER_SIZE ? (guint)u3v_get(data + 8, 2) : 0, answer_size = 0;
     if (n < HEADER_SIZE || n > U3V_MAX_TRANSFER || u3v_get(data, 4) != PREFIX ||

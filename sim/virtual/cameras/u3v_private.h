@@ -63,7 +63,7 @@ struct VirtualU3v {
     guint8 memory[U3V_END];
     guint8 answer[U3V_MAX_TRANSFER];
     int answer_size;           /* 0 if no answer waits */
-    gint64 answer_us;          /* time when it may be read */
+    gint64 answer_us;          /* time from which the answer can be read */
     struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
     gsize sent; /* bytes of the picture's payload that were sent */

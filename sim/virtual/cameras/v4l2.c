@@ -17,7 +17,8 @@ struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id) {
     return NULL;
 }
 
-/* Each handler below returns 0 or an errno; argument is the ioctl's struct. */
+/* Each of the following handlers of an ioctl returns 0 or an errno. argument is the struct of the
+ * ioctl. */
 
 static guint32 type_of(const VirtualV4l2 *camera) {
     return camera->config.planes ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -125,7 +126,8 @@ static int set_parm(VirtualV4l2 *camera, void *argument) {
     return get_parm(camera, argument);
 }
 
-/* Controls are in the order of their ids, which V4L2_CTRL_FLAG_NEXT_CTRL asks for. */
+/* With V4L2_CTRL_FLAG_NEXT_CTRL, the control with the next larger id is requested. This loop finds
+ * it, because controls are sorted by id. */
 static int query_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_queryctrl *query = argument;
     guint32 id = query->id & ~V4L2_CTRL_FLAG_NEXT_CTRL;
@@ -270,7 +272,8 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
         UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, answers[i].size, NULL);
         if (!data)
             return EFAULT;
-        /* A buffer of the multi-planar interface points to its planes, of which there is one. */
+        /* A buffer of the multi-planar interface points to its planes. Only the first plane is
+         * used. */
         const struct v4l2_buffer *buffer = (const struct v4l2_buffer *)data->data;
         gboolean there = answers[i].size != sizeof *buffer || !camera->config.planes;
         if (!there && buffer->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE && buffer->length > 0) {
@@ -312,7 +315,7 @@ static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlC
     return TRUE;
 }
 
-/* Adds a USB device: the root hub, a hub, or the camera. */
+/* Adds a USB device to the testbed unless it exists: the root hub, a hub, or the camera. */
 static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     static int last_address;
     g_autofree char *root = umockdev_testbed_get_root_dir(camera->testbed);
@@ -334,8 +337,8 @@ static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     g_assert_no_error(error);
 }
 
-/* Adds the chain of devices for a port. "2-1.3" gives /devices/usb2, its hub 2-1, and the camera
- * 2-1.3. */
+/* Adds the chain of devices for a port: for "2-1.3" /devices/usb2, its hub 2-1, and the camera
+ * 2-1.3. Returns the path of the camera. Free it with g_free(). */
 static char *add_usb_chain(VirtualV4l2 *camera) {
     GString *path = g_string_new(NULL);
     g_string_printf(path, "/devices/usb%d", atoi(camera->port));
@@ -356,7 +359,7 @@ void virtual_v4l2_plug(VirtualV4l2 *camera, int number) {
     camera->node = g_strdup_printf("/dev/video%d", number);
     g_autofree char *usb = add_usb_chain(camera);
     g_autofree char *sysfs = g_strdup_printf("%s/video4linux/video%d", usb, number);
-    /* A node with a content is a regular file, which can be mapped. */
+    /* A node that is added with content is a regular file, so programs can map it into memory. */
     g_autofree char *text =
         g_strdup_printf("P: %s\nN: video%d=00\nE: SUBSYSTEM=video4linux\nE: DEVNAME=/dev/video%d\n"
                         "A: name=Virtual camera\\n\nL: device=../../../%s\n",
@@ -397,7 +400,7 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    guint lacks; /* cameras that lack one of these do not have the control; 0 for all cameras */
+    guint lacks; /* the control is missing if the config lacks one of these bits; 0 if all cameras have the control */
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},

@@ -11,18 +11,17 @@
 
 typedef struct VirtualV4l2 VirtualV4l2;
 
-/* Computes the values that the sensor reads. Called in the camera's thread at the end of an
- * exposure. number counts frames. ret_pixels receives height × width values below 2^bits. */
+/* Computes the picture of the sensor. Called in the camera's thread at the end of an exposure.
+ * number counts frames. ret_pixels receives height × width values below 2^bits. */
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-/* The moment that its time stamps mark, and their flag. */
+/* The moment that the time stamps of frames mark, and the flag that says so. */
 enum virtual_v4l2_stamp {
-    VIRTUAL_V4L2_START, /* start of the exposure, with the flag for it */
-    /* time of the first data, but with the flag for the start of the
-     * exposure, as with uvcvideo */
+    VIRTUAL_V4L2_START, /* start of the exposure, with the flag SOE (start of exposure) */
+    /* time of the first data, but with the flag SOE, as with uvcvideo */
     VIRTUAL_V4L2_FIRST_DATA,
-    VIRTUAL_V4L2_END, /* end of the data, with the flag for it */
+    VIRTUAL_V4L2_END, /* end of the data, with the flag EOF (end of frame) */
 };
 
 enum { /* controls that the camera lacks */
@@ -31,16 +30,16 @@ enum { /* controls that the camera lacks */
        VIRTUAL_V4L2_NO_WHITE_BALANCE = 4,
 };
 
-struct virtual_v4l2_config { /* zeroed members have the defaults that the comments give */
-    int number;              /* /dev/video0 */
+struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults that the comments give */
+    int number;              /* number of the node: 0 for /dev/video0 */
     const char *port;        /* path on USB: the bus, then the port at each hub; NULL means "2-1" */
     double speed_mbit_s;     /* speed of all links of this path; 0 means 480 */
     int width, height;       /* the only size; 0 means 64 × 48 */
     enum cfa cfa;
     int bits;          /* bits of the sensor; 0 means 12 */
-    double frame_rate; /* initial rate; 0 means 100. It can be set to any rate up to 1000 */
+    double frame_rate; /* initial frame rate per second; 0 means 100. Programs can set any rate from 1 to 1000 */
     enum virtual_v4l2_stamp stamp;
-    guint lacks;        /* controls that it lacks */
+    guint lacks;        /* controls that the camera lacks, an OR of VIRTUAL_V4L2_NO_… */
     gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
     gboolean only_compressed;
     /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
@@ -59,11 +58,11 @@ VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, Wo
 void virtual_v4l2_free(VirtualV4l2 *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualV4l2, virtual_v4l2_free)
 
-/* Unplugs the camera, and plugs it in again as /dev/videoNUMBER. */
+/* Unplug the camera, and plug it in again as /dev/videoNUMBER. */
 void virtual_v4l2_unplug(VirtualV4l2 *camera);
 void virtual_v4l2_plug(VirtualV4l2 *camera, int number);
 
-enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until another is set */
+enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until another fault is set */
                           VIRTUAL_V4L2_WELL,
                           VIRTUAL_V4L2_ERROR_FLAG,  /* half of the data, and the error flag */
                           VIRTUAL_V4L2_SHORT,       /* half of the data, and no flag */
@@ -81,5 +80,6 @@ void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 
 /* Returns the value of a control; -1 if it does not exist. */
 gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id);
-/* Returns the number of pictures that were made, without dropped frames. */
+/* Returns the number of pictures that were made. Frames for which no buffer was queued are not
+ * counted. */
 int virtual_v4l2_n_exposed(VirtualV4l2 *camera);

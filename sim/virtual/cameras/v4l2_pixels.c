@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* Rows are padded, as on many devices. */
+/* rows are padded to multiples of this number of bytes, as on many devices */
 #define ROW_ALIGN 32
 
 struct layout {
@@ -82,8 +82,8 @@ static void pack_row(const struct layout *layout, const guint16 *from, int width
     }
 }
 
-/* Writes the luma of a row, of limited range. Each value is the mean of the four pixels of a tile
- * of the colour filters. */
+/* Packs a row as YUYV or UYVY, without colour. The luma has the limited range 16 … 235. With colour
+ * filters, each value is the mean of 2 × 2 pixels, which have all filter colours. */
 static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
                       const guint16 *pixels, int y, guint8 *to) {
     int first = fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, most = (1 << config->bits) - 1;

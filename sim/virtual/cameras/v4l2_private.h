@@ -13,7 +13,7 @@ enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
 
 struct virtual_buffer {
     enum buffer_state state;
-    guint64 order; /* order in which it was queued, or finished */
+    guint64 order; /* increases with each buffer that is queued or finished */
     guint32 flags, sequence, bytes;
     gint64 stamp_us;
 };
@@ -50,31 +50,32 @@ struct VirtualV4l2 {
 
     gboolean streaming;
     guint stream; /* changes when a stream begins or ends */
-    /* Number of stream threads; one that is ending may still make its last picture. */
+    /* Number of stream threads. A thread whose stream has ended may still make its last picture. */
     int n_threads;
-    gint64 first_us;    /* time of the first frame; the others follow at each interval */
+    gint64 first_us;    /* time of frame 0; frame n begins n frame intervals later */
     gint64 changed_us;  /* time when exposure or gain was last set */
-    gint64 exposure_us; /* exposure of frames that begin; it follows the controls late */
+    gint64 exposure_us; /* exposure of frames that begin now; it follows changes of the controls with a delay */
     double gain_db;
     guint16 *pixels; /* the latest picture */
 };
 
-/* Called with the camera locked, in the thread that handles the ioctls of all cameras and USB
- * devices. That thread must not wait. */
+/* Call these two functions with the camera locked, in the thread that handles the ioctls of all
+ * cameras and USB devices. They do not wait, because that thread must not. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
-/* Waits until no thread uses the camera any more; unlocks it. */
+/* Waits until no stream thread uses the camera any more. Call it with the mutex locked, which is
+ * unlocked while it waits. */
 void virtual_stream_wait(VirtualV4l2 *camera);
 
 /* Returns the control with this id, or NULL if the camera lacks it. */
 struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id);
-/* Returns the number of bytes of the node that one buffer occupies. */
+/* Returns the number of bytes that one buffer occupies in the file of the node: whole pages. */
 gsize virtual_buffer_room(const VirtualV4l2 *camera);
 
 /* Returns the oldest buffer in a state, or NULL if there is none. */
 struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_state state);
 
-/* The layout of formats in memory. */
+/* v4l2_pixels.c: the layout of formats in memory. */
 gsize virtual_pixels_stride(guint32 fourcc, int width); /* 0 if the format is not available */
 gsize virtual_pixels_size(guint32 fourcc, int width, int height);
 gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint32 index,

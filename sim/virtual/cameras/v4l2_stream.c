@@ -111,7 +111,8 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     return TRUE;
 }
 
-/* Finds the first frame that can still begin. The mutex must be locked. */
+/* Takes the next frame that can still begin: waits for its exposure and delivers it. The mutex must
+ * be locked. Returns FALSE when the stream has ended. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,

@@ -33,8 +33,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Returns the rig file after a line with its kind and its checksum. By the checksum, the next run
- * and the end of this one find out whether somebody has changed the file. */
+/* Returns the rig file after a line with its kind and its checksum. The checksum shows the next
+ * run, and this run at its end, whether somebody has changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
     return g_strdup_printf("# " OUTPUT_FILE_TEXT("virtual rig") ", SHA-256 of what follows %s\n%s",
@@ -51,7 +51,8 @@ static gboolean virtual_rig_main_is_own(const char *path) {
     return g_strcmp0(own, text) == 0;
 }
 
-/* Decides on -o before any device exists. Returns NULL without an error for standard output. */
+/* Checks -o before any device exists. Returns NULL with an error if the file must not be
+ * replaced. */
 static OutputFile *virtual_rig_main_output(GError **error) {
     GStatBuf in, out;
     if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
@@ -97,7 +98,8 @@ static void virtual_rig_main_print_json(const struct virtual_rig_device *devices
     g_print("%s}\n", text->str);
 }
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. to is NULL without -o. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. If to is NULL (without -o),
+ * only prints the rig file. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
@@ -168,7 +170,8 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* Returns NULL in a background job, because the terminal would stop the job when it reads. */
+/* Begins to read commands from standard input. Returns NULL in a background job, because the
+ * terminal would stop the job when it reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;

@@ -16,8 +16,8 @@
 /* Timeouts of a line: a busy desktop computer answers later than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
-/* Watchdog keys, which are the same for all sections of a board. The watchdog's time is longer than
- * the delay of a program on a busy machine. */
+/* Watchdog keys, which are the same for all sections of a board. Five seconds are longer than a
+ * program may be delayed on a busy machine. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
@@ -27,7 +27,8 @@ static const struct option *find_option(const struct option *table, const char *
     return NULL;
 }
 
-/* Returns a value as written, or the option's default. Returns NULL if it has none. */
+/* Returns the value of a key as written, or the default of the driver's option. Returns NULL if
+ * there is neither. */
 static const char *rig_value(const struct config_section *section, const struct driver_info *driver,
                              const char *key) {
     const struct option *option = find_option(driver->options, key);
@@ -50,7 +51,8 @@ void rig_set_error(GError **error, const struct config_section *section, const c
     config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
 }
 
-/* Copies a section without the options that only the simulated driver has. */
+/* Appends a section to rig->text, without the options that only the driver `from` has, and with the
+ * driver `to`. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to) {
     g_string_append_printf(rig->text, "\n[%s]\n", section->group);
@@ -74,7 +76,8 @@ void rig_list_device(VirtualRig *rig, const struct config_section *section, cons
     g_array_append_val(rig->devices, device);
 }
 
-/* All devices that name a world must name the same one. */
+/* Sets rig->world to the world of a section, if it names one. Fails if another section has named a
+ * different world. */
 static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path)
@@ -287,7 +290,7 @@ static gboolean virtual_rig_on_timer(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Runs in the thread of the camera when an exposure ends. */
+/* Renders the world as a camera sees it. Runs in the thread of the camera when an exposure ends. */
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
     struct vision_camera *vision = data;
