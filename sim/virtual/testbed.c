@@ -56,7 +56,8 @@ void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback f
     g_signal_connect_closure(handler, signal, closure, FALSE);
 }
 
-/* A closure exists as long as any thread is calling it. */
+/* A closure exists as long as any thread is calling it, so this function waits until none
+ * exists. */
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data) {
     const gint *n_closures = g_object_get_data(G_OBJECT(handler), CLOSURES);
     g_signal_handlers_disconnect_by_data(handler, data);

@@ -1,6 +1,6 @@
 /*
  * The /dev and /sys of virtual devices: one umockdev testbed, shared by all virtual devices of the
- * process. The process and its children see it, but only with umockdev's library preloaded
+ * process. The process and its children see the testbed only with umockdev's library preloaded
  * (testbed_enter()).
  *
  * Only the main thread may call these functions. The functions of the devices run in umockdev's
@@ -11,13 +11,13 @@
 #include <umockdev.h>
 
 /* Starts the program again with umockdev's library preloaded, unless the library is preloaded
- * already. Call it first in main(). */
+ * already. Call this function first in main(). */
 void testbed_enter(char **argv);
 
 /* Returns whether the library is preloaded. */
 gboolean testbed_is_entered(void);
 
-/* Returns the testbed. Each device takes one reference, and gives it back with testbed_unref(). */
+/* Returns the testbed. Each device takes a reference, and releases it with testbed_unref(). */
 UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 

@@ -13,14 +13,14 @@
 #define STRING_TYPE    3
 #define TO_ENDPOINT    0x02 /* a standard request */
 
-/* A request takes about as long as on a full-speed bus. */
+/* Duration of a control request, about as on a full-speed bus. */
 #define LATENCY_US 200
 
 /* Pause after a poll without a result. The mocked node always seems ready, so libusb polls again
  * immediately. */
 #define IDLE_US 300
 
-/* Pause after such a poll for operations that may take long, so that other devices can be polled
+/* Pause after such a poll of a device with bulk transfers. Other devices can be polled
  * meanwhile. */
 #define PATIENT_MS 1
 
@@ -35,12 +35,13 @@ struct VirtualUsb {
     UMockdevIoctlBase *handler;
     GMutex mutex;
     GQueue flying;        /* of struct flight */
-    gboolean asked_again; /* since the last submission or reaping, there was nothing to reap */
+    gboolean asked_again; /* a poll has found nothing since the last transfer was submitted or reaped */
     enum virtual_usb_fault fault;
     int n_requests;
     guint8 *room; /* buffer for the data of a bulk transfer */
     int room_size;
-    /* A bit for each endpoint number. The endpoints that the host reads begin at bit 16. */
+    /* Endpoints that stall: a bit for each endpoint number. The endpoints that the host reads begin
+     * at bit 16. */
     guint32 halted;
 };
 
@@ -53,7 +54,7 @@ struct flight {
     int status, length;
 };
 
-/* Exists while there is any device. */
+/* The testbed exists while there is any device. */
 static UMockdevTestbed *testbed;
 static int n_devices, last_address;
 
@@ -82,7 +83,8 @@ static guint32 endpoint_bit(guint8 endpoint) {
     return 1u << ((endpoint & 0x0f) + (endpoint & 0x80 ? 16 : 0));
 }
 
-/* Answers a standard request. Returns FALSE if the request belongs to the class. */
+/* Answers a standard request. *ret is the length of the answer or a negative errno. Returns FALSE
+ * if the class must answer the request. */
 static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
     int length = setup[6] | setup[7] << 8, n = 4;
     guint8 descriptor[256] = {4, STRING_TYPE, 0x09, 0x04}; /* the languages: English */
@@ -138,7 +140,8 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->length = MAX(n, 0);
 }
 
-/* Requests the data of a bulk transfer that waits for it. */
+/* Asks the class for the data of a bulk transfer that waits. The transfer continues to wait if
+ * there is no data. */
 static void usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     const struct usbdevfs_urb *urb = urb_of(flight);
     int size = urb->buffer_length;
@@ -208,7 +211,8 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
 }
 
 static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
-    /* Endpoints that were asked; the transfer that was submitted first gets its data first. */
+    /* Endpoints that were asked for data. Each is asked only for its first transfer, so that
+     * transfers get their data in order. */
     guint32 asked = 0;
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
@@ -243,10 +247,10 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
     return due_us;
 }
 
-/* Sleeps after a call that found nothing, because a device with bulk transfers waits most of the
- * time, and there may be eight such devices. But libusb reaps until nothing is left, and submits
- * nothing before that. Therefore the first such call is answered immediately, and the sleep ends
- * when a transfer is due. */
+/* Answers a poll that found nothing, after a pause, because polls without a pause would use the
+ * processor fully. A device with bulk transfers waits most of the time, and there may be eight such
+ * devices. libusb polls until nothing is left, and submits nothing before that. Therefore the first
+ * such poll is answered immediately, and the pause ends when a transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
@@ -386,8 +390,8 @@ void virtual_usb_plug(VirtualUsb *usb) {
     g_assert_no_error(error);
 }
 
-/* Like the kernel, it ends transfers under way, refuses new ones, and reports that the device is
- * gone. */
+/* Like the kernel, this function ends transfers under way, refuses new transfers, and reports that
+ * the device is gone. */
 void virtual_usb_unplug(VirtualUsb *usb) {
     virtual_usb_lock(usb);
     g_autofree char *sysfs = g_steal_pointer(&usb->sysfs);

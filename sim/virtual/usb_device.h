@@ -2,8 +2,8 @@
  * Virtual USB devices for tests: models behind umockdev's usbfs, which libusb uses like the
  * kernel's. A process sees them only after testbed_enter().
  *
- * The functions of the models run in umockdev's thread, with the device locked. The functions here
- * do so as well.
+ * The functions of the models run in umockdev's thread, with the device locked. The functions of
+ * this header lock the device while they use it.
  */
 #pragma once
 
@@ -28,15 +28,15 @@ struct virtual_usb_class {
     const char *const *strings; /* further strings, numbered from 4 on, NULL-terminated */
     /* Takes a transfer to a bulk endpoint. Returns -EPIPE to stall. */
     int (*bulk_out)(gpointer model, guint8 endpoint, const guint8 *data, int n);
-    /* Answers a request for at most size bytes from a bulk endpoint. The request is repeated while
-     * it returns -EAGAIN. */
+    /* Answers a request for at most size bytes from a bulk endpoint. Returns the number of bytes,
+     * -EPIPE to stall, or -EAGAIN if there is no data yet. The request is then repeated. */
     int (*bulk_in)(gpointer model, guint8 endpoint, guint8 *data, int size);
 };
 
 enum virtual_usb_fault {
     VIRTUAL_USB_WELL,
     VIRTUAL_USB_STALLS, /* stalls every request of the class and every bulk transfer */
-    VIRTUAL_USB_SILENT, /* never answers them */
+    VIRTUAL_USB_SILENT, /* never answers requests of the class and bulk transfers */
     VIRTUAL_USB_SHORT,  /* answers with half of the data */
 };
 
@@ -53,9 +53,9 @@ void virtual_usb_plug(VirtualUsb *usb); /* with a new address, as on a real bus 
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
 int virtual_usb_n_requests(VirtualUsb *usb); /* number of requests of the class so far */
 
-/* Makes this endpoint stall until the host clears it. */
+/* Makes this endpoint stall until the host clears the stall. */
 void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);
 
-/* A test calls these around code that reads or changes a model. */
+/* Lock and unlock the device. A test calls these around code that reads or changes a model. */
 void virtual_usb_lock(VirtualUsb *usb);
 void virtual_usb_unlock(VirtualUsb *usb);

@@ -7,8 +7,9 @@
 
 typedef struct VirtualRelays VirtualRelays;
 
-/* name is "USBRelay4" for a board of four relays. Another name makes another device with the same
- * ids. second says that the HID interface has number 1 and follows another interface. */
+/* Makes a board. name is "USBRelay4" for a board of four relays. Another name makes a different
+ * device with the same USB ids; its last character is the number of relays. If second is TRUE, the
+ * HID interface has number 1 and follows another interface. */
 VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port, gboolean second);
 void virtual_relays_free(VirtualRelays *relays);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRelays, virtual_relays_free)
@@ -22,5 +23,5 @@ gboolean virtual_relays_link(VirtualRelays *relays, int relay, World *world, con
 guint virtual_relays_state(VirtualRelays *relays); /* one bit per relay */
 /* Makes the relays in mask stick, so that they no longer switch. */
 void virtual_relays_stick(VirtualRelays *relays, guint mask);
-/* Imitates unplugging the board: all relays go off. */
+/* Imitates a power failure of the board: all relays go off. */
 void virtual_relays_lose_power(VirtualRelays *relays);

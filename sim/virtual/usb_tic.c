@@ -6,7 +6,7 @@
 
 #define STEP_US       500
 #define SAFE_START_US 200000  /* duration of an "exit safe start" */
-#define HOMING_SPEED  20000.0 /* in steps/s; a setting of the Tic */
+#define HOMING_SPEED  20000.0 /* in steps per second; on a real Tic it is a setting */
 /* Distance between the points at which the reverse switch opens and closes, in steps. */
 #define SWITCH_DISTANCE 20.0
 
@@ -25,11 +25,11 @@ struct VirtualTic {
     gboolean energized, uncertain;
     enum control_state state;
     int homing;                                /* -1 or 1 */
-    double steps, origin, velocity, top_speed; /* origin is the place of its position 0 */
+    double steps, origin, velocity, top_speed; /* origin is the true position, in steps, at which the Tic reports position 0 */
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
 
-    struct world_part part; /* the axis of the world that it turns */
+    struct world_part part; /* the axis of the world that the motor turns */
     double steps_per_deg, zero_steps;
 };
 
@@ -51,7 +51,7 @@ static int errors(const VirtualTic *tic) {
         bits |= 1 << DEENERGIZED;
     if (tic->timeout_ms && tic->now_us - tic->command_us > tic->timeout_ms * 1000)
         bits |= 1 << TIMED_OUT;
-    /* The safe start stays until it is exited, and comes back with any other error. */
+    /* Safe start lasts until the command "exit safe start", and comes back with any other error. */
     if (tic->now_us > tic->safe_start_us)
         bits |= 1 << SAFE_START;
     return bits;
@@ -79,7 +79,7 @@ static void halt(VirtualTic *tic) {
 
 static void usb_tic_step(VirtualTic *tic, double dt) {
     int bits = errors(tic);
-    if (bits == 0) /* in normal operation the safe start stays exited */
+    if (bits == 0) /* in normal operation, safe start does not come back */
         tic->safe_start_us = MAX(tic->safe_start_us, tic->now_us + STEP_US);
     double wanted = wanted_velocity(tic, bits == 0);
     double most = (fabs(wanted) > fabs(tic->velocity) ? tic->max_accel : tic->max_decel) * dt;
@@ -152,7 +152,7 @@ static int usb_tic_get_setting(const VirtualTic *tic, int offset, int length, gu
     return length;
 }
 
-/* Carries out requests that also end a command timeout. */
+/* Carries out a request that restarts the command timeout. */
 static void usb_tic_command(VirtualTic *tic, int request, gint32 value) {
     gboolean obeys = tic->mode == 0;
     tic->command_us = tic->now_us;

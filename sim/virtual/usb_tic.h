@@ -20,16 +20,16 @@ VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 
 /* Lets the motor turn a part of the world ("turntable", "arc", "sweep NAME"). The part is at 0°
  * when the motor is at zero_steps. A negative steps_per_deg turns it the other way. Every request
- * to the Tic updates the world, and the driver polls the Tic continuously. */
+ * to the Tic updates the world. The driver sends requests continuously. */
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 
 /* Changes settings that an owner changes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
-void virtual_tic_enter_safe_start(VirtualTic *tic); /* imitates another program that does so */
+void virtual_tic_enter_safe_start(VirtualTic *tic); /* imitates another program that enters safe start */
 void virtual_tic_lose_steps(VirtualTic *tic);       /* the position becomes uncertain */
-/* The forward switch stays pressed. */
+/* Makes the forward switch stay pressed (TRUE), or work again (FALSE). */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);
 void virtual_tic_cut_switches(VirtualTic *tic); /* homing never finds a switch */
 

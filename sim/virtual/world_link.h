@@ -16,7 +16,7 @@ enum world_part_kind {
     WORLD_PART_ARC,
     WORLD_PART_ARM,
     WORLD_PART_PROBE,
-    WORLD_PART_SWEEP, /* of a laser */
+    WORLD_PART_SWEEP, /* the sweep of a laser */
     WORLD_PART_LAMP,
     WORLD_PART_LASER,
 };
@@ -32,10 +32,10 @@ struct world_part {
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* a zeroed part is allowed */
 
-/* Switches a lamp or laser. Other parts ignore it. at_us is the time when the contact closed or
- * opened. */
+/* Switches a lamp or laser. Has no effect on other parts. at_us is the time when the contact closed
+ * or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turns a turntable, arc, arm, probe or sweep. Other parts ignore it. deg_s is its speed at at_us,
- * or 0 if it stands still. */
+/* Turns a turntable, arc, arm, probe or sweep to deg. Has no effect on other parts. deg_s is the
+ * speed of the part at at_us, or 0 if the part stands still. */
 void world_part_turn(const struct world_part *part, double deg, double deg_s, gint64 at_us);

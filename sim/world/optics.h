@@ -1,6 +1,6 @@
 /*
- * Ray optics of the simulated rig: the true lenses, lamps and laser sheets. It is written
- * independently of calib/, so that an error on one side shows on the other.
+ * Ray optics of the simulated rig: the true lenses, lamps and laser sheets. This code is written
+ * independently of calib/, so that an error in one of them shows as a difference.
  *
  * Units are millimetres and radians. Positions are in the rig frame, or in a frame that is turned
  * about z. Pure functions.
@@ -42,18 +42,18 @@ struct optics_camera {
     int width, height, bits;
     enum cfa cfa;
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
-    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan angle */
+    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential part (p1, p2); r is the tangent of the angle to the axis */
     struct v3 centre_mm, right, down, forward;
     double blur_px;    /* standard deviation of the blur of the lens */
-    double vignetting; /* 1 − vignetting·(r/r_corner)² */
+    double vignetting; /* the response is multiplied by 1 − vignetting·(r/r_corner)² */
     double falloff;    /* the response is proportional to cos^falloff of the angle to the axis */
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
-    double curvature;      /* response linear·(1 − curvature·linear/(full scale − black)) */
+    double curvature;      /* a linear value x reads as x·(1 − curvature·x/(full scale − black)) */
     double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
     double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
-    double half_gain_step; /* ratio by which the right half of the sensor reads brighter */
+    double half_gain_step; /* share by which the right half of the sensor reads brighter */
     double column_offset;  /* standard deviation of the columns' offsets, as a part of full scale */
     guint64 columns_key;   /* seed of the columns' offsets */
 };
@@ -65,7 +65,7 @@ void optics_camera_place(struct optics_camera *camera, double theta, double phi,
 /* Turns the camera about its right, down and forward axes, in this order. */
 void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
 
-/* Returns the vector turned by an angle about a unit axis. */
+/* Returns the vector a turned by an angle about a unit axis. */
 struct v3 optics_spin(struct v3 a, struct v3 axis, double angle);
 
 /* Returns the magnification of light relative to the magnification of green light. weights are the
@@ -93,7 +93,8 @@ void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y)
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
-/* An axis that carries cameras or lamps. It is a line about which they turn by its angle + zero. */
+/* An axis that carries cameras or lamps. The cameras or lamps turn about a line by the angle of the
+ * axis + zero. */
 struct optics_swing {
     struct v3 axis, centre_mm; /* axis is a unit vector */
     double zero;
@@ -109,17 +110,17 @@ struct optics_lamp {
 /* Returns the irradiance on a surface that faces the lamp, in W·m⁻². */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
 
-/* A sheet of light that turns about an axis through position. axis × forward is its normal at
- * sweep 0, up to start. */
+/* A sheet of light that turns about an axis through position. At the sweep angle start, the sheet
+ * contains forward, and its normal is axis × forward. */
 struct optics_laser {
     struct v3 position_mm, axis, forward; /* unit, perpendicular */
     double start;                         /* sweep angle at which the sheet contains forward */
-    double sigma;                         /* of the Gaussian profile, as an angle of the sweep */
+    double sigma;                         /* standard deviation of the Gaussian profile, as an angle of the sweep */
     double fan;                           /* full angle in the sheet, evenly lit */
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
-    /* In radians. At the tangent t of the angle in the sheet, the sheet is displaced like a plane
-     * that has turned further by bend·t². */
+    /* Curvature of the sheet, in radians. Where the angle in the sheet from forward has the tangent
+     * t, the sheet lies as if it had turned further by bend·t². */
     double bend;
 };
 

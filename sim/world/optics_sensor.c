@@ -38,7 +38,7 @@ static inline float normal(guint32 bits) {
     return table[bits & (TABLE_SIZE - 1)] + table[bits >> TABLE_BITS & (TABLE_SIZE - 1)];
 }
 
-struct sensor { /* units: electrons, DN per electron, and DN */
+struct sensor { /* properties of a sensor in electrons and DN; see optics_sense() */
     float electrons_per_rate, read_variance, full_well, dn_per_e, bend, max;
 };
 

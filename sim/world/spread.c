@@ -5,7 +5,8 @@
 #define REACH      4.5 /* standard deviations of the blur beyond which there is no light */
 #define MAX_ACROSS 16
 
-/* Returns the integral of a Gaussian's distribution function. */
+/* Returns the integral, from −∞ to x, of the distribution function of a Gaussian with standard
+ * deviation blur. */
 static double ramp(double x, double blur) {
     const double z = x / blur;
     return x * 0.5 * (1 + erf(z * M_SQRT1_2)) + blur * exp(-z * z / 2) / sqrt(2 * G_PI);

@@ -1,7 +1,8 @@
 /*
- * Sample positions of a pixel. They are evenly distributed over the pixel's square convolved with
- * the blur of the lens, and differ from picture to picture and from pixel to pixel. With random
- * positions, a few samples would locate an edge no better than a camera with a few electrons.
+ * Sample positions of a pixel. Their density is the square of the pixel convolved with the blur of
+ * the lens, and they are evenly spread (stratified). They differ from picture to picture and from
+ * pixel to pixel. With independent random positions, a few samples would locate an edge no better
+ * than a camera with a few electrons.
  *
  * Any thread may call the functions.
  */
@@ -15,7 +16,7 @@ struct spread { /* point spread of a lens: quantiles of its horizontal profile, 
     double at_px[SPREAD_STEPS + 1];
 };
 
-/* Fills a spread. blur_px > 0 is the standard deviation of the lens's blur. */
+/* Initializes a spread. blur_px is the standard deviation of the lens's blur, above 0. */
 void spread_init(struct spread *spread, double blur_px);
 
 /* Computes across² positions, x and y of each, relative to the pixel's centre. Each cell of a grid

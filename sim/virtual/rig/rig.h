@@ -1,14 +1,15 @@
 /*
  * A whole rig of virtual devices that speak the real protocols, on the loopback interface. For each
- * device of a simulated rig it has one that a real driver can open. Axes are Modbus RTU drives on
- * pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and inputs.
- * Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev emulates.
- * Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and cameras are
- * V4L2 or USB3 Vision cameras. All devices act on the world of that rig or look at it, so a lamp
- * that a relay switches is seen by the cameras.
+ * device of a simulated rig, it has a virtual device that a real driver can open. Axes are Modbus
+ * RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and
+ * inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev
+ * emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and
+ * cameras are V4L2 or USB3 Vision cameras. All devices act on the world of that rig or look at it,
+ * so the cameras see a lamp that a relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
- * to the world. Each frame does so as well before it is rendered.
+ * to the world. So does the thread of a GigE Vision or USB3 Vision camera before it renders a
+ * frame.
  */
 #pragma once
 
@@ -20,8 +21,8 @@
 typedef struct VirtualRig VirtualRig;
 
 struct virtual_rig_device {
-    char *section; /* of the rig file: "camera cam15" */
-    char *driver;  /* driver that opens it */
+    char *section; /* section of the rig file: "camera cam15" */
+    char *driver;  /* driver that opens the device */
     char *where;   /* address of the device: "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
@@ -38,8 +39,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
  * rig. The rig owns the string. */
 const char *virtual_rig_text(const VirtualRig *rig);
 
-/* Returns the environment variable that a program needs to see the rig's USB devices, as
- * "NAME=value". Returns NULL if the rig has none. Free it with g_free(). */
+/* Returns the environment variables that a program needs to see the rig's USB devices, as
+ * "NAME=value NAME=value". Returns NULL if the rig has no USB devices. Free it with g_free(). */
 char *virtual_rig_environment(const VirtualRig *rig);
 
 /* Returns an array of *ret_n devices. The rig owns it. */
@@ -64,7 +65,7 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* The number of lights that shine and of axes that move now. */
+/* The number of relays of lamps and lasers that are on, and of axes that move now. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

@@ -9,7 +9,8 @@ static gboolean set_cut(VirtualModbus *device, gboolean cut) {
     return TRUE;
 }
 
-/* Returns the Modbus device at the beginning of where: "/dev/pts/5 unit 1". */
+/* Returns the Modbus device whose bus is at the beginning of where, such as "/dev/pts/5 unit 1".
+ * Returns NULL if there is none. */
 static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
     for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
         VirtualModbus *device =
@@ -69,8 +70,8 @@ static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b
     return n_a == n_b;
 }
 
-/* Returns whether the new world fits. Cameras, lamps and lasers are identified by their numbers in
- * the world. */
+/* Returns whether the new world fits the rig. Both worlds must have the same cameras, lamps and
+ * lasers in the same order, because the rig identifies them by their numbers in the world. */
 static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
     gboolean same =
         have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras) &&

@@ -14,7 +14,7 @@
 
 #define MAX_COILS   VIRTUAL_MODBUS_BITS
 #define MAX_DEVICES 64
-#define MAX_USB     9 /* number of Tics and relay boards: the ports of the virtual bus */
+#define MAX_USB     9 /* maximum number of Tics and relay boards together: the ports of the virtual bus */
 
 struct drive {
     VirtualModbus *device;
@@ -52,7 +52,7 @@ struct VirtualRig {
     struct board boards[MAX_DEVICES];
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* Boards of USB relays. switches is the board of all lasers; it is one of relays. */
+    /* Boards of USB relays. switches is the board of all lasers, which is also in relays. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
@@ -69,22 +69,22 @@ const char *rig_part(const struct config_section *section);
 gboolean rig_wraps(const struct config_section *section);
 void rig_set_error(GError **error, const struct config_section *section, const char *what);
 
-/* Returns the world that a section names. It must be the world of the other sections. The rig owns
- * it. */
+/* Returns the world that a section names, or NULL with an error if the section names none or
+ * another world than other sections. The rig owns the world. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
 /* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 /* Returns the name of the axis's part for world_part_find(); g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
-/* Copy a section without the keys that only the simulated driver accepts. rig_copy_motion() is for
- * the section of an axis. */
+/* Copy a section without the keys that only the simulated driver accepts. rig_copy_motion() copies
+ * the section of an axis, and adds its speed and acceleration if the section does not have them. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to);
 void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
                      const struct driver_info *to);
 
-/* Adds a device to the list. Takes ownership of where. */
+/* Adds a device to rig->devices. Takes ownership of where. */
 void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
                      char *where);
 

@@ -13,7 +13,7 @@
 #define MAX_RELAYS        8
 #define SWITCH_DEG        1 /* distance of the switch beyond the limits of the axis */
 
-/* All cameras are on one SuperSpeed hub, which has enough bandwidth for eight of 1024 × 768
+/* All cameras are on one SuperSpeed hub, which has enough bandwidth for eight cameras of 1024 × 768
  * pixels. */
 #define HUB_MBIT_S 5000
 #define FRAME_RATE 25
@@ -77,8 +77,8 @@ static int next_port(const VirtualRig *rig, const struct config_section *section
     return 0;
 }
 
-/* Finds the homing position. An axis with limits homes at a switch below min_deg, and an endless
- * axis where it stands. */
+/* Finds the homing position. An axis with limits homes at a switch below min_deg. An endless axis
+ * homes where it stands. */
 static gboolean find_switch(const struct config_section *section, double *ret_deg, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     double min_deg = rig_number(section, sim, "min_deg");

@@ -170,8 +170,8 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Adds a wall below n vertices: the first and every step-th vertex after it. A wall has separate
- * vertices, with the normal of its side. */
+/* Adds a wall from n vertices down to z = 0. The vertices are first, first + step, first + 2 step
+ * and so on. The wall has its own vertices, with the normal (nx, ny, 0). */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};
@@ -264,8 +264,8 @@ static gboolean check_options(const struct config_section *section,
     return good;
 }
 
-/* Checks the bounds of a mesh. A mesh outside of its bounds would not cause an error later on, but
- * wrong data. */
+/* Checks that a mesh lies between z = 0 and top_mm. A mesh outside of these bounds would cause
+ * wrong data, but no later error. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {

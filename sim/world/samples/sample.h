@@ -76,8 +76,8 @@ void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32
 /* Adds the quads between n + 1 rings of vertices that follow each other. The outward normal is
  * (direction around a ring) × (direction from ring to ring), or the opposite if flip is set. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
-/* Returns the number of periods that fits a length best. It is a multiple of unit, and at least one
- * unit. */
+/* Returns the number of periods that fits a length best. The number is a multiple of unit, and at
+ * least unit. */
 int sample_count(double length_mm, double period_mm, int unit);
 /* Sets area-weighted normals from the triangles, for the vertices from first_vertex on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
@@ -113,7 +113,7 @@ struct mesh *sample_targets(const struct sample_options *options); /* poles, bal
 struct mesh *sample_obj(const struct sample_options *options, GError **error);
 struct mesh *sample_plate(const struct sample_options *options, GError **error);
 
-/* Returns a hash. All random numbers of the simulated world come from this hash. */
+/* Returns a hash of x. All random numbers of the simulated world come from this hash. */
 static inline guint64 sample_hash(guint64 x) {
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
     x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
@@ -137,6 +137,6 @@ static inline double sample_deviate(struct sample_random *random) {
     return sum;
 }
 
-/* Returns smooth noise from −1 to 1 on a grid with cells of size 1. It repeats after period_x and
- * period_y cells. */
+/* Returns smooth noise from −1 to 1 on a grid with cells of size 1. The noise repeats after
+ * period_x cells in x and period_y cells in y. */
 double sample_noise(double x, double y, int period_x, int period_y, guint64 seed);

@@ -10,7 +10,7 @@
 #define BEVEL 0.05 /* width of the bevel, as a share of the period */
 #define CUTS  5    /* a face has CUTS² cells, because bounced light is computed at vertices */
 
-/* Adds a face. The corners are counter-clockwise seen from outside, in a level or upright plane. */
+/* Adds a flat face. The corners are counter-clockwise seen from outside. */
 static void add_face(struct mesh *mesh, const double corners[4][3], const struct vertex *like) {
     guint32 first = mesh->vertices->len;
     guint first_triangle = mesh->triangles->len;
@@ -34,8 +34,8 @@ static void add_face(struct mesh *mesh, const double corners[4][3], const struct
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* Adds a block. middle is its place in x and y, half is half the distance of opposite walls in x
- * and y, and z is the height of the floor and of the top. */
+/* Adds a block. middle is the middle of the block in x and y. half is half the distance of opposite
+ * walls in x and y. z is the height of the floor and the height of the top. */
 static void add_block(struct mesh *mesh, const double middle[2], const double half[2],
                       const double z[2], double bevel, const struct vertex *like) {
     static const int sides[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};

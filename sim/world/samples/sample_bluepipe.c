@@ -3,9 +3,9 @@
 #include <math.h>
 
 /* Pipes on a dark floor, in two layers. The lower pipes are along x, and the upper pipes along y.
- * They are one period apart, and have sleeves where two lengths of pipe meet. The pipes are hollow,
- * and their ends lie on the sample's edge. Light and views pass between and below the upper
- * pipes. */
+ * The pipes of a layer are one period apart, and have sleeves, where two lengths of pipe meet. The
+ * pipes are hollow, and their ends lie on the sample's edge. Light and views pass between and below
+ * the upper pipes. */
 
 #define AROUND     28
 #define PIPE       0.84 /* radius of a pipe, as a part of the radius of its sleeves */

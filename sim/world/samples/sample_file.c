@@ -20,8 +20,9 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
     return FALSE;
 }
 
-/* Reads a PNG picture. Numbers of 16 bits are not converted. Grey values of 8 bits that are heights
- * are not converted either, because heights have no gamma. */
+/* Reads a PNG picture. Colours of 8 bits are converted from sRGB to linear values. Values of 16
+ * bits are taken as linear. Heights of 8 bits are also taken as linear, because heights have no
+ * gamma. */
 static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
                              GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -57,7 +58,8 @@ static float pixel(const struct picture *picture, gint64 x, gint64 y, int channe
         ->values[(row * picture->width + column) * (gsize)picture->channels + (gsize)channel];
 }
 
-/* Interpolates bilinearly. u is from the left and v from the bottom, both from 0 to 1. */
+/* Returns the value of a channel, interpolated bilinearly. u runs from the left and v from the
+ * bottom, both from 0 to 1. */
 static double look_up(const struct picture *picture, double u, double v, int channel) {
     double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
     double fx = floor(x), fy = floor(y);
@@ -199,8 +201,8 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         sample_free(obj.mesh);
         return NULL;
     }
-    /* The faces of a smooth mesh share vertices, which have the order of the positions. They are
-     * added at the end, because faces need only their numbers. */
+    /* The faces of a smooth mesh share vertices, which are in the order of the positions. The
+     * vertices are added at the end, because faces need only their numbers. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

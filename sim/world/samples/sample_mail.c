@@ -41,12 +41,13 @@
 
 struct mail {
     const struct sample_options *options;
-    int n_x, n_y;      /* of one piece; n_y is even */
+    int n_x, n_y;      /* number of rings in a row and of rows, in one piece; n_y is even */
     double p_mm, q_mm; /* p, q; p / q is between 0.96 and 2.18 for samples of all sizes */
     double ring_mm, wire_mm, tilt, sway; /* R, r, t, s */
 };
 
-/* Returns d(x, y): how near a ring of tilt t at the origin comes to one of tilt −t at (x, y). */
+/* Returns d(x, y): a lower bound of the distance between the centre circle of a ring of tilt t at
+ * the origin and that of a ring of tilt −t at (x, y). */
 static double distance(double ring, double tilt, double x, double y) {
     double c = cos(tilt), s = sin(tilt), least2 = G_MAXDOUBLE;
     for (int i = 0; i < POINTS; i++) {
@@ -59,7 +60,8 @@ static double distance(double ring, double tilt, double x, double y) {
     return sqrt(least2) - G_PI * ring / POINTS;
 }
 
-/* Returns the half chord h_k, or 0 if the line passes the disc. */
+/* Returns the half chord h_k of a ring along a line at the distance from_centre from its centre, or
+ * 0 if the line misses the ring's disc. */
 static double half_chord(double ring, double from_centre) {
     return sqrt(MAX(0, ring * ring - from_centre * from_centre));
 }
@@ -74,8 +76,8 @@ static double least_distance(const struct mail *mail, double ring, double tilt) 
     return MIN(least, distance(ring, tilt, 3 * p / 2, q));
 }
 
-/* Sets the radii that suit a tilt. Returns FALSE if no radius does, or if the rings would be too
- * high. */
+/* Sets the radii of rings and wire for a tilt. Returns FALSE if no radius is possible, or if the
+ * rings would be too high. */
 static gboolean fits(struct mail *mail, double tilt) {
     double best = 0;
     for (int i = 70; i < 100; i++) {
@@ -92,13 +94,13 @@ static gboolean fits(struct mail *mail, double tilt) {
            mail->ring_mm * sin(tilt + mail->sway) + mail->wire_mm <= mail->options->relief_mm / 2;
 }
 
-/* Returns FALSE if there is no room for rings. */
+/* Sets the members of mail from the options. Returns FALSE if there is no room for rings. */
 static gboolean shape_mail(struct mail *mail) {
     const struct sample_options *o = mail->options;
     const double width = o->width_mm / o->repeats, height = o->height_mm / o->repeats;
     mail->n_x = sample_count(width, o->period_mm, 1);
     mail->n_y = sample_count(height, width / mail->n_x / ROWS, 2);
-    if (height / mail->n_y < 0.7 * width / mail->n_x / ROWS) /* two rows, and too near for p */
+    if (height / mail->n_y < 0.7 * width / mail->n_x / ROWS) /* there are only two rows, which are too close for this p */
         mail->n_x = sample_count(width, height / mail->n_y * ROWS, 1);
     mail->p_mm = width / mail->n_x;
     mail->q_mm = height / mail->n_y;
@@ -151,8 +153,8 @@ static void mail_floor(struct vertex *vertex, gconstpointer data) {
     sample_set_rgb(vertex->albedo, &o->albedo2, 0.06f, 0.055f, 0.05f);
 }
 
-/* Rings on the sample's edge are whole. They hang over it by less than 0.8 q, because R + r < q
- * and p > 0.9 q. */
+/* Rings at the edge of the sample are whole. They extend beyond the edge by less than 0.8 q,
+ * because R + r < q and p > 0.9 q. */
 struct mesh *sample_mail(const struct sample_options *options) {
     const struct sample_options *o = options;
     struct mesh *mesh = sample_mesh_new();

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-/* Peanuts in their shells, strewn over a tray. They are surfaces of revolution with a waist. They
- * lie on each other, so that some hide others. */
+/* Peanuts in their shells, strewn over a tray. They are surfaces of revolution with a waist. The
+ * peanuts lie on each other, so that some hide others. */
 
 #define ALONG       28
 #define AROUND      22
@@ -84,8 +84,8 @@ struct lobe {
     double x, y, z, r;
 };
 
-/* Returns the lowest z at which a lobe at (x, y) lies on the tray and on the lobes that are there
- * already. */
+/* Returns the lowest z of the middle of a lobe at which it lies above the tray and on the lobes
+ * that are already there. Lobes may overlap a little. */
 static double resting_height(const GArray *lobes, double base, const struct lobe *lobe) {
     double z = base + lobe->r;
     for (guint i = 0; i < lobes->len; i++) {

@@ -14,7 +14,7 @@
 struct plate {
     const struct sample_options *options;
     double across[3], along[3], up[3]; /* axes of the plate in the sample frame */
-    double middle[3];                  /* middle of its printed side */
+    double middle[3];                  /* middle of the plate's printed side */
 };
 
 static void turn(double v[3], int a, int b, double angle) {

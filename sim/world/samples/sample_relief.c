@@ -7,8 +7,8 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Returns the position from 0 to 1 across a piece of the sample. Here the options have the size of
- * a piece. */
+/* Computes the position of a vertex, from 0 to 1, in its piece of the sample. o has the size of a
+ * piece. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
     *ret_u = vertex->p[0] / o->width_mm + 0.5 * o->repeats;
@@ -45,7 +45,8 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 
-/* Finds the brick of a running bond at a point: its number, and the distance from its edge. */
+/* Finds the brick of a running bond at a point. Returns the brick's number for random values, and
+ * in *ret_edge_mm the distance of the point from the brick's edge. */
 static guint64 find_brick(const struct sample_options *o, double u, double v, double *ret_edge_mm) {
     int courses = 2 * (int)MAX(1, rint(o->height_mm / o->period_mm / 2));
     int bricks = (int)MAX(1, rint(o->width_mm / o->period_mm / 2));

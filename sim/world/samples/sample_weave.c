@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-/* A plain weave of twisted yarns, which are tubes that go over and under each other. The warp runs
- * along y, and the weft along x. The pattern repeats after two yarns. */
+/* A plain weave of twisted yarns. The yarns are tubes that pass over and under each other. The warp
+ * runs along y, and the weft along x. The pattern repeats after two yarns. */
 
 #define AROUND 24
 #define PLIES  3
@@ -59,7 +59,8 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
 }
 
-/* Closes an end of the tube with a fan around its centre. */
+/* Closes an end of a yarn's tube with triangles around its centre. ring is the first vertex of the
+ * tube's last ring. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
@@ -108,7 +109,8 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
     int n_x = sample_count(o->width_mm, o->period_mm, 2),
         n_y = sample_count(o->height_mm, o->period_mm, 2);
     double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
-    /* The amplitude and half a yarn lie above and below the middle. */
+    /* Above and below the middle there is room for the amplitude and half the thickness of a
+     * yarn. */
     double thick = o->relief_mm / 4.3;
     int n = warp ? n_x : n_y;
     for (int i = 0; i < n; i++) {
