@@ -46,7 +46,7 @@ struct viewer_material {
     const struct method *method;
     gpointer material;  /* an object of the method */
     Programs *programs; /* programs of the method */
-    double tiles;       /* tiles per unit of the texture coordinates; not used for the main material */
+    double tiles; /* tiles per unit of the texture coordinates; not used for the main material */
 };
 
 struct Viewer {
@@ -64,8 +64,8 @@ struct Viewer {
     guint array, vertices, shapes, indices;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
-    double reach;                    /* radius of a sphere around the origin that contains the mesh and its floor */
-    float *points;                   /* n_points × 3 */
+    double reach;  /* radius of a sphere around the origin that contains the mesh and its floor */
+    float *points; /* n_points × 3 */
     guint n_points;
     struct gpu_target scene, geometry, picture;
 };

@@ -1,7 +1,8 @@
 // Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or
 // one for all views), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values; // layer: slice · n_pages + page
-uniform sampler2DArray ambients; // reflectance under an even sky: a layer per view, and one for the pole
+uniform sampler2DArray
+    ambients; // reflectance under an even sky: a layer per view, and one for the pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
 uniform usampler2D pole; // indices of the views whose mean stands for the pole

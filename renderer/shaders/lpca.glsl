@@ -15,7 +15,8 @@ uniform sampler2DArray
     skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
-ivec3 views, lights; // indices of the three measured views around v, and first columns of the three measured lights around l
+ivec3 views, lights; // indices of the three measured views around v, and first columns of the three
+                     // measured lights around l
 vec3 g, h;           // and their barycentric weights
 
 ivec3 indices(samplerCube map, vec3 d) {

@@ -8,7 +8,7 @@ uniform int n_grid;            // samples in each direction
 uniform int n_columns;         // number of clusters in a row
 
 vec2 place; // s_v, t_v from the centre of the first sample, in samples
-vec3 z; // z1, z2, w of the light
+vec3 z;     // z1, z2, w of the light
 float lit_share, sky_z;
 
 void prepare(vec3 v, vec3 l, float lit) {

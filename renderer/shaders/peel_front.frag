@@ -1,7 +1,7 @@
 // Finds the nearest front faces of a layer behind which the ray meets the structure (Wang et al.
 // 2005 fig. 7).
 uniform sampler2D before; // back faces of the previous layer
-uniform sampler2D back; // back faces of this layer; 0 if the ray does not leave the mesh again
+uniform sampler2D back;   // back faces of this layer; 0 if the ray does not leave the mesh again
 
 void main() {
     float z = distance_from_eye(), level = level_of_detail();

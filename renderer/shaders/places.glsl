@@ -5,7 +5,7 @@
 // PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
     int n;
-    vec2 x[4]; // in tiles of the sample; with hexagons, the first is in the nearest hexagon
+    vec2 x[4];      // in tiles of the sample; with hexagons, the first is in the nearest hexagon
     float share[4]; // weight of each place; the sum of the weights is 1
     int mean;       // index of the place that stands for the sample's mean; −1 if there is none
 };
@@ -129,7 +129,7 @@ places find_places(vec2 x, float level) {
 uniform vec2 endless_cells; // columns and rows of hexagons per tile
 uniform ivec2
     endless_period; // columns and rows after which the hexagons repeat; the number of rows is even
-uniform vec2 endless_edge; // half a texel, in tiles
+uniform vec2 endless_edge;                     // half a texel, in tiles
 uniform vec2 endless_centres[ENDLESS_CENTRES]; // centres of hexagons in the sample, in tiles
 
 // Computes the same as endless_hash() of synthesis/endless.h.

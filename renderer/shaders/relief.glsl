@@ -14,7 +14,8 @@ uniform vec2 mdf_range; // for views, mm: depth = x + y · texel value
 uniform int mdf_layers; // number of layers of maps; 0 if there are views
 uniform sampler2DArray
     mdf_factors; // weights of the maps over the hemisphere (mdf_factors.h); the last layer has W_0
-uniform usampler2D mdf_indices; // indices of measured views over the hemisphere; see direction_table.h
+uniform usampler2D
+    mdf_indices; // indices of measured views over the hemisphere; see direction_table.h
 uniform sampler2D mdf_weights;
 uniform vec2 mdf_size;     // size of a tile, mm
 uniform float mdf_deepest; // depth of the deepest structure, mm
@@ -34,8 +35,8 @@ float distance_from_eye() {
 #ifdef MDF_VOLUME
 uniform sampler3D mdf_volume; // distances of views, as shares of the deepest; see mdf_texture.h
 uniform int mdf_rings;
-uniform vec4
-    mdf_ring[16]; // θ in rad, centre of the first slice, number of views, φ of the first view in turns
+uniform vec4 mdf_ring[16]; // θ in rad, centre of the first slice, number of views, φ of the first
+                           // view in turns
 #endif
 
 struct below {

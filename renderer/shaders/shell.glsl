@@ -1,6 +1,7 @@
 // The distance that a viewing ray travels below the mesh until it meets the material's structure,
 // by marching through the shell; see mdf/mdf_shell.h.
-uniform sampler2DArray mdf_shell; // g (mdf/mdf_shell.h); layer 0 is at the reference plane, and further layers lie below
+uniform sampler2DArray mdf_shell; // g (mdf/mdf_shell.h); layer 0 is at the reference plane, and
+                                  // further layers lie below
 uniform float mdf_most_per_mm;    // σ = mdf_most_per_mm · g⁴
 uniform float mdf_top;            // depth above which σ is 0, mm
 in vec4 stretching;
@@ -50,11 +51,11 @@ float distance_to_depth(float d, float slope, float k) {
 // the foot, which is the nearest point of the mesh.
 struct marched {
     vec2 along;  // direction of the ray in the tangent plane
-    float down; // component of the direction towards greater depth
+    float down;  // component of the direction towards greater depth
     float depth; // depth below the mesh
-    vec2 foot; // vector on the mesh from the point where the ray entered to the foot
-    vec2 x; // texture coordinates of the foot, in tiles
-    float mm; // length of the last step in the flat sample, mm
+    vec2 foot;   // vector on the mesh from the point where the ray entered to the foot
+    vec2 x;      // texture coordinates of the foot, in tiles
+    float mm;    // length of the last step in the flat sample, mm
 };
 
 // Returns the velocity of the foot if the ray moves with velocity w parallel to the tangent plane:

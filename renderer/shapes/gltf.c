@@ -14,7 +14,8 @@ struct reader {
 /* The attributes of a primitive's vertices, and its indices. */
 enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
-    GArray *of[N_ATTRIBUTES + 1]; /* numbers of each attribute, then the indices; NULL if the primitive has none */
+    GArray *of[N_ATTRIBUTES +
+               1]; /* numbers of each attribute, then the indices; NULL if the primitive has none */
 };
 
 static const float *row_of(const GArray *array, gsize k, int n) {

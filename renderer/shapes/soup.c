@@ -7,7 +7,8 @@
 
 struct builder {
     GArray *vertices, *indices, *corners, *next;
-    gint32 *first; /* for each position, the last vertex that was made from it, or −1; next chains to the earlier ones */
+    gint32 *first; /* for each position, the last vertex that was made from it, or −1; next chains
+                      to the earlier ones */
 };
 
 void soup_init(struct soup *soup) {

@@ -18,7 +18,8 @@ struct soup {
     /* corners: struct soup_corner of all polygons, one polygon after the other; polygons: the
      * number of corners of each polygon (int) */
     GArray *corners, *polygons;
-    float *smooth; /* float[3] for each position: its normal, computed from the faces; not of unit length */
+    float *smooth; /* float[3] for each position: its normal, computed from the faces; not of unit
+                      length */
 };
 
 void soup_init(struct soup *soup);

@@ -21,7 +21,8 @@ enum trace_error {
 };
 
 struct trace_camera {
-    struct vec3 eye, right, up, back; /* eye is a position, the others unit vectors; back points from the scene to the camera */
+    struct vec3 eye, right, up, back; /* eye is a position, the others unit vectors; back points
+                                         from the scene to the camera */
     double fov_y_rad;
 };
 

@@ -338,7 +338,8 @@ int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size
                  y = (double)(middle.y - mouse.y) / radius;
     if (held < 0 || held >= n)
         return -1;
-    const bool dragged = ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click only chooses the dot */
+    const bool dragged =
+        ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click only chooses the dot */
     *ret_theta_deg = dragged ? std::min(std::hypot(x, y), 1.0) * 90.0 : dots[held].theta_deg;
     *ret_phi_deg = dragged ? std::atan2(y, x) * 180.0 / G_PI : dots[held].phi_deg;
     return held;

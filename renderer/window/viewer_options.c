@@ -330,7 +330,8 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                    methods[k]->name);
         return bad(error, "--method", o->method_name, names->str);
     }
-    if (o->method_name == NULL && o->argument != NULL) { /* use the method of the file, or a method of the session */
+    if (o->method_name == NULL &&
+        o->argument != NULL) { /* use the method of the file, or a method of the session */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
             /* Only the default method supports --live and --plain, and sessions that are being

@@ -9,7 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* mdf: the path as given; mdf_path: the path of the file that is read, which need not exist */
+    char *mdf, *mdf_path; /* mdf: the path as given; mdf_path: the path of the file that is read,
+                             which need not exist */
     /* index: the index map as given, a file or the directory of a session; index_path: its file */
     char *index, *index_path;
     /* normal map for methods that accept one; NULL keeps the normals of the method */

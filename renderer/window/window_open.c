@@ -219,7 +219,8 @@ void window_ask_file(struct window *w, enum chooser_what what) {
 
 static void take_chosen(struct window *w, const char *path) {
     if (w->chooser_what == CHOOSER_SAVE)
-        window_save_named(w, path, TRUE); /* the dialog has asked whether to replace an existing file */
+        window_save_named(w, path,
+                          TRUE); /* the dialog has asked whether to replace an existing file */
     else
         window_open(w, path);
 }

@@ -34,8 +34,9 @@ struct window {
     double aspect;
     Viewer *viewer, *second;
     struct mesh *mesh;
-    const char *own_shape; /* shape that was given or opened: a file, or the name of a computed shape */
-    char *session;         /* directory of the session, or NULL */
+    const char
+        *own_shape; /* shape that was given or opened: a file, or the name of a computed shape */
+    char *session;  /* directory of the session, or NULL */
     char *material, *second_material;
     char *message; /* sentence that is shown to the user, or NULL */
     gboolean is_error;
@@ -47,7 +48,8 @@ struct window {
     int frames_due; /* number of frames still to be drawn after an event */
     gboolean panel; /* the panel is unfolded */
     enum window_page page;
-    int before_full_screen[4]; /* position and size of the window before full screen: x, y, width, height */
+    int before_full_screen[4]; /* position and size of the window before full screen: x, y, width,
+                                  height */
     /* Modification times in µs of the file that is shown, of the file that is being opened, and of
      * the MDF */
     gint64 file_time, asked_time, mdf_time;
@@ -106,7 +108,8 @@ void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialo
 void window_follow_chooser(struct window *w);
 
 /* window_lamps.c */
-void window_relight(struct window *w); /* makes the environment's lamps again, after a change of the environment or of n_lamps */
+void window_relight(struct window *w); /* makes the environment's lamps again, after a change of the
+                                          environment or of n_lamps */
 void window_set_environment(struct window *w, struct environment *environment, const char *name);
 void window_add_lamp(struct window *w);
 void window_remove_lamp(struct window *w);

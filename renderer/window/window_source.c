@@ -197,8 +197,8 @@ gboolean window_take_opened(struct window *w, GError **error) {
                                                                       take_mdf, take_environment};
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
-            w->file_time =
-                w->asked_time; /* even after an error, the file is not opened again until it changes */
+            w->file_time = w->asked_time; /* even after an error, the file is not opened again until
+                                             it changes */
         if (o->place == OPENER_MDF && why != NULL)
             w->outlines = FALSE;
         const gboolean good = why == NULL && takers[o->place](w, o, &why);

@@ -53,7 +53,8 @@ struct VirtualModbus {
     gint64 start_us, end_us;
     /* Time of the last request; 0 if the timeout has expired since. */
     gint64 heard_us;
-    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* time when the pulse of the coil ends; 0 if there is no pulse */
+    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* time when the pulse of the coil ends; 0 if there is
+                                                 no pulse */
     int pulse_ms[VIRTUAL_MODBUS_BITS];        /* length of the coil's last pulse */
 };
 

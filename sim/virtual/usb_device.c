@@ -11,7 +11,7 @@
 #define GET_DESCRIPTOR 6
 #define SET_FEATURE    3
 #define STRING_TYPE    3
-#define TO_ENDPOINT    0x02 /* a standard request */
+#define TO_ENDPOINT    0x02 /* type of a standard request to an endpoint */
 
 /* Duration of a control request, about as on a full-speed bus. */
 #define LATENCY_US 200
@@ -34,8 +34,9 @@ struct VirtualUsb {
     char *node;
     UMockdevIoctlBase *handler;
     GMutex mutex;
-    GQueue flying;        /* of struct flight */
-    gboolean asked_again; /* a poll has found nothing since the last transfer was submitted or reaped */
+    GQueue flying; /* of struct flight */
+    gboolean
+        asked_again; /* a poll has found nothing since the last transfer was submitted or reaped */
     enum virtual_usb_fault fault;
     int n_requests;
     guint8 *room; /* buffer for the data of a bulk transfer */

@@ -27,8 +27,9 @@ gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, doubl
 /* Changes settings that an owner changes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
-void virtual_tic_enter_safe_start(VirtualTic *tic); /* imitates another program that enters safe start */
-void virtual_tic_lose_steps(VirtualTic *tic);       /* the position becomes uncertain */
+void virtual_tic_enter_safe_start(
+    VirtualTic *tic);                         /* imitates another program that enters safe start */
+void virtual_tic_lose_steps(VirtualTic *tic); /* the position becomes uncertain */
 /* Makes the forward switch stay pressed (TRUE), or work again (FALSE). */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);
 void virtual_tic_cut_switches(VirtualTic *tic); /* homing never finds a switch */

@@ -42,7 +42,8 @@ struct optics_camera {
     int width, height, bits;
     enum cfa cfa;
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
-    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential part (p1, p2); r is the tangent of the angle to the axis */
+    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential part (p1, p2); r is
+                              the tangent of the angle to the axis */
     struct v3 centre_mm, right, down, forward;
     double blur_px;    /* standard deviation of the blur of the lens */
     double vignetting; /* the response is multiplied by 1 − vignetting·(r/r_corner)² */
@@ -50,7 +51,7 @@ struct optics_camera {
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
-    double curvature;      /* a linear value x reads as x·(1 − curvature·x/(full scale − black)) */
+    double curvature; /* a linear value x reads as x·(1 − curvature·x/(full scale − black)) */
     double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
     double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
     double half_gain_step; /* share by which the right half of the sensor reads brighter */
@@ -115,8 +116,8 @@ double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm
 struct optics_laser {
     struct v3 position_mm, axis, forward; /* unit, perpendicular */
     double start;                         /* sweep angle at which the sheet contains forward */
-    double sigma;                         /* standard deviation of the Gaussian profile, as an angle of the sweep */
-    double fan;                           /* full angle in the sheet, evenly lit */
+    double sigma; /* standard deviation of the Gaussian profile, as an angle of the sweep */
+    double fan;   /* full angle in the sheet, evenly lit */
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
     /* Curvature of the sheet, in radians. Where the angle in the sheet from forward has the tangent

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* Number of fine samples per texel, in x and in y, between which depth edges are searched for. */
+/* Number of fine samples per texel, in x and in y, with which depth edges are found. */
 #define FINE 4
 
 static void give(struct v3 v, double ret[3]) {
@@ -38,8 +38,8 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Solves by Newton's method for the pixel whose viewing ray meets the point. The rays are the same
- * as those that render the pictures. */
+/* Finds the point of the picture whose viewing ray meets point_mm, by Newton's method. The pictures
+ * are rendered with the same rays. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =
@@ -175,8 +175,8 @@ static void raster_trace(struct raster *raster, int row) {
                 raster->surfaces, raster->hit);
 }
 
-/* Computes the distances along the rays from the reference plane. The distance is −1 if a ray meets
- * nothing. */
+/* Computes, for each ray of the raster, the distance along the ray from the reference plane to the
+ * surface, in mm. The distance is −1 if the ray meets nothing. */
 static void distances(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       int fine, float *ret) {
     struct raster raster;
@@ -195,7 +195,8 @@ static void distances(World *world, int camera, double turntable_deg, const stru
     raster_clear(&raster);
 }
 
-/* Flags the texels within one texel of a step between the fine sample (i, j) and its neighbour. */
+/* Flags the texels whose centre is within one texel of the fine sample (i, j), where a step of the
+ * distance was found. */
 static void flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
@@ -236,7 +237,7 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
             struct light_pose pose =
                 world_light_pose(world, world->laser_fixed[laser[k]], arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            /* Add one for each point of the row that the swept laser lights. */
+            /* Add one for each point of the row that the laser can light at some sweep angle. */
             guint8 *seen = ret_seen + row * grid->width;
             for (int first = 0; first < raster.n; first += SCENE_BATCH) {
                 int n_points = MIN(SCENE_BATCH, raster.n - first);
@@ -259,8 +260,8 @@ struct lamp_light {
     const float *bounce;
 };
 
-/* Adds π L / E_⊥ of the row's rays to the sums of their texels. E_⊥ is taken at the texel's
- * centre. */
+/* Adds the reflectance π L / E_⊥ of each ray of a row to the mean of its texel. L is the radiance,
+ * and E_⊥ (facing) the irradiance at the texel's centre on a surface that faces the lamp. */
 static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
                             const double *facing, float *rgb) {
     const float share = 1.0f / (float)(raster->fine * raster->fine);

@@ -7,8 +7,8 @@
 
 #include "world.h"
 
-/* The texels of the reference plane. The simulation shares no code with processing/, so it has its
- * own definition. */
+/* The texels of the reference plane. The simulation shares no code with processing/, so this struct
+ * is defined separately. */
 struct truth_grid {
     int width, height;
     double width_mm, height_mm, reference_mm;
@@ -35,16 +35,16 @@ void truth_camera(World *world, int camera, struct truth_camera *ret);
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
 
 struct truth_arc {       /* the true axis of the arc, in the rig frame */
-    double zero_deg;     /* added to the arc's angle */
-    double axis[3];      /* unit, upwards */
+    double zero_deg;     /* angle that is added to the arc's angle */
+    double axis[3];      /* unit vector, upwards */
     double centre_mm[3]; /* intersection of the axis with z = 0 */
 };
 void truth_arc(World *world, struct truth_arc *ret);
 
 /* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps. */
 struct truth_swing {
-    double zero_deg;     /* added to its angle */
-    double axis[3];      /* unit; the carried devices turn counter-clockwise about it */
+    double zero_deg;     /* angle that is added to the angle of the arm or probe */
+    double axis[3];      /* unit vector; the carried devices turn counter-clockwise about it */
     double centre_mm[3]; /* a point of the axis */
 };
 void truth_arm(World *world, struct truth_swing *ret);
@@ -78,15 +78,15 @@ double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const doub
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 
-/* Counts, for each texel, how many of the n laser positions (arc angle and laser) light the surface
- * point that the texel shows. */
+/* Counts, for each texel, how many of the n laser positions (arc angle and laser) can light the
+ * surface point that the texel shows, at some sweep angle. */
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
 
-/* Computes the reflectance as in pipeline/pipeline.h, R G B interleaved. It is averaged over each
- * texel's area with samples² rays. Edges of shadows need many rays: on a brick wall, the 95th
- * percentile of the difference to a picture with 4 pixels per texel was 5.4 % with 6 samples and
- * 1.8 % with 24. */
+/* Computes the reflectance as in pipeline/pipeline.h, R G B interleaved. The reflectance is
+ * averaged over each texel's area with samples² rays. Edges of shadows need many rays: on a brick
+ * wall, the 95th percentile of the difference to a picture with 4 pixels per texel was 5.4 % with 6
+ * samples and 1.8 % with 24. */
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb);
 

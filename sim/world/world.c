@@ -1,7 +1,9 @@
 #include "world_private.h"
 
-#define MAX_POSES    32    /* largest number of poses of an exposure while the turntable turns */
-#define POSE_STEP_PX 0.125 /* distance by which the sample's edge may move between two poses */
+#define MAX_POSES                                                                                  \
+    32 /* largest number of poses in which one exposure is computed while the turntable turns */
+#define POSE_STEP_PX                                                                               \
+    0.125 /* distance in pixels by which the sample's edge may move between two poses */
 
 static GMutex registry_lock;
 static GHashTable *registry; /* maps a path to a World, without holding a reference */
@@ -45,7 +47,7 @@ World *world_get(const char *path, GError **error) {
     world->key = g_steal_pointer(&key);
     g_mutex_init(&world->lock);
     for (int i = 0; i < WORLD_MAX_LAMPS; i++)
-        world->power[i].on_us = G_MAXINT64; /* the lamp was never on */
+        world->power[i].on_us = G_MAXINT64; /* the lamp has never been on */
     if (world_load(world, world->key, error))
         g_hash_table_insert(registry, world->key, world);
     else
@@ -268,7 +270,7 @@ static void add_light(World *world, int camera, const struct world_state *state,
     }
 }
 
-/* Returns the number of poses in which an exposure is computed. It is 1 if the turntable stood. */
+/* Returns the number of poses in which an exposure is computed: 1 if the turntable stood still. */
 static int world_n_poses(const World *world, int camera, const struct world_state *state) {
     const struct optics_camera *sensor = &world->cameras[camera];
     const float *low = world->scene.low, *high = world->scene.high;

@@ -5,7 +5,7 @@
  * file describes the world (world.conf(5) has every key).
  *
  * The world shares no code with calib/ and processing/. Projection, distortion and triangulation
- * are written independently, so that an error there shows in the results.
+ * are written independently, so that an error in calib/ or processing/ shows in the results.
  *
  * Any thread may set the state. world_snapshot() copies it. Any thread may render from a snapshot,
  * and the picture depends only on the snapshot.
@@ -47,7 +47,8 @@ struct world_sensor {
 };
 void world_sensor(const World *world, int camera, struct world_sensor *ret);
 
-/* Set true positions, in degrees. The devices have already added their errors. */
+/* These functions set true positions, in degrees. The devices have already added their errors to
+ * the positions. */
 void world_set_turntable(World *world, double deg); /* the turntable stands at this position */
 void world_set_arc(World *world, double deg);
 void world_set_arm(World *world, double deg);
@@ -62,9 +63,10 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us);
  * at its own place. The laser keeps its index for world_set_sweep() and world_set_laser(). */
 void world_mount_laser(World *world, int laser, int place);
 
-/* Switches a lamp at a time. Its output then follows its warm-up curve and, if the world file says
- * so, a slow drift. From the end of the warm-up on, the curve is exactly the full output. A lamp
- * that the world file calls dead gives no light. */
+/* Switches a lamp on or off at the time at_us. The lamp's output then follows its warm-up curve
+ * and, if the world file says so, a slow drift. From the end of the warm-up on, the curve is
+ * exactly the full output. A dead lamp (world_set_lamp_dead(), or the key dead of the world file)
+ * gives no light. */
 void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us);
 void world_set_lamp_dead(World *world, int lamp, gboolean dead);
 double world_lamp_warm_up_s(const World *world);
@@ -72,12 +74,15 @@ void world_set_laser(World *world, int laser, gboolean on);
 
 #define WORLD_INSTANTS 17
 struct world_state {
-    double turntable_deg, arc_deg, arm_deg, probe_deg; /* turntable_deg in the middle of it */
+    double turntable_deg, arc_deg, arm_deg,
+        probe_deg; /* turntable_deg is the position in the middle of the exposure */
     /* Positions of the turntable at equal intervals, from the beginning of the exposure to its
      * end. */
     double turning_deg[WORLD_INSTANTS];
-    double sweep_deg[WORLD_MAX_LASERS]; /* by place, like laser_on */
-    float lamp_output[WORLD_MAX_LAMPS]; /* relative to the nominal output, mean over the exposure */
+    double sweep_deg[WORLD_MAX_LASERS]; /* sweep angle of the laser at each place
+                                           (world_mount_laser()); laser_on is also by place */
+    float lamp_output[WORLD_MAX_LAMPS]; /* mean output over the exposure, relative to the nominal
+                                           output */
     gboolean laser_on[WORLD_MAX_LASERS];
     gint64 time_us;
 };

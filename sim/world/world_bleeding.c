@@ -2,7 +2,7 @@
 
 #define CELLS_PER_SCALE 3
 #define MAX_CELLS       2048 /* largest number of cells in one direction */
-#define REACH_SCALES    5    /* no light comes out beyond this number of scales */
+#define REACH_SCALES    5 /* distance, in multiples of the scale, beyond which no light comes out */
 /* standard deviations of the laser's profile beyond which there is no light */
 #define REACH_SIGMA  4
 #define KERNEL_STEPS 64 /* steps of the kernel's table per scale */
@@ -18,7 +18,8 @@ struct bleeding {
     struct surface *cells;       /* ny × nx; cells without sample show the turntable */
     int reach;                   /* reach of the kernel, in cells */
     float per_step;              /* 1/mm */
-    float kernel[REACH_SCALES * KERNEL_STEPS + 2]; /* sums to 1 over a level surface */
+    float kernel[REACH_SCALES * KERNEL_STEPS +
+                 2]; /* its sum over the cells of a level surface is 1 */
 };
 
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {

@@ -10,7 +10,7 @@ struct node {
     gsize bytes;
     int users;
     gboolean ready;
-    GList link; /* is in the queue if ready is set */
+    GList link; /* element of the queue `recent` if ready is TRUE */
 };
 
 struct Cache {

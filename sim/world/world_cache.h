@@ -19,8 +19,9 @@ struct cache_entry {
 
 typedef struct Cache Cache;
 
-/* Makes a value. Returns a block to be freed with g_free(), and its size. The function may request
- * the values of other keys from the cache, but keys must not depend on each other in a circle. */
+/* Makes the value of a key. Returns a block to be freed with g_free(), and its size in *ret_bytes.
+ * The function may request the values of other keys from the cache, but keys must not depend on
+ * each other in a circle. */
 typedef gpointer (*CacheMake)(const struct cache_key *key, gconstpointer data, gsize *ret_bytes);
 
 Cache *cache_new(gsize limit_bytes);

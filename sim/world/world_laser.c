@@ -8,8 +8,8 @@ enum cached { /* must differ from the numbers in world_light.c */
               CACHED_LASER_LIST,
 };
 
-/* A contribution of the laser's light to a pixel. At a sweep angle it is amplitude times the
- * profile at (sweep − angle)/σ. */
+/* A contribution of the laser's light to a pixel. At a sweep angle, the contribution is amplitude ·
+ * exp(−x²/2), with x = (sweep − angle)/σ. */
 struct share {
     float angle; /* in σ of the profile, relative to the list's first angle */
     float amplitude;
@@ -20,7 +20,8 @@ struct share {
 struct laser_list {
     double first; /* first angle, rad */
     guint n_cells;
-    const guint32 *starts; /* n_cells + 1 indexes of the cells' first shares, after the shares */
+    const guint32 *starts; /* index of the first share of each cell, n_cells + 1 elements, stored
+                              after the shares */
     struct share shares[];
 };
 
@@ -106,8 +107,8 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts shares into cells of one σ. The order within a cell is kept, so that sums depend only on
- * the list. */
+/* Sorts shares into cells of one σ. The order within a cell is kept, so that rounding errors of
+ * sums are always the same. */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;
     double first = 0, last = 0;
@@ -137,7 +138,8 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
     return list;
 }
 
-/* Returns the view of a camera in the light of a laser, which has one colour for all pixels. */
+/* Returns the view of a camera (world_view()) in the light of a laser. All pixels are magnified for
+ * the colour of the laser. */
 static struct cache_entry *laser_view(const struct laser_job *job) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     const double magnification =

@@ -10,7 +10,7 @@ enum cached {
     CACHED_PICTURE,
 };
 
-static double whole_turn(double deg) { /* returns 0 to 360, in steps of 1e-9 */
+static double whole_turn(double deg) { /* returns deg modulo 360, rounded to 1e-9 */
     double rest = fmod(deg, 360);
     double steps = rint((rest < 0 ? rest + 360 : rest) * 1e9);
     return steps >= 360e9 ? 0 : steps * 1e-9;
@@ -41,9 +41,9 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* Tilts a vector like the turntable's axis, which the bearing tilts by wobble towards the azimuth
- * wobble_per_turn·turntable. With sign −1 the vector is tilted back, and with sign 0 it is not
- * tilted. */
+/* Returns a vector tilted like the turntable's axis. The bearing tilts this axis by wobble towards
+ * the azimuth wobble_per_turn·turntable. With sign −1 the vector is tilted back, and with sign 0 it
+ * is not tilted. */
 static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
@@ -57,8 +57,9 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
 }
 
 /* Converts a vector or point from the frame of a light's carrier to the frame of the pose. If
- * neither axis is tilted, it turns only by the angle between arc and turntable, so that the result
- * is bit-identical to the result for an ideal arc. */
+ * neither the axis of the arc nor that of the turntable deviates, the vector is only turned by the
+ * angle between arc and turntable, so that the result is bit-identical to the result for an ideal
+ * arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
@@ -105,7 +106,7 @@ struct optics_camera world_camera_at(const World *world, int camera, double arm_
     return at;
 }
 
-/* Converts from the rig frame to the sample frame. */
+/* Converts a vector, or a point, from the rig frame to the sample frame. */
 static struct v3 to_sample(const World *world, double turntable_deg, struct v3 v) {
     double angle = -RAD(whole_turn(turntable_deg));
     return v3_turn_z(lean(world, -angle, -1, v), cos(angle), sin(angle));
@@ -149,8 +150,8 @@ static void add_point(GArray *points, const struct surface *surface, enum cfa_co
     g_array_append_val(points, point);
 }
 
-/* Adds the points of a pixel. A pixel that shows only the turntable has no detail, so one point is
- * as good as many. */
+/* Adds the points of a pixel to points. *ret_weight is the weight of each point (struct view). A
+ * pixel that shows only the turntable has no detail, so it has one point. */
 static void add_pixel(const struct view_job *job, int x, int y, GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
@@ -318,7 +319,8 @@ struct picture_job {
     struct light_pose pose;
 };
 
-/* Adds up the direct light and one bounce of all points. */
+/* Makes the picture of world_lamp_picture(): adds up the direct light and the light of one bounce
+ * at all points. */
 static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;

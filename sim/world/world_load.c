@@ -5,8 +5,10 @@
 
 #include <string.h>
 
-#define RAD(deg)   ((deg) * (G_PI / 180))
-#define BEND_AT_MM 36.0 /* distance from the middle of the line to which sheet_bend_mm applies */
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define BEND_AT_MM                                                                                 \
+    36.0 /* distance from the middle of the line at which the bend of the sheet is sheet_bend_mm   \
+          */
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
@@ -241,8 +243,8 @@ static const struct option laser_table[] = {
 };
 #undef AT
 
-/* Returns the random numbers of a device, which depend on the world's seed and on the device's
- * place in the file. */
+/* Returns the random number generator of a device. Its numbers depend on the world's seed, the
+ * class, and the device's position among the devices of its class in the file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
     guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
@@ -306,8 +308,9 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Returns three directions at a polar angle, for a device on the arc at 0 or at an azimuth:
- * outwards, upwards along the arc, and across the arc. */
+/* Returns the direction from the origin to a device at a polar angle and an azimuth (0 for a device
+ * on the arc). *ret_up is the unit vector upwards along the arc, and *ret_across the unit vector
+ * across it. */
 static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
                         struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
@@ -407,7 +410,8 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* Loads the sample with the world's marks, which are part of the sample. */
+/* Loads the sample with the marks of the world file, which become part of the sample, and builds
+ * the scene. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -439,7 +443,8 @@ static void load_sample(World *world, const struct world_options *all, const Con
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
                                Mistakes *);
 
-/* Returns FALSE if world files have no such section. */
+/* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Returns FALSE
+ * with a mistake if world files have no such section. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {

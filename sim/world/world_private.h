@@ -13,7 +13,7 @@
 
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
-    gint64 on_us, off_us; /* times at which it was last switched on and off */
+    gint64 on_us, off_us; /* times at which the lamp was last switched on and off */
 };
 
 #define WORLD_TURNS 128
@@ -53,7 +53,8 @@ struct World {
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
     gboolean lamp_fixed[WORLD_MAX_LAMPS],
-        laser_fixed[WORLD_MAX_LASERS]; /* TRUE if not on the arc */
+        laser_fixed[WORLD_MAX_LASERS]; /* TRUE if the lamp or laser stands by itself, not on the arc
+                                        */
     gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;
@@ -65,7 +66,7 @@ struct World {
     struct bleeding *bleeding; /* NULL if there is none */
     Cache *cache;
 
-    GMutex lock;                    /* guards the fields below */
+    GMutex lock;                    /* guards the following members */
     struct turn turns[WORLD_TURNS]; /* ring buffer of the last turns */
     guint n_turns;                  /* at least 1 */
     double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
@@ -89,21 +90,22 @@ struct surface { /* point at which a ray meets the sample or the turntable; samp
 void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
-/* Finds the first surfaces along n unit rays. ret_hit is FALSE for a ray that meets none. eye_mm,
- * starts_mm and directions are in the sample frame. If starts_mm is NULL, all rays start at the
- * eye. */
+/* Finds the first surface along each of n rays (unit vectors). ret_hit is FALSE for a ray that
+ * meets no surface. eye_mm, starts_mm and directions are in the sample frame. If starts_mm is NULL,
+ * all rays start at the eye. */
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
 
-/* Finds whether surface points see a light. ret_blocked[i] is set if point i does not see it, which
- * includes a light behind the surface. n is at most SCENE_BATCH. */
+/* Finds whether surface points see a light. ret_blocked[i] is TRUE if point i does not see the
+ * light, because the sample hides the light or because the light is behind the surface. n is at
+ * most SCENE_BATCH. */
 #define SCENE_BATCH 256
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
 
-/* Returns up to SCENE_BATCH of the scene's vertices from first on, and whether they see a light.
- * The vertices are white surfaces for which scene_reflect() is n·l in green. Returns their
- * number. */
+/* Returns in ret up to SCENE_BATCH of the scene's vertices from first on, and in ret_blocked
+ * whether a light is hidden from them. The vertices have an albedo for which scene_reflect() is n·l
+ * in green. Returns the number of vertices. */
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
@@ -111,8 +113,8 @@ int scene_light_vertices(const struct scene *scene, guint first, struct v3 light
  */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
-/* Returns n·l·(diffuse + gloss) for light from a point, seen from the eye. This is the factor from
- * E_⊥ to radiance. */
+/* Returns n·l·(diffuse + gloss) for light from a point, seen from the eye. The radiance is this
+ * factor times the irradiance E_⊥ on a surface that faces the light. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
@@ -141,7 +143,8 @@ struct light_pose {
     double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
-    gboolean upright; /* use a frame that does not tilt with the turntable: the rig's at angle 0 */
+    gboolean upright; /* the frame does not tilt with the turntable; it is the rig frame if the
+                         turntable is at 0 */
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -158,9 +161,9 @@ struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
 /* Converts from the sample frame, with the turntable at an angle, to the rig frame. */
 struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p);
 
-/* A part of a pixel's area. It is packed, because a view has several points per pixel, and a
- * session has many views. Directions are folded octahedra, and numbers from 0 to 1 are integers.
- * The rounding errors are far below a sensor's noise. */
+/* A surface point that a part of a pixel's area shows. Points are packed, because a view has
+ * several points per pixel, and a session has many views. Directions are folded octahedra, and
+ * numbers from 0 to 1 are integers. The rounding errors are far below a sensor's noise. */
 struct point {
     float p[3];
     gint16 n[2], t[2], ng[2];
@@ -169,29 +172,32 @@ struct point {
     guint32 triangle, pixel;
 };
 
-/* The view of a camera at an angle of arm and turntable. A pixel that shows the sky has no points,
- * and a pixel that shows only the turntable has a single point. */
+/* The surface points that a camera sees at given angles of arm and turntable. A pixel that shows
+ * neither sample nor turntable has no points. A pixel that shows only the turntable has a single
+ * point. */
 struct view {
     struct v3 eye_mm;
-    /* By pixel: the weight of each of its points, in DN·s⁻¹ per W·sr⁻¹·m⁻², including its area. */
+    /* For each pixel, the weight of each of the pixel's points, in DN·s⁻¹ per W·sr⁻¹·m⁻². It
+     * includes the share of the pixel's area. */
     const float *weights;
     guint n;
     struct point points[];
 };
 
 /* Returns the view of a camera (struct view). magnification is the magnification of the light
- * relative to green. 0 means light of all colours, each of which passes its filter. */
+ * relative to green light. 0 means white light: each pixel is magnified for the colour of its
+ * filter. */
 struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
                                double magnification);
 
 /* world_point.c: packs a surface into a point, and unpacks it. A point has only the albedo for the
- * pixel's colour. Unpacking uses it for all three colours. */
+ * pixel's colour. Unpacking uses this albedo for all three colours. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
                 struct point *ret);
 void world_unpack(const struct point *from, struct surface *ret);
 
-/* Returns up to SCENE_BATCH points of a view from first on, and whether they see a light. Returns
- * their number. */
+/* Returns in ret up to SCENE_BATCH points of a view from first on, and in ret_blocked whether a
+ * light is hidden from them. Returns the number of points. */
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
@@ -230,6 +236,6 @@ struct bleeding;
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm);
 void bleeding_free(struct bleeding *bleeding); /* NULL is ignored */
 
-/* Adds the light that comes out to a picture in DN·s⁻¹. It is multiplied by bleeding_share. */
+/* Adds the light that comes out, multiplied by bleeding_share, to a picture in DN·s⁻¹. */
 void world_add_bleeding(World *world, int camera, int laser, struct light_pose pose, double sweep,
                         const struct view *view, float *rate);

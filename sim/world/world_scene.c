@@ -51,9 +51,9 @@ guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float 
     return u >= v ? corners[1] : corners[2];
 }
 
-/* Finds the vertices that rays from a vertex hit. The directions are cosine-weighted, because a
- * point on the unit sphere is added to the normal. They are stratified, because the unit square is
- * cut into n_gather columns with one ray in each. */
+/* Finds the vertices that rays from a vertex hit, for scene->gather. The directions are
+ * cosine-weighted, because a point on the unit sphere is added to the normal. They are stratified,
+ * because the unit square is cut into n_gather columns with one ray in each. */
 static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectContext *context,
                         struct sample_random *random) {
     const struct vertex *from = &scene->vertices[vertex];
@@ -194,7 +194,8 @@ void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *s
     }
 }
 
-/* Returns whether the way from a point of the turntable to a light passes over the sample. */
+/* Returns whether the line from a point of the turntable to a light may pass through the sample's
+ * bounding box. */
 static gboolean over_sample(const struct scene *scene, const float p[3], const float way[3]) {
     float t = MIN(1, scene->high[2] / way[2]);
     for (int k = 0; k < 2; k++) {
@@ -207,7 +208,7 @@ static gboolean over_sample(const struct scene *scene, const float p[3], const f
 
 #define PACKET 16
 
-struct shadow_rays { /* grouped into the ray tracer's widest packets */
+struct shadow_rays { /* shadow rays, grouped into the widest packets of the ray tracer */
     struct RTCRay16 packets[SCENE_BATCH / PACKET];
     guint8 index[SCENE_BATCH];
     int n;

@@ -3,7 +3,7 @@
 #define MIN_GRAIN_PX 0.5
 #define MAX_REACH_PX 32
 
-/* Returns white noise of variance 1, as a sum of four uniform numbers. */
+/* Returns a random number of variance 1 for a key, as a sum of four uniform numbers. */
 static float white(guint64 key) {
     const guint64 bits = sample_hash(key);
     float sum = -2 * (float)G_MAXUINT16;
@@ -25,7 +25,7 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
 
 /* The intensity of speckle with contrast C has a gamma distribution with M = 1/C² degrees of
  * freedom (Goodman 2007). It is computed as the cube of a normal deviate (Wilson & Hilferty 1931).
- * The grain has the correlation of the lens's blur. */
+ * The deviates are correlated over the blur of the lens, so the grain is as large as the blur. */
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];

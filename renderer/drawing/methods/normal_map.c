@@ -7,8 +7,9 @@
 #include <png.h>
 #include <string.h>
 
-#define SHORTEST 0.5F /* shortest accepted normal: filtering makes normals shorter, noise longer */
-#define LONGEST  1.5F
+#define SHORTEST 0.5F /* shortest accepted normal: filtering makes normals shorter, noise longer   \
+                       */
+#define LONGEST 1.5F
 
 G_DEFINE_QUARK(normal_map_error, normal_map_error)
 

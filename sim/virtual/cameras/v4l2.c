@@ -400,7 +400,8 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    guint lacks; /* the control is missing if the config lacks one of these bits; 0 if all cameras have the control */
+    guint lacks; /* the control is missing if the config lacks one of these bits; 0 if all cameras
+                    have the control */
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},

@@ -54,7 +54,8 @@ struct VirtualV4l2 {
     int n_threads;
     gint64 first_us;    /* time of frame 0; frame n begins n frame intervals later */
     gint64 changed_us;  /* time when exposure or gain was last set */
-    gint64 exposure_us; /* exposure of frames that begin now; it follows changes of the controls with a delay */
+    gint64 exposure_us; /* exposure of frames that begin now; it follows changes of the controls
+                           with a delay */
     double gain_db;
     guint16 *pixels; /* the latest picture */
 };
