@@ -36,11 +36,11 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 #endif
 
 #if LAMP_SHADOWS
-uniform sampler2DArrayShadow
-    further_maps; // like shadow_map, with a layer per lamp For far lamps, the unit vector of the
-                  // map's +x, like shadow_right. For near lamps: the tangent of half the angle of a
-                  // map; the bias, relative to the distance; and the layer of the second of a
-                  // cube's six faces, or −1 for a single map around the axis.
+uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp
+
+// For far lamps, the unit vector of the map's +x, like shadow_right. For near lamps: the tangent of
+// half the angle of a map; the bias, relative to the distance; and the layer of the second of a
+// cube's six faces, or −1 for a single map around the axis.
 uniform vec3 further_right[MAX_LAMPS];
 uniform vec3 further_range; // shadow_range (shadow.glsl) for far lamps
 

@@ -27,8 +27,8 @@ gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, doubl
 /* Changes settings that an owner changes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
-void virtual_tic_enter_safe_start(
-    VirtualTic *tic);                         /* imitates another program that enters safe start */
+/* Imitates another program that makes the Tic enter safe start. */
+void virtual_tic_enter_safe_start(VirtualTic *tic);
 void virtual_tic_lose_steps(VirtualTic *tic); /* the position becomes uncertain */
 /* Makes the forward switch stay pressed (TRUE), or work again (FALSE). */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);

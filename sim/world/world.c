@@ -1,9 +1,9 @@
 #include "world_private.h"
 
-#define MAX_POSES                                                                                  \
-    32 /* largest number of poses in which one exposure is computed while the turntable turns */
-#define POSE_STEP_PX                                                                               \
-    0.125 /* distance in pixels by which the sample's edge may move between two poses */
+/* While the turntable turns, one exposure is computed in at most MAX_POSES poses. The sample's edge
+ * moves by at most POSE_STEP_PX pixels between two poses, unless that needs more poses. */
+#define MAX_POSES    32
+#define POSE_STEP_PX 0.125
 
 static GMutex registry_lock;
 static GHashTable *registry; /* maps a path to a World, without holding a reference */

@@ -5,10 +5,8 @@
 
 #include <string.h>
 
-#define RAD(deg) ((deg) * (G_PI / 180))
-#define BEND_AT_MM                                                                                 \
-    36.0 /* distance from the middle of the line at which the bend of the sheet is sheet_bend_mm   \
-          */
+#define RAD(deg)   ((deg) * (G_PI / 180))
+#define BEND_AT_MM 36.0 /* distance from the line's middle at which sheet_bend_mm is measured */
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;

@@ -14,8 +14,7 @@
 
 #define MAX_COILS   VIRTUAL_MODBUS_BITS
 #define MAX_DEVICES 64
-#define MAX_USB                                                                                    \
-    9 /* maximum number of Tics and relay boards together: the ports of the virtual bus */
+#define MAX_USB     9 /* most Tics and relay boards together: the ports of the virtual bus */
 
 struct drive {
     VirtualModbus *device;
