@@ -65,7 +65,7 @@ struct shading {
     float *layers;
     gsize layer_size;              /* in floats */
     const float *pole, *sky;       /* share of each light */
-    float *means;                  /* R, G, B of each layer */
+    float *means;                  /* mean R, G, B of each layer */
     const struct index_map *index; /* NULL if there is none */
     const struct endless *endless; /* NULL if there are none */
     struct endless_lattice lattice;

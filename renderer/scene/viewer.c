@@ -18,7 +18,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#define WHITE       0.8 /* see exposure_ev */
+#define WHITE       0.8 /* value of a white diffuser at an exposure of 0 EV */
 #define MAX_SAMPLES (1 << 26)
 
 #define ENDLESS_LOOKS 10 /* number of pictures of the sample from which hexagons are chosen */

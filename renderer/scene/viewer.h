@@ -41,8 +41,8 @@ struct viewer_settings {
      * of the mesh. */
     double camera_pan[2];
     double camera_fov_deg;                 /* of the shorter side of the picture */
-    double light_theta_deg, light_phi_deg; /* direction of the light from the origin */
-    double lamp;                           /* brightness of this light */
+    double light_theta_deg, light_phi_deg; /* direction of the first lamp from the origin */
+    double lamp;                           /* brightness of the first lamp */
     /* Distance and cone of this light as in struct viewer_lamp. The light aims at the origin. */
     double light_distance, light_cone_deg, light_inner_deg;
     int n_lamps; /* number of further lamps */
@@ -58,7 +58,7 @@ struct viewer_settings {
      * everywhere, and is the only light in a shadow: ambient / π · L_a with L_a = ∫ T dω of Wang et
      * al. 2005 §4.2. The paper shows L_a only in shadow. */
     double ambient;
-    int samples; /* supersampling in each direction */
+    int samples; /* number of samples of a pixel in each direction */
     struct method_style style;
     /* Silhouettes need an MDF (viewer_set_mdf()): a ray that misses the structure shows the surface
      * behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes, the

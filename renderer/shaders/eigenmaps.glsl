@@ -6,7 +6,7 @@ uniform int n_terms;
 uniform int n_layers; // layers per term: the lights, the pole, ambient
 
 #define BTF_PREPARED
-vec2 view_at; // coordinates in the table
+vec2 view_at; // coordinates of the view in the table of W_i
 uvec4 light_index;
 vec4 light_share;
 

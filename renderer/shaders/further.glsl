@@ -6,7 +6,7 @@ uniform int n_lamps;
 uniform vec3 lamp_colours[MAX_LAMPS];
 
 #ifdef NEAR_LAMPS
-uniform vec4 lamp_places[MAX_LAMPS]; // w 1: position; w 0: unit vector towards a lamp far away
+uniform vec4 lamp_places[MAX_LAMPS]; // w = 1: position; w = 0: unit vector towards a far lamp
 // For a spot lamp: xyz is the direction of its light along the axis, and w is −cos outer. All four
 // are divided by (cos inner − cos outer). For other lamps, xyz is 0 and w is 1.
 uniform vec4 lamp_cones[MAX_LAMPS];

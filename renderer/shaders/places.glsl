@@ -45,7 +45,7 @@ places one_place(vec2 x) {
 }
 
 #if PLACES == 1
-uniform usampler2D index_map;    // all levels, at index_corners
+uniform usampler2D index_map;    // all mip levels, with their first texels at index_corners
 uniform ivec2 index_corners[12]; // INDEX_MAP_LEVELS elements
 uniform ivec2 index_size;
 uniform int index_levels;

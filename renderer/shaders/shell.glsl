@@ -7,7 +7,7 @@ uniform float mdf_top;            // depth above which σ is 0, mm
 in vec4 stretching;
 
 const float OPAQUE = 0.69314718; // ln 2
-const float STEP = 1.5;          // in voxels along the texture or in layers
+const float STEP = 1.5;          // length of a step, in voxels along the texture or in layers
 const float BACK_STEP = 3.0;
 const int MIN_STEPS = 4, MAX_STEPS = 96;
 const float MIN_GROWN = 0.25, MAX_GROWN = 4.0;

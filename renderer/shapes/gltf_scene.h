@@ -37,7 +37,7 @@ struct gltf_part {
     gboolean texture; /* the mesh has texture coordinates; otherwise they are 0 */
 };
 
-/* KHR_lights_punctual */
+/* the kinds of KHR_lights_punctual */
 enum gltf_lamp_kind { GLTF_LAMP_DIRECTIONAL, GLTF_LAMP_POINT, GLTF_LAMP_SPOT };
 struct gltf_lamp {
     enum gltf_lamp_kind kind;

@@ -71,8 +71,8 @@ static struct vec3 plain_cosine(double a, double b) {
     return vec3(r * cos(2.0 * G_PI * b), r * sin(2.0 * G_PI * b), sqrt(fmax(1.0 - a, 0.0)));
 }
 
-/* Draws a visible normal: a point of the hemisphere above the disc of the stretched view. (Heitz
- * 2018) */
+/* Draws a visible normal (Heitz 2018): stretches the view by alpha, draws a point of the hemisphere
+ * around the stretched view, and stretches that point by alpha too. */
 static struct vec3 plain_visible_normal(double alpha, struct vec3 view, double a, double b) {
     const struct vec3 v = vec3_unit(vec3(alpha * view.x, alpha * view.y, view.z));
     const double flat = hypot(v.x, v.y);

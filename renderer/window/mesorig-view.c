@@ -37,7 +37,7 @@ struct studio {
     GPtrArray *files;       /* paths of written files */
     int n_replaced;         /* number of these files that replaced an existing one */
     double error;           /* error of the last frame against its reference */
-    int n_views, n_planned; /* of a live session */
+    int n_views, n_planned; /* numbers of measured and of planned views of a live session */
     struct measured measured;
 };
 

@@ -16,8 +16,8 @@ struct Opener {
     GAsyncQueue *finished;      /* of struct opened */
     gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0 if there is none */
     gint asked;
-    int under_way;                /* number of requested jobs that were not polled yet */
-    gint share;                   /* atomic, in thousandths */
+    int under_way; /* number of requested jobs that were not polled yet */
+    gint share;    /* atomic: share of the running job that is done, in thousandths */
     const struct opened *working; /* atomic: the running job, or NULL; exists until it is polled */
 };
 

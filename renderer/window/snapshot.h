@@ -14,7 +14,7 @@ struct snapshot {
     const struct viewer_settings *settings; /* with the actual numbers of tiles, not 0 */
     /* options with the files from which the picture was made, and the floor */
     const struct viewer_options *options;
-    int n_views, n_planned; /* of a session that is being captured, otherwise 0 */
+    int n_views, n_planned; /* numbers of measured and of planned views of a live session, else 0 */
 };
 
 /* Writes rgb, which comes from compose_render(), as PNG, or light, which comes from

@@ -37,19 +37,19 @@ struct ui_box {
 void ui_panel_begin(const char *title, struct ui_box box);
 void ui_dialog_begin(const char *title, struct ui_box within, float width);
 void ui_bar_begin(struct ui_box within, gboolean takes_mouse);
-void ui_button_begin(struct ui_box at); /* without a frame, for a button over the picture */
+void ui_button_begin(struct ui_box at); /* a window without a frame, for a button */
 void ui_end_window(void);
 void ui_same_line(void);
 void ui_column(float x); /* the next control is in the same line, at x */
 void ui_gap(void);
-gboolean ui_section(const char *title, gboolean open); /* returns whether it is unfolded */
+gboolean ui_section(const char *title, gboolean open); /* returns whether the section is unfolded */
 
 /* For tests: returns whether the font has a glyph for each letter of the text. Letters without a
  * glyph are drawn as “?”. Needs no window. */
 gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);
-void ui_note(const char *text); /* highlighted text */
+void ui_note(const char *text); /* shows highlighted text */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
 /* Adds a slider with a logarithmic scale. low must be above 0. */

@@ -25,7 +25,7 @@ struct viewer_options {
     struct compose compose;
     enum scene_up upward;
     gboolean measured, live, with_panel;
-    gint64 started_us; /* start of the program */
+    gint64 started_us; /* g_get_monotonic_time() at the start of the program */
     char *series_text;
     int series[SERIES_MAX], n_series; /* n_series percentages of the views */
     double wait_s;

@@ -115,7 +115,7 @@ void window_add_lamp(struct window *w);
 void window_remove_lamp(struct window *w);
 void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
-void window_draw_lamps(struct window *w); /* the part of the panel for lamps */
+void window_draw_lamps(struct window *w); /* draws the panel's part for lamps */
 
 /* The number of frames that are drawn after an event. Several frames are needed, because the
  * windows of the panel take their size from their contents in the frame before. */
@@ -154,7 +154,7 @@ void window_files_clear(struct window *w);
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error);
 /* Saves the picture like window_save(), and shows the path or the error to the user. */
 void window_save_named(struct window *w, const char *path, gboolean force);
-void window_screenshot(struct window *w); /* saves under the next free name */
+void window_screenshot(struct window *w); /* saves the picture under the next free name */
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 

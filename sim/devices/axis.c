@@ -34,7 +34,7 @@ struct sim_axis {
     gint64 start_us, end_us;
     double speed_deg_s;             /* top speed of this movement */
     gboolean turning;               /* axis_turn() is under way, so the position is reported */
-    double position_deg, slack_deg; /* slack is the angle by which the load lags behind */
+    double position_deg, slack_deg; /* slack: angle by which the load lags behind the motor */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct sim_axis, name)

@@ -47,11 +47,11 @@ void virtual_usb_free(VirtualUsb *usb);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualUsb, virtual_usb_free)
 
 void virtual_usb_unplug(VirtualUsb *usb);
-void virtual_usb_plug(VirtualUsb *usb); /* with a new address, as on a real bus */
+void virtual_usb_plug(VirtualUsb *usb); /* gives a new address, as on a real bus */
 
 /* Sets the fault. Requests that are under way are not affected. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
-int virtual_usb_n_requests(VirtualUsb *usb); /* number of requests of the class so far */
+int virtual_usb_n_requests(VirtualUsb *usb); /* requests of the class since the device was made */
 
 /* Makes this endpoint stall until the host clears the stall. */
 void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);

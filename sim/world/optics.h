@@ -85,7 +85,7 @@ double optics_response(const struct optics_camera *camera, double x_px, double y
  * turned by α + zero about z, and the origin at centre_mm. */
 struct optics_arc {
     double zero;
-    struct v3 centre_mm, x, y, z; /* unit, perpendicular */
+    struct v3 centre_mm, x, y, z; /* x, y, z: perpendicular unit vectors */
     gboolean crooked;             /* the arc deviates from its nominal axis */
 };
 
@@ -114,7 +114,7 @@ double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm
 /* A sheet of light that turns about an axis through position. At the sweep angle start, the sheet
  * contains forward, and its normal is axis × forward. */
 struct optics_laser {
-    struct v3 position_mm, axis, forward; /* unit, perpendicular */
+    struct v3 position_mm, axis, forward; /* axis, forward: perpendicular unit vectors */
     double start;                         /* sweep angle at which the sheet contains forward */
     double sigma; /* standard deviation of the Gaussian profile, as an angle of the sweep */
     double fan;   /* full angle in the sheet, evenly lit */

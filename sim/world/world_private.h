@@ -33,7 +33,7 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    guint32 *gather; /* n_gather per vertex; NO_TRIANGLE if the ray hits nothing */
+    guint32 *gather; /* for each vertex, n_gather vertices that its rays hit, or NO_TRIANGLE */
     float low[3], high[3];
     float table_albedo, table_radius_mm;
 };

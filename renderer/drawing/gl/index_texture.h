@@ -23,7 +23,7 @@ IndexTexture *index_texture_new(const struct index_map *map, GError **error);
 void index_texture_free(IndexTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexTexture, index_texture_free)
 
-gint64 index_texture_bytes(const IndexTexture *texture); /* returns 0 for NULL */
+gint64 index_texture_bytes(const IndexTexture *texture); /* GPU memory; 0 for NULL */
 
 /* Sets the texture and uniforms of a program in use. */
 void index_texture_bind(const IndexTexture *texture, guint program);

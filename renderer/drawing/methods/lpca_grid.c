@@ -9,7 +9,7 @@
 
 #define LEAST    2
 #define MOST     16
-#define TEXEL    16 /* bytes per texel */
+#define TEXEL    16 /* bytes per texel of the buffer texture */
 #define MEAN_MAX 65408.0f
 
 #define STEPS 127

@@ -17,7 +17,7 @@ enum normal_map_error {
     NORMAL_MAP_ERROR_FORMAT,
 };
 
-#define NORMAL_MAP_MAX 16384 /* texels in each direction */
+#define NORMAL_MAP_MAX 16384 /* largest number of texels in each direction */
 
 struct normal_map {
     int width, height;

@@ -9,7 +9,7 @@
 #include "btf/btf_layout.h"
 #include "drawing/gl/direction_table.h"
 
-#define SLICES_PAGE      4 /* values of a texel in a layer */
+#define SLICES_PAGE      4 /* number of values that a layer has for a texel */
 #define SLICES_MAX_PAGES 16
 
 /* A model, or a mip level of it. */

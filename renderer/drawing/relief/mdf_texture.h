@@ -7,8 +7,8 @@
 
 typedef struct MdfTexture MdfTexture; /* belongs to the thread of the GL context */
 
-#define MDF_TEXTURE_UNIT 8  /* this unit and the next two */
-#define MDF_FACTORS_UNIT 13 /* the weights of factors by direction */
+#define MDF_TEXTURE_UNIT 8  /* the texture uses this unit and the next two */
+#define MDF_FACTORS_UNIT 13 /* unit of the factors' weights, by direction */
 
 /* Makes the texture. Copies everything that it needs. Views are stored as half floats. Blocks are
  * stored unchanged (RGTC1, 4 bits per texel). Factors are stored as 8-bit maps, four of them in
@@ -21,7 +21,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
  * 0 otherwise. */
 gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
-gint64 mdf_texture_bytes(const MdfTexture *texture); /* returns 0 for NULL */
+gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL */
 
 /* Makes the form that Wang et al. 2005 §5 describe, for comparison. Distances have 8 bits and are
  * in a 3D texture whose third axis is the view. The texture is filtered trilinearly, without mip

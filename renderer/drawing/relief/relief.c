@@ -5,7 +5,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define SLACK 1e-4 /* tolerance of distances from the eye, in radii */
+#define SLACK 1e-4 /* tolerance of distances from the eye, in radii of the mesh */
 
 struct Relief {
     MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;

@@ -47,7 +47,7 @@ gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
  * shadow_maps_find(). */
 void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, int n, double radius,
                       float (*ret)[3]);
-void shadow_maps_forget(ShadowMaps *maps); /* all maps are drawn again at the next call */
+void shadow_maps_forget(ShadowMaps *maps); /* shadow_maps_find() then draws all maps again */
 
 guint shadow_maps_texture(const ShadowMaps *maps);
 

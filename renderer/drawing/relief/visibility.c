@@ -250,7 +250,7 @@ static gboolean list(Visibility *v, const struct visibility_scene *s, GError **e
     while ((n_faces = add_faces(v, s)) > v->room)
         if (!fits(n_faces + n_faces / 4) || !make_room(v, n_faces + n_faces / 4))
             return FALSE;
-    const guint find = v->all_programs[0][FIND]; /* the same program in all variants */
+    const guint find = v->all_programs[0][FIND]; /* all variants use this program */
     glUseProgram(find);
     glUniform1i(glGetUniformLocation(find, "layers"), s->options.layers);
     glUniform1i(glGetUniformLocation(find, "straight"), s->options.straight);

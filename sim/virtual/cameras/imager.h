@@ -7,7 +7,7 @@
 #include "drivers/frame.h"
 
 struct virtual_exposure {
-    guint64 n;                    /* counts the pictures of this camera from 1 */
+    guint64 n;                    /* number of the picture among the camera's, from 1 */
     gint64 start_us, exposure_us; /* times of g_get_monotonic_time() */
     double gain_db;
 };

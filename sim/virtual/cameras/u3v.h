@@ -21,7 +21,7 @@ void virtual_u3v_free(VirtualU3v *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualU3v, virtual_u3v_free)
 
 const char *virtual_u3v_serial(const VirtualU3v *camera);
-VirtualUsb *virtual_u3v_usb(VirtualU3v *camera); /* for faults of the bus */
+VirtualUsb *virtual_u3v_usb(VirtualU3v *camera); /* the device on the bus, for its faults */
 
 void virtual_u3v_fail(VirtualU3v *camera, const struct virtual_camera_faults *faults);
 

@@ -35,7 +35,7 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults tha
     int number;              /* number of the node: 0 for /dev/video0 */
     const char *port;        /* path on USB: the bus, then the port at each hub; NULL means "2-1" */
     double speed_mbit_s;     /* speed of all links of this path; 0 means 480 */
-    int width, height;       /* the only size; 0 means 64 × 48 */
+    int width, height;       /* size of all pictures; 0 means 64 × 48 */
     enum cfa cfa;
     int bits;          /* bits of the sensor; 0 means 12 */
     double frame_rate; /* initial frame rate per second; 0 means 100. Programs can set any rate from

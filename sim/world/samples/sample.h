@@ -52,7 +52,7 @@ struct sample_options {
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1 for the value of the kind */
     gboolean smooth;
-    double tilt_deg, tilt_towards_deg, turn_deg; /* pose of a plate */
+    double tilt_deg, tilt_towards_deg, turn_deg; /* pose of a plate; see sample_plate.c */
     struct option_doubles offset_mm;             /* empty, or x and y */
     struct option_doubles places_mm; /* x, y, and height or radius of each post or ball */
     double radius_mm;
@@ -124,7 +124,7 @@ struct sample_random {
     guint64 state;
 };
 
-static inline double sample_uniform(struct sample_random *random) { /* 0 … 1, without 1 */
+static inline double sample_uniform(struct sample_random *random) { /* returns a number in [0, 1) */
     random->state += 0x9e3779b97f4a7c15u;
     return (double)(sample_hash(random->state) >> 11) * 0x1p-53;
 }

@@ -35,9 +35,9 @@
 #define AROUND   12   /* number of vertices of a section */
 #define ROWS     1.45 /* p / q, before rows and rings are rounded to whole numbers */
 #define MAX_TILT (35 * (G_PI / 180))
-#define SWAY     0.025 /* s as a part of t */
-#define FILL     0.9   /* part of the distance that the wires fill; the rest is the clearance */
-#define POINTS   360   /* N */
+#define SWAY     0.025 /* s / t */
+#define FILL     0.9 /* share of D − 4 R sin(s/2) that the wires fill; the rest is the clearance */
+#define POINTS   360 /* N */
 
 struct mail {
     const struct sample_options *options;
