@@ -9,7 +9,7 @@
  * there is room for it. */
 struct viewer_settings lamp_settings(const struct viewer_settings *settings);
 
-gboolean lamp_any_near(const struct viewer_settings *settings); /* checks only further lamps */
+gboolean lamp_any_near(const struct viewer_settings *settings); /* ignores the first lamp */
 
 /* Places a lamp. radius is the radius of the mesh. */
 struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);

@@ -105,7 +105,7 @@ static gboolean reference_read_direction(const struct exr_part *part, const char
     return FALSE;
 }
 
-/* Reads the lights and texels from the first file. */
+/* Takes the names and directions of the lights, and the numbers of texels, from the first file. */
 static gboolean reference_take_lights(Reference *r, const struct exr_file *file, GError **error) {
     for (guint k = 0; k < file->parts->len; k++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, k);

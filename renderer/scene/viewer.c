@@ -645,7 +645,8 @@ void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint 
     hatching_set(viewer->hatching, views, n);
 }
 
-/* Returns the number of samples along a side of a pixel. A very large picture has fewer. */
+/* Returns the number of samples along a side of a pixel: s->samples, or fewer if the whole picture
+ * would otherwise have more than MAX_SAMPLES samples. */
 static int samples_of(const struct viewer_settings *s, int width, int height) {
     int samples = s->samples;
     while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)

@@ -17,7 +17,7 @@ uniform sampler2DArray
 
 ivec3 views, lights; // indices of the three measured views around v, and first columns of the three
                      // measured lights around l
-vec3 g, h;           // and their barycentric weights
+vec3 g, h;           // barycentric weights of these views, and of these lights
 
 ivec3 indices(samplerCube map, vec3 d) {
     return ivec3(textureLod(map, d, 0.0).rgb * 65535.0 + 0.5);

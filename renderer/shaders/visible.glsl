@@ -3,7 +3,8 @@ uniform sampler2D seen;
 uniform bool silhouettes; // if FALSE, all fragments are seen
 uniform float slack;      // tolerance of distances from the eye
 
-// Returns the distance from the mesh along the ray to the structure.
+// Returns the distance from the mesh along the ray to the structure, or 0 without silhouettes. With
+// silhouettes, discards the fragment if it is on a back face or is not what its pixel shows.
 float way_to_structure() {
     if (!silhouettes)
         return 0.0;

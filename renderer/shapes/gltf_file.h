@@ -27,7 +27,7 @@ void gltf_clear(struct gltf *gltf);
  * object. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
-/* Returns a member that is a whole number, or fallback if it is missing or has another type. */
+/* Returns a member that is a whole number, or fallback if it is missing or anything else. */
 gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
 const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */

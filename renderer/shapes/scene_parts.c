@@ -117,8 +117,8 @@ static void parts_box(struct parts *p, gboolean with_floor) {
     }
 }
 
-/* Returns whether a mesh is flat, faces up, and reaches to the sides of the bounding box of all
- * meshes. */
+/* Returns whether a mesh is flat, faces up, lies in the lower half of the bounding box of all
+ * meshes, and reaches to the sides of that box. */
 static gboolean part_is_floor(const struct parts *p, const struct mesh *mesh) {
     const float even = (float)FLAT * hypotf(p->high[0] - p->low[0], p->high[1] - p->low[1]);
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};

@@ -150,7 +150,8 @@ static gboolean along_surface(const struct vertex *vertex, const float v[3], flo
     return normalise(ret);
 }
 
-/* Returns the angle of a triangle at its corner v[c], seen along the normal of that vertex. */
+/* Returns the angle of a triangle at its corner v[c], seen along the normal of that vertex. Returns
+ * 0 if an edge is parallel to the normal or has length 0. */
 static float corner_angle(struct vertex *const v[3], int c) {
     float edges[2][3];
     for (int e = 0; e < 2; e++) {

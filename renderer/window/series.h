@@ -14,7 +14,7 @@ enum series_error {
 #define SERIES_MAX 100
 
 /* Parses rising percentages from 1 to 100, such as "20,40,100". Returns their number, or 0 if text
- * is not such a list. */
+ * is not such a list or has more than SERIES_MAX numbers. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
 /* Waits until percent % of the planned views exist. Returns all planned views, an array of struct

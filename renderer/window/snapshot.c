@@ -2,8 +2,9 @@
 
 #include "scene/picture.h"
 
-/* Shortens a path to the part that people use as a name, "weave.session/products/eigenmaps.exr",
- * because a recipient of the picture must not learn the full path on this machine. */
+/* Returns the end of a path, because a recipient of the picture must not learn the full path on
+ * this machine: for a file of a session the part "weave.session/products/eigenmaps.exr", and for
+ * any other file its name. */
 static char *shown_name(const char *path) {
     g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
     g_autofree char *folder_name = g_path_get_basename(folder);
@@ -14,7 +15,7 @@ static char *shown_name(const char *path) {
     return g_build_filename(session_name, folder_name, name, NULL);
 }
 
-/* Returns the name of a file without its folder. */
+/* Returns the name of a file without its folder, or NULL for NULL. */
 static char *file_of(const char *path) {
     return path != NULL ? g_path_get_basename(path) : NULL;
 }

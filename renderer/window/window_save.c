@@ -62,7 +62,8 @@ void window_save_named(struct window *w, const char *path, gboolean force) {
 }
 
 /* Returns the current directory. If it cannot be written to, or is the user's home, as in a program
- * that the desktop has started, returns the user's folder of pictures. */
+ * that the desktop has started, returns the user's folder of pictures instead if that can be
+ * written to. */
 static char *picture_folder(void) {
     g_autofree char *current = g_get_current_dir();
     const char *pictures = g_get_user_special_dir(G_USER_DIRECTORY_PICTURES);

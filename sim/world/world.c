@@ -113,7 +113,7 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) 
 }
 
 /* Returns the position of the turntable at a time. For a time before the oldest turn that is kept,
- * the oldest turn is used. */
+ * the oldest turn is extended backwards. */
 static double turntable_at(const World *world, gint64 at_us) {
     const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
     guint i = world->n_turns - 1;

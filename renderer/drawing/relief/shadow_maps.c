@@ -121,8 +121,8 @@ static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
     return lamp->place[3] < 0.5F || lamp_has_cone(lamp) || outside ? 1 : FACES;
 }
 
-/* Returns the tangent of half the angle of a near lamp's map. For a lamp outside the sphere, the
- * map just contains the sphere. */
+/* Returns the tangent of half the angle of a near lamp's map. It is 1 for the faces of a cube. The
+ * map of a spot lamp just contains its cone, and that of another lamp the sphere of the mesh. */
 static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
     const double distance = place_distance(lamp);
     if (lamp_faces(lamp, radius) == FACES)

@@ -134,7 +134,7 @@ guint32 imager_first_format(enum cfa cfa); /* the first format of 8 bits */
  * colour filter array. */
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
 
-/* Packs n values of the given bits into the format. imager_payload() of that format must not be
- * 0. */
+/* Shifts n values from the given number of bits to that of the format, and packs them.
+ * imager_payload() of that format must not be 0. */
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to);

@@ -9,9 +9,9 @@
 #include <math.h>
 
 #define MAX_STEPS_PER_DEG 1000
-#define MAX_STEPS_S       40000 /* a Tic allows up to 50000 */
+#define MAX_STEPS_S       40000 /* most steps per second; a Tic allows up to 50000 */
 #define MAX_RELAYS        8
-#define SWITCH_DEG        1 /* distance of the switch beyond the limits of the axis */
+#define SWITCH_DEG        1 /* angle from a limit of the axis to the limit switch beyond it */
 
 /* All cameras are on one SuperSpeed hub, which has enough bandwidth for eight cameras of 1024 × 768
  * pixels. */

@@ -116,7 +116,8 @@ static void shape_peanut(const struct sample_options *o, struct sample_random *r
     to->seed = sample_hash(random->state);
 }
 
-/* Drops a peanut. Returns FALSE if it would lie too high or too steeply. */
+/* Drops a peanut on the earlier ones: sets its height and tilt, and appends its lobes. Returns
+ * FALSE if it would lie too high or too steeply. */
 static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
     const struct sample_options *o = peanut->options;
     double arm = 0.27 * peanut->length_mm;
