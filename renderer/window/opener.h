@@ -40,8 +40,9 @@ void opener_ask(Opener *opener, enum opener_place place, const struct method *me
 /* Cancels the request for this place. */
 void opener_cancel(Opener *opener, enum opener_place place);
 
-/* Returns immediately. Returns the next finished job, or NULL. The caller owns the job, and sets
- * each member to NULL that it takes out of it. A finished job wakes the window's loop. */
+/* Returns the next finished job that was not cancelled or replaced, or NULL if none has finished.
+ * Does not wait. The caller owns the job, and sets each member to NULL that it takes out of it. A
+ * finished job wakes the window's loop. */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 

@@ -6,7 +6,8 @@ static char *recent_path(void) {
     return g_build_filename(g_get_user_data_dir(), "recently-used.xbel", NULL);
 }
 
-/* Returns NULL if the list exists and cannot be read. */
+/* Reads the list. If there is no file, the list is empty. Returns NULL if the file cannot be read.
+ */
 static GBookmarkFile *load(void) {
     g_autofree char *path = recent_path();
     g_autoptr(GError) error = NULL;

@@ -21,6 +21,6 @@ void spread_init(struct spread *spread, double blur_px);
 
 /* Computes across² positions, x and y of each, relative to the pixel's centre. Each cell of a grid
  * of across × across cells has one position, and so has each of across² columns and of across² rows
- * (Kensler 2013, correlated multi-jittering). */
+ * (Kensler 2013, correlated multi-jittering). across is at most 16. */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

@@ -96,10 +96,13 @@ static inline guint32 u3v_reg(const VirtualU3v *camera, guint address) {
 extern const struct imager_transport u3v_transport;
 void u3v_reset(VirtualU3v *camera); /* registers get their initial values */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n);
-int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN if no answer waits */
+/* Moves the waiting answer to data. Returns its length, -EAGAIN if no answer is due, or -EOVERFLOW
+ * if size is too small. */
+int u3v_answer(VirtualU3v *camera, guint8 *data, int size);
 
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
-/* Fills data with the next transfer. Returns its length, or -EAGAIN if there is nothing to send. */
+/* Fills data with the next transfer. Returns its length, -EAGAIN if there is nothing to send, or
+ * -EOVERFLOW if size is too small. */
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
 void u3v_drop(VirtualU3v *camera); /* discards data that was not sent */
