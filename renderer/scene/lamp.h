@@ -14,6 +14,6 @@ gboolean lamp_any_near(const struct viewer_settings *settings); /* ignores the f
 /* Places a lamp. radius is the radius of the mesh. */
 struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);
 
-/* Computes the elements of lamp_cones[] (further.glsl) for a spot lamp. It has full strength within
- * inner_deg of its axis, and its light ends at placed->cone_rad. */
+/* Computes the element of lamp_cones[] (further.glsl) for a lamp. A spot lamp has full strength
+ * within inner_deg of its axis, and its light ends at placed->cone_rad. */
 void lamp_cone(const struct shadow_lamp *placed, double inner_deg, float ret[4]);
