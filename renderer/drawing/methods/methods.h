@@ -3,8 +3,7 @@
 
 #include "method.h"
 
-#define METHOD_DEMO "fabric-ashikhmin" /* method that is shown while no material is named or open  \
-                                        */
+#define METHOD_DEMO "fabric-ashikhmin" /* shown while no material is named or open */
 
 extern const struct method *const methods[]; /* NULL-terminated; the first is the default */
 

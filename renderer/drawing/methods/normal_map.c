@@ -7,9 +7,10 @@
 #include <png.h>
 #include <string.h>
 
-#define SHORTEST 0.5F /* shortest accepted normal: filtering makes normals shorter, noise longer   \
-                       */
-#define LONGEST 1.5F
+/* Range of accepted lengths of normals. Filtering makes normals shorter, and noise makes them
+ * longer. */
+#define SHORTEST 0.5F
+#define LONGEST  1.5F
 
 G_DEFINE_QUARK(normal_map_error, normal_map_error)
 

@@ -6,8 +6,7 @@
 /* The header of a command and of an answer: prefix, flags or status, command, length, number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
-#define RESPONSE_MS 200 /* longest time that an answer may take, long enough for a busy computer   \
-                         */
+#define RESPONSE_MS 200 /* longest time of an answer, enough for a busy computer */
 #define ALIGNMENT   3   /* sizes of transfers are multiples of 2^ALIGNMENT bytes */
 #define SUPER_SPEED 8
 
