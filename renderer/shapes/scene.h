@@ -41,8 +41,7 @@ struct mesh {
     guint n_vertices;
     guint32 *indices; /* three for each triangle, counter-clockwise seen from outside */
     guint n_indices;
-    float radius; /* radius of the sphere around the origin that contains the mesh without its floor
-                   */
+    float radius;            /* largest distance of the mesh without its floor from the origin */
     double tiles_u, tiles_v; /* suggested number of tiles */
     /* The last vertices and indices belong to a floor. The floor receives shadows and casts none.
      * It may extend beyond the radius and beyond the picture. */

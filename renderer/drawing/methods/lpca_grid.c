@@ -14,8 +14,8 @@
 
 #define STEPS 127
 #define WORDS                                                                                      \
-    4 /* words per texel: the mean (unused except in the first texel of a sample), then red, green \
-         and blue of four \ components */
+    4 /* words per texel: the mean (unused except in the first texel of a sample), then R, G and B \
+         of four components */
 
 struct LpcaGrid {
     struct lpca_texels texels;

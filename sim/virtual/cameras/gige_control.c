@@ -141,8 +141,7 @@ static guint answer(VirtualGige *camera, enum command command, const guint8 *dat
             if (!read_memory(camera, gige_get32(data + i), 4, ret + i))
                 return BAD_ADDRESS;
         return 0;
-    case WRITE: /* pairs of address and value; the answer is the number of pairs that were written
-                 */
+    case WRITE: /* pairs of address and value; the answer is the number of written pairs */
         *ret_size = 4;
         gige_put32(ret, 0);
         for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))

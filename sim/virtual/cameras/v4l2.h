@@ -30,8 +30,7 @@ enum { /* controls that the camera lacks */
        VIRTUAL_V4L2_NO_WHITE_BALANCE = 4,
 };
 
-struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults that the comments give
-                              */
+struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults given here */
     int number;              /* number of the node: 0 for /dev/video0 */
     const char *port;        /* path on USB: the bus, then the port at each hub; NULL means "2-1" */
     double speed_mbit_s;     /* speed of all links of this path; 0 means 480 */
@@ -64,8 +63,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualV4l2, virtual_v4l2_free)
 void virtual_v4l2_unplug(VirtualV4l2 *camera);
 void virtual_v4l2_plug(VirtualV4l2 *camera, int number);
 
-enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until another fault is set
-                           */
+enum virtual_v4l2_fault { /* fault of all frames from now on, until another fault is set */
                           VIRTUAL_V4L2_WELL,
                           VIRTUAL_V4L2_ERROR_FLAG,  /* half of the data, and the error flag */
                           VIRTUAL_V4L2_SHORT,       /* half of the data, and no flag */
