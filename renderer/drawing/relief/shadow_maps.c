@@ -246,7 +246,8 @@ static gboolean same_lamp(const struct shadow_lamp *a, const struct shadow_lamp 
 static gboolean same_key(const struct key *a, const struct key *b) {
     return a->parts == b->parts && a->serial == b->serial && same_lamp(&a->lamp, &b->lamp) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
-           a->options.straight == b->options.straight && a->options.volume == b->options.volume;
+           a->options.straight == b->options.straight && a->options.volume == b->options.volume &&
+           a->options.shell == b->options.shell;
 }
 
 /* Returns an FNV-1a hash of the parts that cast shadows. The hash is never 0. */
