@@ -309,7 +309,8 @@ void ui_histogram(const float *values, int n, float width, float height) {
 
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg) {
-    static int held = -1;
+    static int held = -1; /* the dot that is dragged, and the hemisphere to which it belongs */
+    static ImGuiID owner = 0;
     ImDrawList *list = ImGui::GetWindowDrawList();
     const ImVec2 at = ImGui::GetCursorScreenPos(), mouse = ImGui::GetIO().MousePos;
     const ImVec2 middle(at.x + size / 2, at.y + size / 2);
@@ -318,8 +319,10 @@ int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size
     for (int ring = 1; ring <= 3; ring++)
         list->AddCircle(middle, radius * (float)ring / 3.0F, IM_COL32(90, 90, 90, 255), 64);
     ImGui::InvisibleButton(name, ImVec2(size, size));
+    const ImGuiID id = ImGui::GetID(name);
     if (ImGui::IsItemActivated()) {
         float nearest = GRIP * scale;
+        owner = id;
         for (int k = 0; k < n; k++) {
             const ImVec2 dot = on_disk(&dots[k], middle, radius);
             const float away = std::hypot(dot.x - mouse.x, dot.y - mouse.y);
@@ -330,13 +333,13 @@ int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size
             }
         }
     }
-    if (!ImGui::IsItemActive())
+    if (owner == id && !ImGui::IsItemActive())
         held = -1;
     for (int k = 0; k < n; k++)
         draw_dot(list, &dots[k], on_disk(&dots[k], middle, radius));
     const double x = (double)(mouse.x - middle.x) / radius,
                  y = (double)(middle.y - mouse.y) / radius;
-    if (held < 0 || held >= n)
+    if (owner != id || held < 0 || held >= n)
         return -1;
     const bool dragged =
         ImGui::IsMouseDragging(ImGuiMouseButton_Left); /* a click only chooses the dot */
