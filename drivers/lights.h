@@ -2,8 +2,8 @@
  * The lights of a device: the code that lamp banks and lasers share. Each light has a wanted state
  * and a confirmed state. "Off" is a state that must be reached, not a single attempt. A light that
  * should be off is sent "off" until the device has confirmed it, as long as the device is open. A
- * command that was not answered may have been carried out. An "on" without an answer therefore
- * counts as light.
+ * command that was not answered may have been carried out. After an "on" without an answer the
+ * light is therefore taken to be on.
  */
 #pragma once
 

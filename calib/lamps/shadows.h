@@ -35,8 +35,9 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
                          double arc_rad, GError **error);
 
 /* Estimates the pose of the whole plate, up to reach_mm and reach_rad from the nominal one, and
- * changes the target's marks to it. Some of the views are sufficient. Returns FALSE with an error,
- * and does not change the target, if the score of the best pose is below SHADOWS_MIN_SCORE. */
+ * moves the target's marks to that pose. The views need not be all views of the session. Returns
+ * FALSE with an error, and does not change the target, if the score of the best pose is below
+ * SHADOWS_MIN_SCORE. */
 gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *target,
                         double reach_mm, double reach_rad, GError **error);
 

@@ -310,8 +310,8 @@ gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error
     if (!sum || strcmp(sum, frame->sha256) == 0)
         return sum != NULL;
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: is not the file that was captured, its checksum differs; mesorig resume takes "
-                "it again",
+                "%s: its checksum is not that of the captured frame; mesorig verify records the "
+                "damage, and mesorig resume then captures the frame again",
                 frame->path);
     return FALSE;
 }

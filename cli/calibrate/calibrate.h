@@ -80,8 +80,8 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
                         double residual_rms, const char *residual_unit, int degrees_of_freedom);
 
 /* Returns the sessions that lacked shots among those from which a part was calibrated, according to
- * the calibration file. part is the name on the command line: "laser". Returns NULL if all sessions
- * were complete. Free the result with g_strfreev(). */
+ * the calibration file. part is the name of a part on the command line, for instance "laser".
+ * Returns NULL if all sessions were complete. Free the result with g_strfreev(). */
 char **calibrate_lacking(const struct calibration *calibration, const char *part);
 
 /* Returns the name of the observations that a part leaves out one by one, for instance "sights". */

@@ -210,12 +210,14 @@ static gboolean choose_camera(struct job *job, const char *path, GError **error)
                     "that",
                     calibrate_from);
     else
-        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                    n ? "%s: %d of its cameras have the %d × %d pixels of %s; give a calibration "
-                        "of the one that took the photographs (calibrate cameras --images)"
-                      : "%s: %d of its cameras have the %d × %d pixels of %s; photographs must be "
-                        "whole and not scaled, of the camera that was calibrated",
-                    calibrate_from, n, picture->width, picture->height, path);
+        g_set_error(
+            error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+            n ? "%s: %d of its cameras take pictures of %d × %d pixels, the size of %s, so it "
+                "is not known which; give a calibration of only the camera that took the "
+                "photographs (calibrate cameras --images)"
+              : "%s: %d of its cameras have the %d × %d pixels of %s; photographs must be "
+                "whole and not scaled, of the camera that was calibrated",
+            calibrate_from, n, picture->width, picture->height, path);
     return FALSE;
 }
 

@@ -144,9 +144,11 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
             return NULL;
     }
     if (video->n_seen == 0) {
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: none of its %u sharpest frames of %d shows the board; is --board right?",
-                    path, n, video->video->n_frames);
+        g_set_error(
+            error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+            "%s: the board is in none of the %u sharpest of its %d frames; does --board describe "
+            "the board in the video?",
+            path, n, video->video->n_frames);
         return NULL;
     }
     choose(video, places, corners);

@@ -35,8 +35,7 @@ static Link *queue_link(GError **error) {
         return g_steal_pointer(&link);
     const char *why = bus_rig1_get_queue_reason(link_rig(link));
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED, "this mesorigd keeps no queue: %s",
-                why && *why ? why
-                            : "start it with --queue FILE, as the service mesorigd is started");
+                why && *why ? why : "start it with --queue FILE, as the system service does");
     return NULL;
 }
 

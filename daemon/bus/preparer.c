@@ -87,10 +87,11 @@ static void report_end(const struct child *child, GError **error) {
                     "%s took more than its limit of %u s of computing time: give fewer directions",
                     what, child->limits.cpu_s);
     else if (signal)
-        g_set_error(
-            error, BUS_ERROR, BUS_ERROR_LIMIT,
-            "%s ended by signal %d (%s): most likely it needed more than its limit of %s of memory",
-            what, signal, g_strsignal(signal), memory);
+        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
+                    "%s ended by signal %d (%s): most likely it needed more than its limit of %s "
+                    "of memory; "
+                    "give a smaller session, or fewer directions",
+                    what, signal, g_strsignal(signal), memory);
     else
         g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
                     "%s failed without an answer (exit code %d): see mesorigd's messages", what,

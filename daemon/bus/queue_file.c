@@ -192,9 +192,11 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is %s",
                     input_file_kind(info.st_mode));
     } else if (info.st_uid != geteuid() || (info.st_mode & 022)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-                    "other users could have written it: it belongs to user %u and its mode is %04o",
-                    info.st_uid, (guint)info.st_mode & 07777);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
+            "other users could have written it: it belongs to user %u and its mode is %04o; check "
+            "its contents, then give it to the user of mesorigd alone (chown, chmod go-w)",
+            info.st_uid, (guint)info.st_mode & 07777);
     } else if (info.st_size > QUEUE_MAX_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is larger than %d MiB",
                     QUEUE_MAX_BYTES >> 20);

@@ -43,9 +43,9 @@ void time_left_begin(struct time_left *left, const struct capture_session *sessi
 void time_left_predict(struct time_left *left, guint n, double at_s);
 
 /* Learns from the shots that were exposed since the last prediction, up to shot n of the run, which
- * was exposed at at_s. Their delay counts for this kind, the kind of shot n. Call it before
- * time_left_predict(). It may be called for each camera of shot n; a later camera adds the time
- * since the earlier one. */
+ * was exposed at at_s. Their delay since the last prediction, compared with the plan, is added to
+ * the delays of this kind of shot (the kind of shot n). Call time_left_predict() after each call.
+ * The function may then be called for each camera of shot n. */
 void time_left_learn(struct time_left *left, enum session_shot_kind kind, guint n, double at_s);
 
 /* Returns the time left at now_s: the last prediction minus the time since then, but at least

@@ -195,9 +195,10 @@ static void send_call(struct call *call) {
     set_deadline(call);
     const gssize length = (gssize)strlen(line);
     if (write(program->in, line, (gsize)length) != length && errno != EPIPE)
-        fail(program,
-             device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
-                              "%s does not read its requests; it was ended", name_of(program)));
+        fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
+                                       "%s does not read its requests; it was ended" ERROR_ADVICE
+                                       "see what it has printed",
+                                       name_of(program)));
 }
 
 static gboolean start_process(Program *program, GError **error);

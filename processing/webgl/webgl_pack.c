@@ -208,8 +208,11 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
     g_autoptr(WebglFile) file = webgl_file_new();
     if (all.clusters > G_MAXUINT16) {
-        data_error_set(pack->name, 0, error, "%d clusters in all mip levels; compress with fewer",
-                       all.clusters);
+        data_error_set(
+            pack->name, 0, error,
+            "has %d clusters in all mip levels together, but a web file holds at most 65535; "
+            "compress with fewer (-k)",
+            all.clusters);
         return NULL;
     }
     if (!webgl_pack_texels(file, pack, &all, error) ||

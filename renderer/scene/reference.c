@@ -401,7 +401,8 @@ static void reference_shade(int part, gpointer data) {
     }
 }
 
-/* Reads lights × texels × stride floats. Only R, G and B are set. */
+/* Reads R, G and B of each texel under each light from a file. ret has stride floats per texel, of
+ * which the first three are set. */
 static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
                                     GError **error) {
     static const char *const channels[] = {"R", "G", "B"};

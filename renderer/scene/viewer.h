@@ -160,8 +160,9 @@ struct viewer_memory viewer_memory(const Viewer *viewer);
  * not measured yet (hatching.h). n = 0 removes the hatching. Copies the views. */
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
-/* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills a picture of aspect width
- * / height. Without this call, drawing computes both again for every picture. */
+/* If camera_distance is 0, sets it and camera_pan so that the mesh fills a picture of the aspect
+ * width / height. Otherwise changes nothing. Without this call, drawing computes both again for
+ * every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
 /* Draws into a framebuffer object (0 is the window's framebuffer) of width × height pixels, as

@@ -8,7 +8,7 @@ struct TraceSky {
     int width, height;
     float *rgb;
     double turn_rad;
-    struct trace_choice choice; /* chooses a pixel, row by row */
+    struct trace_choice choice; /* chooses a pixel by its light; pixels are numbered by rows */
 };
 
 static double row_z(const TraceSky *sky, int y) {

@@ -110,9 +110,10 @@ const shapes = {
 };
 export const shapeNames = Object.keys(shapes);
 
-// Sums over the triangles around a vertex: the area, the scale of u and of v, and the sums for the
-// second fundamental form. The form is found by least squares over edges (a, b) and changes (p, q)
-// of the normal, from aa, ab, bb, pa, pb + qa, qb.
+// Number of sums over the triangles around a vertex, in this order: area; area × scale of u; area ×
+// scale of v; then over the edges aa, ab, bb, pa, pb + qa, qb. (a, b) is an edge and (p, q) the
+// change of the normal along it, both in the tangent frame. Least squares over them give the second
+// fundamental form.
 const sums = 9;
 
 function addScale(v, at, corners, total) {

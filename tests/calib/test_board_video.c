@@ -160,7 +160,7 @@ TEST(refused) {
     g_assert_true(g_file_set_contents(text, "no video", -1, NULL));
     expect_error(text, BOARD, "video.mp4 is not a folder of pictures, and not a video");
     write_video(still, grey, 6, WIDTH, HEIGHT);
-    expect_error(still, BOARD, "none of its 6 sharpest frames of 6 shows the board");
+    expect_error(still, BOARD, "the board is in none of the 6 sharpest of its 6 frames");
 }
 
 BEFORE_TESTS {

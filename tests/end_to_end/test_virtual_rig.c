@@ -289,6 +289,7 @@ static void refused(void) {
          "its world has no camera"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
         {"[axis a]\ndriver = sim-axis\n", "no device names a simulated world"},
+        {"[axis a]\ndriver = sim-axis\nworld =\n", "no device names a simulated world"},
         {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
         {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
     };

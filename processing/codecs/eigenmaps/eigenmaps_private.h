@@ -32,10 +32,10 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
  * columns, sorted by ascending eigenvalues. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
-/* Returns the smallest number of terms of n, at least 1, whose error is at most the target. Returns
- * n if target is 0. squares are the squared norms of the terms, descending. rest is the squared
- * norm of the remainder after all n terms. *ret_error is the error of the returned number of
- * terms. */
+/* Returns how many of the n terms suffice, at least 1, for a relative error of at most the target.
+ * Returns n if target is 0 or is not reached. squares are the squared norms of the terms,
+ * descending. rest is the squared norm of the remainder after all n terms. *ret_error is the error
+ * of the returned number of terms. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
 
 /* Sets the weights of maps->n_terms terms from rows of n_views. If the entry of a row with the

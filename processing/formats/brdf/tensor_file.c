@@ -97,9 +97,11 @@ static gboolean read_field(struct reader *reader, struct tensor_file *file, GErr
     if (!take(reader, &length, sizeof length, error))
         return FALSE;
     if (length > MAX_NAME)
-        return data_error_fail(reader->path, 0, error,
-                               "the name of field %u has %u bytes; at most %d are read",
-                               file->fields->len + 1, length, MAX_NAME);
+        return data_error_fail(
+            reader->path, 0, error,
+            "the name of field %u has %u bytes, but at most %d are possible; is the "
+            "file damaged?",
+            file->fields->len + 1, length, MAX_NAME);
     if (!take(reader, name, length, error) ||
         !take(reader, &n_dimensions, sizeof n_dimensions, error) ||
         !take(reader, &type, sizeof type, error) || !take(reader, &offset, sizeof offset, error))

@@ -219,7 +219,8 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    texture->views.target = GL_TEXTURE_2D; /* also if its textures are 0 because of factors */
+    texture->views.target =
+        GL_TEXTURE_2D; /* must be valid although factors have no textures here */
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;
     texture->deepest_mm = e.deepest_mm;

@@ -142,9 +142,9 @@ static gboolean virtual_rig_add_axis(VirtualRig *rig, const struct config_sectio
     double accel = rig_number(section, sim, "accel_deg_s2");
     struct virtual_modbus_options options = {TRUE, 1, speed * STEPS_PER_DEG, accel * STEPS_PER_DEG};
     g_autofree char *part = rig_axis_part(section);
+    const char *world = config_value(section, "world", NULL);
     if (!find_world(rig, section, error) ||
-        (config_value(section, "world", NULL) &&
-         !world_part_find(rig->world, part, &drive->part, error)))
+        (world && *world && !world_part_find(rig->world, part, &drive->part, error)))
         return FALSE;
     drive->wraps = rig_wraps(section);
     drive->home_deg = rig_number(section, sim, "home_deg");

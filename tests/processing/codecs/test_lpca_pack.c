@@ -174,7 +174,7 @@ TEST(refused) {
     wanted = (struct lpca_target){.bytes = 20};
     g_assert_null(lpca_pack(btf, &options, &wanted, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "too little"));
+    g_assert_nonnull(strstr(error->message, "too small"));
     g_clear_error(&error);
     options.work.cancellable = cancelled;
     g_cancellable_cancel(cancelled);
