@@ -45,21 +45,14 @@ static const struct option options[] = {
     {NULL},
 };
 
-/* Adds the path of the program and the name of the axis to an error about an answer of the
- * program. */
-static void add_program(const Axis *axis, GError **error) {
-    const struct program_axis *priv = axis->device.priv;
-    g_prefix_error(error, "%s ", priv->command.path);
-    error_details_add_subject(error, axis->device.who);
-}
-
 static gboolean read_status(const Axis *axis, JsonObject *values, struct status *ret,
                             GError **error) {
+    const struct program_axis *priv = axis->device.priv;
     if (message_number(values, "deg", -MAX_DEG, MAX_DEG, &ret->deg, error) &&
         message_boolean(values, "moving", &ret->moving, error) &&
         message_boolean(values, "homed", &ret->homed, error))
         return TRUE;
-    add_program(axis, error);
+    program_name_error(priv->program, error);
     return FALSE;
 }
 
@@ -139,11 +132,9 @@ static void on_lost(const GError *error, gboolean answered, gpointer data) {
 
 static void on_event(const char *event, JsonObject *values, gpointer data) {
     Axis *axis = data;
-    if (!g_str_equal(event, "lost"))
-        return;
-    g_autofree char *message = message_text(values, "message");
-    fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "its program reports: %s",
-                                 message));
+    const struct program_axis *priv = axis->device.priv;
+    if (g_str_equal(event, "lost"))
+        fault(axis, program_lost_error(priv->program, values));
 }
 
 /* Starts a motion or a stop. Drops an earlier command that was not sent. */

@@ -35,12 +35,6 @@ static const struct option options[] = {
     {NULL},
 };
 
-static void add_program(const Camera *camera, GError **error) {
-    const struct program_camera *priv = camera->device.priv;
-    g_prefix_error(error, "%s ", priv->command.path);
-    error_details_add_subject(error, camera->device.who);
-}
-
 /* Removes the pictures of earlier triggers. */
 static void empty_folder(const struct program_camera *priv) {
     g_autoptr(GDir) dir = g_dir_open(priv->folder, 0, NULL);
@@ -89,7 +83,7 @@ static void on_answer(const struct program_answer *answer, gpointer data) {
         camera_report_frame(camera, frame);
         return;
     }
-    add_program(camera, &error);
+    program_name_error(priv->program, &error);
     camera_report_fault(camera, error);
 }
 
@@ -103,13 +97,11 @@ static void on_lost(const GError *error, gboolean answered, gpointer data) {
 
 static void on_event(const char *event, JsonObject *values, gpointer data) {
     Camera *camera = data;
-    if (g_str_equal(event, "exposed")) {
+    const struct program_camera *priv = camera->device.priv;
+    if (g_str_equal(event, "exposed"))
         camera_report_exposed(camera);
-    } else if (g_str_equal(event, "lost")) {
-        g_autofree char *message = message_text(values, "message");
-        camera_report_fault(camera, device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
-                                                     "its program reports: %s", message));
-    }
+    else if (g_str_equal(event, "lost"))
+        camera_report_fault(camera, program_lost_error(priv->program, values));
 }
 
 static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
@@ -219,7 +211,7 @@ static gboolean opened(Camera *camera, GError **error) {
     if (!values)
         return FALSE;
     if (!read_format(values, &camera->format, error)) {
-        add_program(camera, error);
+        program_name_error(priv->program, error);
         return FALSE;
     }
     program_listen(priv->program, &listener);

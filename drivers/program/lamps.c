@@ -34,8 +34,7 @@ static gboolean check_lamps(const LampBank *bank, JsonObject *values, int index,
                             GError **error) {
     const struct program_lamps *lamps = bank->device.priv;
     if (!message_booleans(values, "on", bank->n, lamps->on, error)) {
-        g_prefix_error(error, "%s ", lamps->command.path);
-        error_details_add_subject(error, bank->device.who);
+        program_name_error(lamps->program, error);
         return FALSE;
     }
     for (int i = 0; i < bank->n; i++)
@@ -75,11 +74,9 @@ static void on_lost(const GError *error, gboolean answered, gpointer data) {
 
 static void on_event(const char *event, JsonObject *values, gpointer data) {
     LampBank *bank = data;
-    if (!g_str_equal(event, "lost"))
-        return;
-    g_autofree char *message = message_text(values, "message");
-    lamps_lost(bank, device_error_new(DEVICE_ERROR_PROTOCOL, bank->device.who,
-                                      "its program reports: %s", message));
+    const struct program_lamps *lamps = bank->device.priv;
+    if (g_str_equal(event, "lost"))
+        lamps_lost(bank, program_lost_error(lamps->program, values));
 }
 
 static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error) {
@@ -125,8 +122,7 @@ static gboolean open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     JsonObject *opened = program_await(lamps->program, error);
     if (opened && !message_integer(opened, "lamps", 1, MAX_LAMPS, &n, error)) {
-        g_prefix_error(error, "%s ", lamps->command.path);
-        error_details_add_subject(error, bank->device.who);
+        program_name_error(lamps->program, error);
         opened = NULL;
     }
     if (opened) {

@@ -9,16 +9,6 @@
 
 #define MAX_EXACT 9007199254740992.0 /* 2⁵³: a double holds every whole number up to it exactly */
 
-static gboolean wrong(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
-static gboolean wrong(GError **error, const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    g_propagate_error(
-        error, error_details_new_valist(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, NULL, format, args));
-    va_end(args);
-    return FALSE;
-}
-
 static int count_brackets(const char *line, gsize length) {
     int n = 0;
     for (gsize i = 0; i < length; i++)
@@ -58,11 +48,14 @@ static gboolean take(JsonObject *object, struct message *ret, GError **error) {
     JsonObject *failure = object_member(object, "error");
     const char *values = id ? "result" : "params";
     if (id && json_node_get_int(id) < 1)
-        return wrong(error, "answered a request that does not exist");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "answered a request that does not exist");
     if (!id && !member(object, "method", G_TYPE_STRING))
-        return wrong(error, "sent a message that is neither an answer nor an event");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent a message that is neither an answer nor an event");
     if (id && !failure && !json_object_has_member(object, "result"))
-        return wrong(error, "sent an answer without a result and without an error");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent an answer without a result and without an error");
     *ret = (struct message){.id = id ? (guint64)json_node_get_int(id) : 0};
     if (!id)
         ret->event = message_text(object, "method");
@@ -78,16 +71,21 @@ static gboolean take(JsonObject *object, struct message *ret, GError **error) {
 gboolean message_read(const char *line, gsize length, struct message *ret, GError **error) {
     g_autoptr(JsonParser) parser = json_parser_new_immutable();
     if (length > MESSAGE_MAX)
-        return wrong(error, "sent a line of more than %d bytes", MESSAGE_MAX);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent a line of more than %d bytes", MESSAGE_MAX);
     if (!g_utf8_validate(line, (gssize)length, NULL))
-        return wrong(error, "sent a line that is not UTF-8");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent a line that is not UTF-8");
     if (count_brackets(line, length) > MESSAGE_MAX_BRACKETS)
-        return wrong(error, "sent a line of more than %d arrays and objects", MESSAGE_MAX_BRACKETS);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent a line of more than %d arrays and objects",
+                                MESSAGE_MAX_BRACKETS);
     if (length == 0 || !json_parser_load_from_data(parser, line, (gssize)length, NULL) ||
         !JSON_NODE_HOLDS_OBJECT(json_parser_get_root(parser))) {
         g_autofree char *start = g_strndup(line, MIN(length, 60));
         g_autofree char *shown = printable(start);
-        return wrong(error, "sent a line that is not a JSON object: “%s”", shown);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "sent a line that is not a JSON object: “%s”", shown);
     }
     return take(json_node_get_object(json_parser_get_root(parser)), ret, error);
 }
@@ -117,11 +115,13 @@ gboolean message_number(JsonObject *values, const char *name, double min, double
     JsonNode *whole = member(values, name, G_TYPE_INT64);
     JsonNode *node = whole ? whole : member(values, name, G_TYPE_DOUBLE);
     if (!node)
-        return wrong(error, "did not answer the number “%s”", name);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "did not answer the number “%s”", name);
     const double value = json_node_get_double(node);
     if (!isfinite(value) || value < min || value > max)
-        return wrong(error, "answered %s = %g, which is out of range: %g to %g", name, value, min,
-                     max);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "answered %s = %g, which is out of range: %g to %g", name, value,
+                                min, max);
     *ret = value;
     return TRUE;
 }
@@ -134,7 +134,8 @@ gboolean message_integer(JsonObject *values, const char *name, gint64 min, gint6
         return FALSE;
     *ret = (gint64)value;
     return (double)*ret == value ||
-           wrong(error, "answered %s = %g, which is not a whole number", name, value);
+           device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                            "answered %s = %g, which is not a whole number", name, value);
 }
 
 static gboolean read_boolean(JsonNode *node, gboolean *ret) {
@@ -146,7 +147,8 @@ static gboolean read_boolean(JsonNode *node, gboolean *ret) {
 
 gboolean message_boolean(JsonObject *values, const char *name, gboolean *ret, GError **error) {
     return read_boolean(json_object_get_member(values, name), ret) ||
-           wrong(error, "did not answer whether “%s” is true or false", name);
+           device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                            "did not answer whether “%s” is true or false", name);
 }
 
 gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean *ret,
@@ -154,10 +156,13 @@ gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean 
     JsonNode *node = json_object_get_member(values, name);
     JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;
     if (!array || json_array_get_length(array) != (guint)n)
-        return wrong(error, "did not answer “%s” as an array of %d values", name, n);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "did not answer “%s” as an array of %d values", name, n);
     for (guint i = 0; i < (guint)n; i++)
         if (!read_boolean(json_array_get_element(array, i), &ret[i]))
-            return wrong(error, "answered a value of “%s” that is neither true nor false", name);
+            return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                    "answered a value of “%s” that is neither true nor false",
+                                    name);
     return TRUE;
 }
 

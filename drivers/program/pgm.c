@@ -11,16 +11,6 @@
 #define MAX_HEADER 1024 /* largest number of bytes before the values */
 #define MAX_NUMBER 65535
 
-static gboolean wrong(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
-static gboolean wrong(GError **error, const char *format, ...) {
-    va_list args;
-    va_start(args, format);
-    g_propagate_error(
-        error, error_details_new_valist(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, NULL, format, args));
-    va_end(args);
-    return FALSE;
-}
-
 /* Reads a number of the header, after white space and comments. Returns −1 if there is none. */
 static int read_number(const guint8 *bytes, gsize n, gsize *at) {
     int number = 0;
@@ -42,15 +32,18 @@ gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits
     const gsize n_pixels = (gsize)width * (gsize)height, header = MIN(n, MAX_HEADER);
     gsize at = 2;
     if (n < 2 || memcmp(bytes, "P5", 2) != 0)
-        return wrong(error, "wrote a picture that is not a PGM file (P5)");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "wrote a picture that is not a PGM file (P5)");
     const int w = read_number(bytes, header, &at), h = read_number(bytes, header, &at);
     const int max = read_number(bytes, header, &at);
     if (w < 0 || h < 0 || max < 1 || max > MAX_NUMBER || at >= header ||
         !g_ascii_isspace(bytes[at]))
-        return wrong(error, "wrote a PGM file with a damaged header");
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "wrote a PGM file with a damaged header");
     if (w != width || h != height)
-        return wrong(error, "wrote a picture of %d × %d pixels, not of %d × %d", w, h, width,
-                     height);
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "wrote a picture of %d × %d pixels, not of %d × %d", w, h, width,
+                                height);
     const gsize size = max < 256 ? 1 : 2, there = MIN((n - at - 1) / size, n_pixels);
     const guint8 *data = bytes + at + 1;
     guint16 brightest = 0;
@@ -61,8 +54,9 @@ gboolean pgm_parse(const guint8 *bytes, gsize n, int width, int height, int bits
     memset(pixels + there, 0, (n_pixels - there) * sizeof *pixels);
     *ret_complete = there == n_pixels;
     return brightest < 1u << bits ||
-           wrong(error, "wrote a picture with the value %d, which has more than %d bits", brightest,
-                 bits);
+           device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                            "wrote a picture with the value %d, which has more than %d bits",
+                            brightest, bits);
 }
 
 /* Reads the bytes of an open file, at most max. Returns NULL on failure. Free the bytes with
@@ -88,15 +82,17 @@ static int open_picture(const char *path, const char *name, gsize max, gsize *re
     struct stat about;
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) {
-        wrong(error, "wrote no picture “%s”: %s", name, g_strerror(errno));
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "wrote no picture “%s”: %s", name,
+                         g_strerror(errno));
         return -1;
     }
     if (fstat(fd, &about) == 0 && S_ISREG(about.st_mode) && (guint64)about.st_size <= max) {
         *ret_size = (gsize)about.st_size;
         return fd;
     }
-    wrong(error, "wrote a picture “%s” that is not a file of at most %" G_GSIZE_FORMAT " bytes",
-          name, max);
+    device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                     "wrote a picture “%s” that is not a file of at most %" G_GSIZE_FORMAT " bytes",
+                     name, max);
     close(fd);
     return -1;
 }
@@ -107,7 +103,9 @@ Frame *pgm_take(const char *folder, const char *name, int width, int height, int
     gsize size = 0, n = 0;
     gboolean complete = FALSE;
     if (!*name || *name == '.' || strchr(name, '/')) {
-        wrong(error, "named a picture “%s”, which is not the name of a file in its folder", name);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "named a picture “%s”, which is not the name of a file in its folder",
+                         name);
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -118,7 +116,8 @@ Frame *pgm_take(const char *folder, const char *name, int width, int height, int
     close(fd);
     unlink(path);
     if (!bytes) {
-        wrong(error, "wrote a picture “%s” that cannot be read", name);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "wrote a picture “%s” that cannot be read", name);
         return NULL;
     }
     g_autoptr(Frame) frame = frame_new(width, height);

@@ -100,6 +100,17 @@ static const char *name_of(const Program *program) {
     return program->command->path;
 }
 
+void program_name_error(const Program *program, GError **error) {
+    g_prefix_error(error, "%s ", name_of(program));
+    error_details_add_subject(error, program->device->who);
+}
+
+GError *program_lost_error(const Program *program, JsonObject *values) {
+    g_autofree char *message = message_text(values, "message");
+    return device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who, "its program reports: %s",
+                            message);
+}
+
 static void fail(Program *program, GError *error);
 static void pump(Program *program);
 
@@ -394,8 +405,7 @@ static void take_line(Program *program, const char *line, gsize length) {
     struct message message = {0};
     GError *error = NULL;
     if (!message_read(line, length, &message, &error)) {
-        g_prefix_error(&error, "%s ", name_of(program));
-        error_details_add_subject(&error, program->device->who);
+        program_name_error(program, &error);
         fail(program, error);
         return;
     }
@@ -562,8 +572,7 @@ static void on_hello(struct call *call, JsonObject *values, const GError *error)
                                  class_name, program->device->info->class_name);
     if (!wrong)
         return;
-    g_prefix_error(&wrong, "%s ", name_of(program));
-    error_details_add_subject(&wrong, program->device->who);
+    program_name_error(program, &wrong);
     fail(program, wrong);
 }
 

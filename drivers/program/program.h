@@ -124,6 +124,13 @@ void program_overtake(Program *program, int tag);
 /* Returns whether the program says in its answer to "hello" that it can do something. */
 gboolean program_can(const Program *program, const char *what);
 
+/* Adds the path of the program and the name of its device to an error about an answer (message.h,
+ * pgm.h). */
+void program_name_error(const Program *program, GError **error);
+
+/* Makes the error of an event "lost", from the values of the event. */
+GError *program_lost_error(const Program *program, JsonObject *values);
+
 /* Sends "close", and waits until the program has ended. Kills a program that does not end in
  * time. NULL is ignored. */
 void program_close(Program *program);
