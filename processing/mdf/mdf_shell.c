@@ -16,6 +16,7 @@
 #include "mdf_shell.h"
 
 #include <math.h>
+#include <string.h>
 
 #define DEG           (G_PI / 180.0)
 #define FINE_VIEWS    32 /* from so many views on, voxels are half as wide as texels */
@@ -49,12 +50,12 @@ static struct corners corners_at(const struct grid *grid, double x, double y, do
     const double left = floor(u), above = floor(v);
     const int layer = MIN((int)w, MAX(grid->depth - 2, 0));
     const double share[3] = {u - left, v - above, w - layer};
-    const int columns[2] = {(int)(left - floor(left / grid->width) * grid->width), 0};
-    const int rows[2] = {(int)(above - floor(above / grid->height) * grid->height), 0};
+    const int column = (int)(left - floor(left / grid->width) * grid->width);
+    const int row = (int)(above - floor(above / grid->height) * grid->height);
     struct corners c;
     for (int k = 0; k < 8; k++) {
-        const int i = k & 1 ? (columns[0] + 1) % grid->width : columns[0];
-        const int j = k & 2 ? (rows[0] + 1) % grid->height : rows[0];
+        const int i = (column + (k & 1)) % grid->width;
+        const int j = (row + (k >> 1 & 1)) % grid->height;
         const int l = MIN(layer + (k >> 2), grid->depth - 1);
         c.at[k] = ((gsize)l * grid->height + j) * grid->width + i;
         c.share[k] =
@@ -133,11 +134,6 @@ static void add_length(const struct ray *ray, gpointer data) {
     }
 }
 
-static void clear(float *values, gsize n) {
-    for (gsize k = 0; k < n; k++)
-        values[k] = 0.0F;
-}
-
 /* Returns h at the likelihood's maximum for σ = h. ret_reached says which voxels rays have reached;
  * h of the others is MOST. */
 static float *fit_linear(const struct mdf_table *t, int n_views, const struct grid *grid,
@@ -149,7 +145,7 @@ static float *fit_linear(const struct mdf_table *t, int n_views, const struct gr
     for (gsize k = 0; k < grid->n; k++)
         ret_reached[k] = lengths[k] > MIN_LENGTH;
     for (int round = 0; round <= LINEAR_ROUNDS; round++) {
-        clear(stops, grid->n);
+        memset(stops, 0, sizeof *stops * grid->n);
         for_each_ray(t, n_views, add_stop, &sums);
         for (gsize k = 0; k < grid->n; k++) {
             const float now = ret_reached[k] ? stops[k] / lengths[k] : (float)MOST;
@@ -168,8 +164,8 @@ static void fit_power(const struct mdf_table *t, int n_views, const struct grid 
     for (gsize k = 0; k < grid->n; k++)
         g[k] = fourth_root(g[k]);
     for (int round = 0; round < POWER_ROUNDS; round++) {
-        clear(stops, grid->n);
-        clear(lengths, grid->n);
+        memset(stops, 0, sizeof *stops * grid->n);
+        memset(lengths, 0, sizeof *lengths * grid->n);
         for_each_ray(t, n_views, add_stop, &sums);
         for_each_ray(t, n_views, add_length, &sums);
         for (gsize k = 0; k < grid->n; k++)
