@@ -1,19 +1,11 @@
-/*
- * Writes a DNG 1.4 like a camera's, byte by byte according to Adobe's specification: a TIFF with
- * one uncompressed strip of 16 bits.
- */
+/* Writes a DNG of dng.h to a file. */
 #pragma once
 
-#include <glib.h>
+#include "lib/ok.h"
+#include "virtual/cameras/dng.h"
 
-struct dng {
-    int width, height;       /* size of the whole picture */
-    const guint16 *values;   /* height × width */
-    const char *cfa;         /* "rggb", or "mono" */
-    guint32 black[4], white; /* black: of each position in the 2 × 2 cell of the active area */
-    int top, left; /* origin of the active area, which extends to the last row and column */
-    /* if not 0: the filter's pattern is written as repeat × repeat pixels, all green */
-    int repeat;
-};
-
-void write_dng(const char *path, const struct dng *dng);
+static inline void write_dng(const char *path, const struct dng *dng) {
+    g_autoptr(GBytes) file = dng_new(dng);
+    ok(g_file_set_contents(path, g_bytes_get_data(file, NULL), (gssize)g_bytes_get_size(file),
+                           ERR));
+}

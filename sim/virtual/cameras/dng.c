@@ -1,4 +1,4 @@
-#include "write_dng.h"
+#include "dng.h"
 
 #include <string.h>
 
@@ -61,7 +61,7 @@ static void tag_filter(struct out *to, const struct dng *dng) {
     tag(&out, 33422, BYTE, repeat * repeat, colours);
 }
 
-void write_dng(const char *path, const struct dng *dng) {
+GBytes *dng_new(const struct dng *dng) {
     const guint32 width = (guint32)dng->width, height = (guint32)dng->height;
     const gboolean mono = strcmp(dng->cfa, "mono") == 0;
     const guint32 n_tags = mono ? 22 : 24, more_at = 8 + 2 + 12 * n_tags + 4, room = 1024;
@@ -92,7 +92,7 @@ void write_dng(const char *path, const struct dng *dng) {
     TAG(50829, LONG, (guint32)dng->top, (guint32)dng->left, height, width);
     g_assert_cmpuint(out.entries->len, ==, 12 * n_tags);
     g_assert_cmpuint(out.more->len, <=, room);
-    g_autoptr(GByteArray) file = g_byte_array_new();
+    GByteArray *file = g_byte_array_new();
     g_byte_array_append(file, (const guint8 *)"II", 2);
     put(file, 2, 42);
     put(file, 4, 8);
@@ -104,7 +104,7 @@ void write_dng(const char *path, const struct dng *dng) {
         put(file, 1, 0);
     for (guint32 i = 0; i < width * height; i++)
         put(file, 2, dng->values[i]);
-    g_assert_true(g_file_set_contents(path, (const char *)file->data, (gssize)file->len, NULL));
     g_byte_array_unref(out.entries);
     g_byte_array_unref(out.more);
+    return g_byte_array_free_to_bytes(file);
 }

@@ -1,0 +1,20 @@
+/*
+ * Makes a DNG 1.4 like a camera's, byte by byte according to Adobe's specification: a TIFF with one
+ * uncompressed strip of 16 bits. Any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+struct dng {
+    int width, height;       /* size of the whole picture */
+    const guint16 *values;   /* height × width */
+    const char *cfa;         /* "rggb", or "mono" */
+    guint32 black[4], white; /* black: of each position in the 2 × 2 cell of the active area */
+    int top, left; /* origin of the active area, which extends to the last row and column */
+    /* if not 0: the filter's pattern is written as repeat × repeat pixels, all green */
+    int repeat;
+};
+
+/* Returns the file. The caller owns it. */
+GBytes *dng_new(const struct dng *dng);
