@@ -1,8 +1,9 @@
 /* A camera that a program triggers. The answer to "trigger" names a file with the picture. */
+#include "camera.h"
+
 #include "devices.h"
 #include "message.h"
 #include "pgm.h"
-#include "program.h"
 
 #include <errno.h>
 #include <glib/gstdio.h>
@@ -17,16 +18,6 @@
 #define MAX_SIDE 65536
 #define MAX_US   3.6e9
 #define MAX_MS   60000.0
-
-struct program_camera {
-    struct program_command command;
-    Program *program;
-    char *folder; /* folder into which the program writes its pictures */
-    struct camera_settings settings;
-    guint64 shot;
-    gint64 triggered_us;
-    int n_triggers; /* number of triggers so far; the tag of the last one */
-};
 
 #define FIELD(name) G_STRUCT_OFFSET(struct program_camera, name)
 
@@ -70,9 +61,12 @@ static Frame *read_frame(Camera *camera, JsonObject *values, GError **error) {
 
 static void on_answer(const struct program_answer *answer, gpointer data) {
     Camera *camera = data;
-    const struct program_camera *priv = camera->device.priv;
-    if (answer->tag != priv->n_triggers || !camera_is_waiting(camera))
+    struct program_camera *priv = camera->device.priv;
+    if (answer->tag != priv->n_triggers)
         return; /* the trigger of this answer was given up */
+    priv->is_asked = FALSE;
+    if (!camera_is_waiting(camera))
+        return;
     GError *error = answer->error ? g_error_copy(answer->error) : NULL;
     if (error) {
         camera_report_fault(camera, error);
@@ -104,8 +98,27 @@ static void on_event(const char *event, JsonObject *values, gpointer data) {
         camera_report_fault(camera, program_lost_error(priv->program, values));
 }
 
-static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+/* Returns whether the camera has this exposure time. A time in words, such as 1/60 s, may be
+ * rounded to microseconds in either direction. */
+static gboolean check_exposure(const Camera *camera, gint64 exposure_us, GError **error) {
+    const struct program_camera *priv = camera->device.priv;
+    gint64 nearest_us = exposure_us;
+    for (int i = 0; i < priv->n_exposures; i++)
+        if (i == 0 || ABS(priv->exposures_us[i] - exposure_us) < ABS(nearest_us - exposure_us))
+            nearest_us = priv->exposures_us[i];
+    if (ABS(nearest_us - exposure_us) <= MAX(1, nearest_us / 1000))
+        return TRUE;
+    return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                            "it cannot expose for %" G_GINT64_FORMAT
+                            " µs; the nearest time that it has is %" G_GINT64_FORMAT " µs",
+                            exposure_us, nearest_us);
+}
+
+gboolean program_camera_configure(Camera *camera, const struct camera_settings *settings,
+                                  GError **error) {
     struct program_camera *priv = camera->device.priv;
+    if (!check_exposure(camera, settings->exposure_us, error))
+        return FALSE;
     if (settings->gain_db != 0 && !program_can(priv->program, "gain"))
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
                                 "%s has no gain" ERROR_ADVICE "use gain_db = 0",
@@ -116,18 +129,28 @@ static gboolean configure(Camera *camera, const struct camera_settings *settings
 
 /* Sends a "ping", which starts a program that has ended. The next trigger then need not wait for
  * the start. */
-static gboolean arm(Camera *camera, GError **error) {
+gboolean program_camera_arm(Camera *camera, GError **error) {
     const struct program_camera *priv = camera->device.priv;
     program_call(priv->program, &(struct program_request){.method = "ping", .tag = -1});
     return TRUE;
 }
 
-static void disarm(Camera *camera) {
+/* A program that understands "stop" gives the picture up. It may first end a read-out. */
+void program_camera_disarm(Camera *camera) {
     struct program_camera *priv = camera->device.priv;
     program_overtake(priv->program, priv->n_triggers);
+    if (!priv->is_asked || !program_can(priv->program, "stop"))
+        return;
+    priv->is_asked = FALSE;
+    const int readout_ms = (int)(camera->format.readout_us / 1000);
+    program_call(priv->program,
+                 &(struct program_request){.method = "stop",
+                                           .timeout_ms = PROGRAM_ANSWER_MS + readout_ms,
+                                           .turn = PROGRAM_AT_ONCE,
+                                           .tag = -1});
 }
 
-static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+gboolean program_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct program_camera *priv = camera->device.priv;
     const struct camera_format *format = &camera->format;
     const gint64 wait_us =
@@ -141,6 +164,7 @@ static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
     json_object_set_double_member(request.params, "gain_db", priv->settings.gain_db);
     priv->shot = shot;
     priv->triggered_us = clock_now_us(camera->device.clock);
+    priv->is_asked = TRUE;
     empty_folder(priv);
     program_call(priv->program, &request);
     return TRUE;
@@ -153,6 +177,16 @@ static gboolean read_time(JsonObject *values, const char *name, gint64 *ret_us, 
         return FALSE;
     *ret_us = (gint64)(ms * 1000);
     return TRUE;
+}
+
+/* Reads the list of exposure times, which may be missing. */
+static gboolean read_exposures(struct program_camera *priv, JsonObject *values, GError **error) {
+    g_clear_pointer(&priv->exposures_us, g_free);
+    priv->n_exposures = 0;
+    if (!json_object_has_member(values, "exposures_us"))
+        return TRUE;
+    return message_integers(values, "exposures_us", 1, (gint64)MAX_US, &priv->exposures_us,
+                            &priv->n_exposures, error);
 }
 
 static gboolean read_format(JsonObject *values, struct camera_format *ret, GError **error) {
@@ -180,9 +214,10 @@ static gboolean read_format(JsonObject *values, struct camera_format *ret, GErro
     return FALSE;
 }
 
-static void close_camera(Camera *camera) {
+void program_camera_close(Camera *camera) {
     struct program_camera *priv = camera->device.priv;
     g_clear_pointer(&priv->program, program_close);
+    g_clear_pointer(&priv->exposures_us, g_free);
     if (!priv->folder)
         return;
     empty_folder(priv);
@@ -190,7 +225,7 @@ static void close_camera(Camera *camera) {
     g_clear_pointer(&priv->folder, g_free);
 }
 
-static gboolean open_camera(Camera *camera, GError **error) {
+gboolean program_camera_open(Camera *camera, GError **error) {
     struct program_camera *priv = camera->device.priv;
     g_autoptr(GError) why = NULL;
     priv->folder = g_dir_make_tmp("mesorig-program-XXXXXX", &why);
@@ -200,17 +235,17 @@ static gboolean open_camera(Camera *camera, GError **error) {
     priv->program = program_new(&priv->command, &camera->device, priv->folder, error);
     if (priv->program)
         return TRUE;
-    close_camera(camera);
+    program_camera_close(camera);
     return FALSE;
 }
 
-static gboolean opened(Camera *camera, GError **error) {
+gboolean program_camera_opened(Camera *camera, GError **error) {
     struct program_camera *priv = camera->device.priv;
     const struct program_listener listener = {on_lost, on_event, on_answer, camera};
     JsonObject *values = program_await(priv->program, error);
     if (!values)
         return FALSE;
-    if (!read_format(values, &camera->format, error)) {
+    if (!read_format(values, &camera->format, error) || !read_exposures(priv, values, error)) {
         program_name_error(priv->program, error);
         return FALSE;
     }
@@ -230,11 +265,11 @@ const struct camera_driver program_camera_driver = {
     .info = {"camera", "program-camera",
              "A camera that a program of yours triggers (docs/build-a-rig/programs.md)", options,
              sizeof(struct program_camera), check, needs},
-    .open = open_camera,
-    .opened = opened,
-    .close = close_camera,
-    .configure = configure,
-    .arm = arm,
-    .disarm = disarm,
-    .trigger = trigger,
+    .open = program_camera_open,
+    .opened = program_camera_opened,
+    .close = program_camera_close,
+    .configure = program_camera_configure,
+    .arm = program_camera_arm,
+    .disarm = program_camera_disarm,
+    .trigger = program_camera_trigger,
 };

@@ -166,6 +166,31 @@ gboolean message_booleans(JsonObject *values, const char *name, int n, gboolean 
     return TRUE;
 }
 
+gboolean message_integers(JsonObject *values, const char *name, gint64 min, gint64 max,
+                          gint64 **ret, int *ret_n, GError **error) {
+    JsonNode *node = json_object_get_member(values, name);
+    JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;
+    const guint n = array ? json_array_get_length(array) : 0;
+    g_autofree gint64 *numbers = g_new(gint64, n + 1);
+    for (guint i = 0; i < n; i++) {
+        JsonNode *element = json_array_get_element(array, i);
+        const gboolean is_whole =
+            JSON_NODE_HOLDS_VALUE(element) && json_node_get_value_type(element) == G_TYPE_INT64;
+        numbers[i] = is_whole ? json_node_get_int(element) : 0;
+        if (!is_whole || numbers[i] < min || numbers[i] > max)
+            return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                    "answered a value of “%s” that is not a whole number from "
+                                    "%" G_GINT64_FORMAT " to %" G_GINT64_FORMAT,
+                                    name, min, max);
+    }
+    if (n == 0)
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                                "did not answer “%s” as an array of numbers", name);
+    *ret = g_steal_pointer(&numbers);
+    *ret_n = (int)n;
+    return TRUE;
+}
+
 gboolean message_has(JsonObject *values, const char *name, const char *text) {
     JsonNode *node = json_object_get_member(values, name);
     JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;

@@ -151,7 +151,9 @@ class Camera:
 
     def open(self, params):
         bits = 17 if self.fault() == "too-many-bits" else 12
-        return {
+        times = {"lists-times": [500, 1000, 2000], "no-times": [], "odd-times": [0.5]}
+        listed = times.get(self.fault())
+        return ({} if listed is None else {"exposures_us": listed}) | {
             "width": self.WIDTH,
             "height": self.HEIGHT,
             "cfa": "rgbg" if self.fault() == "new-filter" else "mono",

@@ -220,10 +220,29 @@ TEST(gain) {
     end(&bench);
 }
 
+/* A camera that lists its exposure times has no others. */
+TEST(listed_exposures) {
+    TEMPORARY_FOLDER(folder);
+    struct bench bench;
+    const struct camera_settings settings = {1400, 0};
+    g_autoptr(GError) error = NULL;
+    program_model_fail(folder, "lists-times");
+    begin(&bench, folder);
+    g_assert_false(camera_configure(bench.camera, &settings, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
+    assert_has(error->message,
+               "cannot expose for 1400 µs; the nearest time that it has is 1000 µs");
+    configure(&bench, 2000);
+    configure(&bench, 2001); /* rounded differently */
+    end(&bench);
+}
+
 static const struct fault open_faults[] = {
     {"dies-at-start", 0, DEVICE_ERROR_DISCONNECTED, "has ended with exit code 1"},
     {"too-many-bits", 0, DEVICE_ERROR_PROTOCOL, "answered bits = 17, which is out of range"},
     {"new-filter", 0, DEVICE_ERROR_PROTOCOL, "answered cfa = “rgbg”, which is not mono, rggb"},
+    {"no-times", 0, DEVICE_ERROR_PROTOCOL, "did not answer “exposures_us” as an array of numbers"},
+    {"odd-times", 0, DEVICE_ERROR_PROTOCOL, "a value of “exposures_us” that is not a whole number"},
     {"cut", 0, DEVICE_ERROR_TIMEOUT, "has not started within 1 s"},
 };
 

@@ -1,0 +1,33 @@
+/*
+ * The camera of a program, for drivers in other folders that start a program of their own. The
+ * private struct of such a driver begins with a struct program_camera. Its open() fills command and
+ * calls program_camera_open(). The other functions are those of struct camera_driver
+ * (drivers/camera.h).
+ */
+#pragma once
+
+#include "program.h"
+
+#include "drivers/camera.h"
+
+struct program_camera {
+    struct program_command command; /* must live until the camera is closed */
+    Program *program;
+    char *folder;         /* folder into which the program writes its pictures */
+    gint64 *exposures_us; /* the only exposure times that the camera has; NULL if it has any */
+    int n_exposures;
+    struct camera_settings settings;
+    guint64 shot;
+    gint64 triggered_us;
+    int n_triggers;    /* number of triggers so far; the tag of the last one */
+    gboolean is_asked; /* the last trigger is not answered */
+};
+
+gboolean program_camera_open(Camera *camera, GError **error);
+gboolean program_camera_opened(Camera *camera, GError **error);
+void program_camera_close(Camera *camera);
+gboolean program_camera_configure(Camera *camera, const struct camera_settings *settings,
+                                  GError **error);
+gboolean program_camera_arm(Camera *camera, GError **error);
+void program_camera_disarm(Camera *camera);
+gboolean program_camera_trigger(Camera *camera, guint64 shot, GError **error);
