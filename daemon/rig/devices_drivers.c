@@ -2,6 +2,7 @@
 
 #include "aravis/camera.h"
 #include "devices/devices.h"
+#include "gphoto2/gphoto2.h"
 #include "modbus/devices.h"
 #include "program/devices.h"
 #include "usb/relays.h"
@@ -16,7 +17,8 @@ static const struct axis_driver *const axis_drivers[] = {
 static const struct lamps_driver *const lamps_drivers[] = {
     &sim_lamps_driver, &modbus_relays_driver, &usb_relays_driver, &program_lamps_driver, NULL};
 static const struct camera_driver *const camera_drivers[] = {
-    &sim_camera_driver, &aravis_camera_driver, &v4l2_camera_driver, &program_camera_driver, NULL};
+    &sim_camera_driver,     &aravis_camera_driver,  &v4l2_camera_driver,
+    &gphoto2_camera_driver, &program_camera_driver, NULL};
 static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
                                                            &usb_relay_laser_driver, NULL};
 static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,

@@ -1,6 +1,7 @@
 #include "finder.h"
 
 #include "aravis/camera.h"
+#include "gphoto2/gphoto2.h"
 #include "modbus/scan.h"
 #include "usb/scan.h"
 #include "v4l2/v4l2.h"
@@ -23,7 +24,7 @@ static gboolean vision_scan(GPtrArray *to, GError **error) {
 }
 
 static gboolean (*const scans[])(GPtrArray *to, GError **error) = {usb_scan, v4l2_scan, vision_scan,
-                                                                   serial_scan};
+                                                                   gphoto2_scan, serial_scan};
 
 static void add_problem(GPtrArray *problems, GError *error) {
     g_ptr_array_add(problems, g_strdup(error->message));

@@ -1,0 +1,16 @@
+/*
+ * DSLR and mirrorless cameras, by libgphoto2. The library may wait for ever inside a call, and only
+ * the end of its process frees it. Therefore each camera has a process of its own, mesorig-gphoto2,
+ * which the driver runs as a program that is a device (program/camera.h). The functions here belong
+ * to the main loop's thread.
+ */
+#pragma once
+
+#include "drivers/camera.h"
+#include "drivers/found.h"
+
+extern const struct camera_driver gphoto2_camera_driver;
+
+/* Finds cameras on USB, by mesorig-gphoto2. A device that another scan has listed with the same
+ * address gets its section here. */
+gboolean gphoto2_scan(GPtrArray *to, GError **error);

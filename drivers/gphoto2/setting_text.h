@@ -1,0 +1,16 @@
+/* Values of a camera's settings, as libgphoto2 writes them. Pure functions; any thread. */
+#pragma once
+
+#include <glib.h>
+
+/* Returns the number that a text states: 0.005 for "1/200" and "0.0050s", 8 for "f/8", 400 for "ISO
+ * 400", 50 for "50%". Returns −1 for a text such as "bulb" or "Auto". */
+double setting_text_number(const char *text);
+
+/* Returns whether two texts state the same value: the same number, or the same letters in either
+ * case. */
+gboolean setting_text_equal(const char *a, const char *b);
+
+/* Returns the index of the text that is nearest to a value, by the ratio of the numbers. Returns −1
+ * if the value or all texts are no numbers above 0. */
+int setting_text_nearest(const char *value, const char *const *texts);

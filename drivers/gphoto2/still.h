@@ -1,0 +1,68 @@
+/*
+ * A still camera that libgphoto2 drives. The functions wait, and some of them may wait for ever:
+ * the end of the process is the only cure (mesorig-gphoto2.c).
+ *
+ * A trigger and its picture are only loosely connected in libgphoto2. The picture is announced by
+ * an event that may come late or never. A picture that was given up arrives later, and must not be
+ * taken for the next one. Therefore a shot first settles the shots that were given up. It then
+ * waits for the event until three exposures are over, and looks at last for a new file on the card.
+ * After an error of the connection, the camera is connected again and looked through for the
+ * picture. Times are those of g_get_monotonic_time(). Errors are G_IO_ERROR without a subject.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+typedef struct Still Still;
+
+struct still_options {
+    const char *port;            /* "usb", a place on USB, or a port of libgphoto2 */
+    const char *model;           /* NULL if the camera is found by itself */
+    const char *iso, *aperture;  /* NULL leaves the camera's */
+    const char *shutter;         /* name of the setting; NULL means "shutterspeed" */
+    const char *const *settings; /* "NAME=VALUE"; may be NULL */
+    gboolean keep_on_card;
+    int trigger_ms, readout_ms;
+};
+
+/* How a shot waits. pause() waits for ms, and returns FALSE if the shot is to be given up.
+ * exposed() is told that the exposure has ended. */
+struct still_wait {
+    gboolean (*pause)(int ms, gpointer data);
+    void (*exposed)(gpointer data);
+    gpointer data;
+};
+
+struct still_shot {
+    gint64 exposure_us;
+    gint64 deadline_us;
+    const char *folder; /* on this computer, for the file of the picture */
+    struct still_wait wait;
+};
+
+/* Connects a camera, checks its battery and its card, and sets the options, which must live as long
+ * as the camera. Returns NULL with an error on failure. */
+Still *still_open(const struct still_options *options, GError **error);
+
+/* Ends the connection. NULL is ignored. */
+void still_close(Still *still);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Still, still_close)
+
+/* Returns the model and the serial number. The camera owns the strings. */
+const char *still_model(const Still *still);
+const char *still_serial(const Still *still);
+
+/* Returns the exposure times that the camera offers, in µs, in ascending order. The camera owns
+ * them. */
+const GArray *still_exposures(const Still *still);
+
+/* Takes a picture and copies its file from the camera. Returns its path, to be freed with g_free(),
+ * or NULL with an error: G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
+char *still_shoot(Still *still, const struct still_shot *shot, GError **error);
+
+/* Takes the events that wait, which keeps the camera awake. */
+void still_idle(Still *still);
+
+/* Prints a line for each camera on USB: place, model, serial number, port, with tabs. Returns FALSE
+ * with an error if the bus cannot be searched. */
+gboolean still_list(GError **error);

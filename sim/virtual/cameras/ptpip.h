@@ -1,0 +1,71 @@
+/*
+ * A virtual still camera that speaks PTP/IP (CIPA DC-005) on the loopback interface, in separate
+ * threads and in real time: a card with pictures, a shutter time, an ISO speed and an aperture as
+ * lists, a battery, and events. libgphoto2 drives it like a real camera. Its pictures are raw files
+ * (DNG) or JPEG.
+ *
+ * Any thread may call these functions, except virtual_ptpip_new() and virtual_ptpip_free().
+ */
+#pragma once
+
+#include "imager.h"
+
+typedef struct VirtualPtpip VirtualPtpip;
+
+struct virtual_ptpip_options {
+    const char *host; /* address of the loopback interface; NULL means "127.0.0.1" */
+    const char *serial;
+    int width, height, bits; /* bits: of a value of the raw file */
+    enum cfa cfa;
+    double black_level;     /* black level of the raw file */
+    VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
+    gpointer data;
+    gboolean jpeg;  /* pictures are JPEG: grey, sRGB */
+    gboolean both;  /* each picture is a JPEG and then a raw file */
+    gboolean nikon; /* speaks Nikon's dialect: other operations, and events that are polled */
+};
+
+/* Faults from now on. Members of type int are numbers of operations that are still affected. They
+ * decrease with each fault. */
+struct virtual_ptpip_faults {
+    int busy;       /* triggers that are refused because the camera is busy */
+    int unanswered; /* triggers that are obeyed but never answered */
+    int blind;      /* triggers that are answered, but make no picture and no event */
+    int incomplete; /* pictures without the event CaptureComplete */
+    int unsaid;     /* pictures without the event ObjectAdded */
+    int late;       /* pictures whose ObjectAdded comes late_exposures exposures later */
+    double late_exposures;
+    gboolean complete_first; /* CaptureComplete is sent before ObjectAdded, not after it */
+    int dropped;             /* downloads in whose middle all connections end */
+    int stalled;             /* downloads in whose middle the camera stops to answer */
+    gboolean full;           /* the card is full */
+    gboolean neighbour;      /* a shutter time that is set becomes the next one of the list */
+    gboolean refuses;        /* the camera refuses connections by a PTP/IP packet */
+    gboolean deaf;           /* the camera accepts connections and answers nothing */
+    gboolean unplugged;      /* all connections end, and none is accepted */
+    int battery;             /* charge in percent; 0 means 80 */
+};
+
+struct virtual_ptpip_state {
+    int triggers;    /* triggers that were obeyed */
+    int pictures;    /* pictures that were put on the card */
+    int on_card;     /* pictures that are on the card now */
+    int connections; /* connections that were made, without those for events */
+    gint64 shutter_us;
+    int iso;
+};
+
+/* Makes a camera that listens on a free port. */
+VirtualPtpip *virtual_ptpip_new(const struct virtual_ptpip_options *options, GError **error);
+void virtual_ptpip_free(VirtualPtpip *camera); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualPtpip, virtual_ptpip_free)
+
+/* Returns the value of "port" for a section: "ptpip:127.0.0.1:40123:40123". libgphoto2 takes the
+ * second number as the port of the event connection. */
+const char *virtual_ptpip_port(const VirtualPtpip *camera);
+
+void virtual_ptpip_fail(VirtualPtpip *camera, const struct virtual_ptpip_faults *faults);
+void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret);
+
+/* Puts a picture on the card, as if somebody had taken it by hand. It makes no event. */
+void virtual_ptpip_put(VirtualPtpip *camera, const char *name);
