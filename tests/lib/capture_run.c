@@ -200,18 +200,21 @@ const char *run_undisturbed(void) {
     return path;
 }
 
-/* Checks that all frames exist and are bit-identical to those of a capture without faults. */
-void run_check_same(struct run *run) {
-    g_autoptr(GPtrArray) expected = run_frames(run_undisturbed());
-    g_autoptr(GPtrArray) frames = run_frames(run->session);
+void run_check_same_frames(const char *expected_path, const char *session_path) {
+    g_autoptr(GPtrArray) expected = run_frames(expected_path);
+    g_autoptr(GPtrArray) frames = run_frames(session_path);
     g_assert_cmpint(frames->len, ==, expected->len);
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *a = expected->pdata[i], *b = frames->pdata[i];
         g_assert_cmpint(a->shot, ==, b->shot);
         g_assert_cmpint(a->camera, ==, b->camera);
         g_assert_cmpstr(a->path, ==, b->path);
-        check_same_file(run_undisturbed(), run->session, a->path);
+        check_same_file(expected_path, session_path, a->path);
     }
+}
+
+void run_check_same(struct run *run) {
+    run_check_same_frames(run_undisturbed(), run->session);
 }
 
 void run_check_whole(const char *path) {

@@ -47,6 +47,8 @@ GPtrArray *run_frames(const char *session_path);
 GPtrArray *run_shots(const char *session_path);
 /* Returns the path of a session that was captured without faults; it is made once. */
 const char *run_undisturbed(void);
+/* Checks that a session has the same frames as another session, bit for bit. */
+void run_check_same_frames(const char *expected_path, const char *session_path);
 /* Checks that all frames exist and are bit-identical to those of a capture without faults. */
 void run_check_same(struct run *run);
 /* Checks that the session is done and that every frame of a done shot exists. */
