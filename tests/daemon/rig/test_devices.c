@@ -14,6 +14,7 @@
 #include "virtual/cameras/v4l2.h"
 #include "virtual/modbus.h"
 #include "virtual/testbed.h"
+#include "virtual/usb_device.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
 
@@ -139,6 +140,31 @@ static void test_usb3_vision(void) {
     g_assert_cmpint(camera->format.cfa, ==, CFA_GBRG);
 }
 
+/* libgphoto2 knows a camera by its USB ids, and does not open it for that. */
+static void test_still_camera(void) {
+    /* one interface of the class Still Image, with two bulk endpoints and one for interrupts */
+    static const guint8 config[] = {9, 2, 39, 0, 1, 1, 0, 0xc0, 1,    9, 4, 0, 0,
+                                    3, 6, 1,  1, 0, 7, 5, 0x81, 2,    0, 2, 0, 7,
+                                    5, 2, 2,  0, 2, 0, 7, 5,    0x83, 3, 8, 0, 10};
+    static const struct virtual_usb_class nikon_d90 = {.vendor = 0x04b0,
+                                                       .product = 0x0421,
+                                                       .name = "NIKON DSC D90",
+                                                       .serial = "000003123456",
+                                                       .config = config,
+                                                       .config_size = sizeof config,
+                                                       .speed_mbit_s = 480};
+    VirtualUsb *usb = virtual_usb_new(&nikon_d90, 3, NULL);
+    g_autoptr(GPtrArray) all = scan(&(struct finder_modbus){0});
+    const struct found *found = find(all, "usb", "1-3");
+    g_assert_nonnull(found);
+    g_assert_cmpstr(found->what, ==, "NIKON DSC D90");
+    g_assert_cmpstr(found->serial, ==, "000003123456");
+    g_assert_true(
+        g_str_has_prefix(found->section, "[camera NAME]\ndriver = gphoto2-camera\nport = 1-3\n"));
+    g_assert_cmpint(virtual_usb_n_requests(usb), ==, 0);
+    virtual_usb_free(usb);
+}
+
 static void test_modbus(void) {
     struct virtual_modbus_options options = {.unit = 7};
     GError *error = NULL;
@@ -207,6 +233,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/devices/usb", test_usb);
     g_test_add_func("/devices/video", test_video);
     g_test_add_func("/devices/usb3-vision", test_usb3_vision);
+    g_test_add_func("/devices/still-camera", test_still_camera);
     g_test_add_func("/devices/modbus", test_modbus);
     g_test_add_func("/devices/modbus-not-there", test_modbus_not_there);
     g_test_add_func("/devices/command", test_command);
