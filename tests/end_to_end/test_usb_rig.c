@@ -24,8 +24,9 @@ static void capture_usb(const char *name) {
                     *session = twin_path(name);
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     GError *error = NULL;
-    g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", (const char *[]){"all", NULL},
-                                                (const char *[]){"cam30", NULL}, &error);
+    const struct virtual_rig_kinds kinds = {.usb = (const char *[]){"all", NULL},
+                                            .u3v = (const char *[]){"cam30", NULL}};
+    g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", &kinds, &error);
     g_assert_no_error(error);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(rig), -1, NULL));
     g_autoptr(GSubprocess) daemon =
@@ -66,11 +67,11 @@ static int count(const char *text, const char *words) {
 
 /* USB relay boards have no watchdog: that is said once of each laser, and of none that has one. */
 static void test_warning(void) {
-    const char *const all[] = {"all", NULL}, *const camera[] = {"cam30", NULL};
+    const struct virtual_rig_kinds kinds = {.usb = (const char *[]){"all", NULL},
+                                            .u3v = (const char *[]){"cam30", NULL}};
     for (int usb = 1; usb >= 0; usb--) {
         GError *error = NULL;
-        g_autoptr(VirtualRig) rig =
-            virtual_rig_new(SMALL "rig.conf", usb ? all : NULL, usb ? camera : NULL, &error);
+        g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", usb ? &kinds : NULL, &error);
         g_assert_no_error(error);
         g_autofree char *said = daemon_says(rig);
         g_assert_cmpint(count(said, "has no watchdog"), ==, usb ? 2 : 0);

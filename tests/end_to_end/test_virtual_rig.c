@@ -82,6 +82,38 @@ TEST(through_real_protocols) {
     twin_assert_noise_alone("virtual.session");
 }
 
+static void write_short_session(const char *conf) {
+    g_assert_true(g_file_set_contents(conf,
+                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
+                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
+                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
+                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
+                                      "[capture]\nexposures_us = 4000; 16000\nretries = 6\n",
+                                      -1, NULL));
+}
+
+/* One camera is a still camera, whose pictures are raw files that libgphoto2 copies. */
+TEST(still_camera) {
+    g_autofree char *rig = twin_path("still.conf"), *socket = twin_path("still-bus");
+    g_autofree char *session = twin_path("still.session"), *conf = twin_path("short.conf");
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    write_short_session(conf);
+    GSubprocess *devices = starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"), "--virtual",
+                                  SMALL "rig.conf", "-o", rig, "--still", "cam30", "--json", NULL);
+    g_autofree char *said = first_line(devices);
+    assert_has(said, "{\"section\":\"camera cam30\",\"driver\":\"gphoto2-camera\"");
+    assert_has(said, "{\"section\":\"camera cam60\",\"driver\":\"aravis\"");
+    GSubprocess *daemon = starts_daemon(rig, address);
+    runs(BIN("mesorig"), "capture", "--address", address, rig, conf, "-o", session, NULL);
+    runs(BIN("mesorig"), "process", session, NULL);
+    g_autofree char *simulated = twin_path("short-simulated.session");
+    runs(BIN("mesorig"), "capture", SMALL "rig.conf", conf, "-o", simulated, NULL);
+    g_assert_cmpfloat(twin_value("still.session", "frames"), ==,
+                      twin_value("short-simulated.session", "frames"));
+    ends(daemon);
+    ends(devices);
+}
+
 struct mishap { /* a session, and what happens to a camera in it */
     VirtualRig *rig;
     GSubprocess *capture;
@@ -111,16 +143,6 @@ static void on_over(GObject *source, GAsyncResult *result, gpointer data) {
     struct mishap *mishap = data;
     ok(g_subprocess_communicate_utf8_finish(mishap->capture, result, &mishap->out, NULL, ERR));
     mishap->over = TRUE;
-}
-
-static void write_short_session(const char *conf) {
-    g_assert_true(g_file_set_contents(conf,
-                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
-                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
-                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
-                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
-                                      "[capture]\nexposures_us = 4000; 16000\nretries = 6\n",
-                                      -1, NULL));
 }
 
 static gboolean is_lit(VirtualRig *rig) {
@@ -153,7 +175,7 @@ static void abandoned(void) {
         g_autofree char *session = twin_path(folder), *socket = twin_path(folder + 9);
         g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
         struct mishap mishap = {0};
-        mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, NULL, ERR));
+        mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, ERR));
         /* A stopped daemon that goes on must notice the lamp, not the silent interlock. */
         g_autoptr(GString) text = g_string_new(virtual_rig_text(mishap.rig));
         assert_has(text->str, "watchdog_after_s = 5\n");
@@ -194,7 +216,7 @@ static void mishaps(void) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     struct virtual_camera_faults faults = {.cut = 2};
     struct mishap mishap = {0};
-    mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, NULL, ERR));
+    mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, ERR));
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
     write_short_session(conf);
@@ -295,10 +317,10 @@ static void refused(void) {
     };
     g_autofree char *path = twin_path("bad.conf");
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
-        const char *const usb[] = {cases[i].usb, NULL};
+        const struct virtual_rig_kinds kinds = {.usb = (const char *[]){cases[i].usb, NULL}};
         g_autoptr(GError) error = NULL;
         g_assert_true(g_file_set_contents(path, cases[i].text, -1, NULL));
-        g_assert_null(virtual_rig_new(path, usb, NULL, &error));
+        g_assert_null(virtual_rig_new(path, &kinds, &error));
         if (!strstr(error->message, cases[i].said))
             g_error("said \"%s\", not \"%s\"", error->message, cases[i].said);
     }
@@ -306,6 +328,7 @@ static void refused(void) {
 
 BEFORE_TESTS {
     twin_folder = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
+    g_setenv("HOME", twin_folder, TRUE); /* for the settings of libgphoto2 */
     g_test_add_func("/virtual-rig/refused", refused);
     g_test_add_func("/virtual-rig/mishaps", mishaps);
     g_test_add_func("/virtual-rig/abandoned", abandoned);

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static char *virtual_path, *out_path, **usb, **u3v;
+static char *virtual_path, *out_path, **usb, **u3v, **still;
 static gboolean json, force;
 static double loss;
 
@@ -26,6 +26,8 @@ static const GOptionEntry entries[] = {
      "Put this device on USB, as a Tic, a relay board or a V4L2 camera; all: every device", "NAME"},
     {"u3v", 0, 0, G_OPTION_ARG_STRING_ARRAY, &u3v,
      "Make this camera a USB3 Vision camera; all: every camera", "NAME"},
+    {"still", 0, 0, G_OPTION_ARG_STRING_ARRAY, &still,
+     "Make this camera a still camera on PTP/IP, for libgphoto2; all: every camera", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss, "Share of the cameras' packets that is lost, 0 to 1",
      "PART"},
     {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
@@ -185,9 +187,9 @@ static GDataInputStream *listen_to_input(VirtualRig *rig) {
 static int virtual_rig_main_run(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) to = out_path ? virtual_rig_main_output(&error) : NULL;
-    g_autoptr(VirtualRig) rig = error ? NULL
-                                      : virtual_rig_new(virtual_path, (const char *const *)usb,
-                                                        (const char *const *)u3v, &error);
+    const struct virtual_rig_kinds kinds = {(const char *const *)usb, (const char *const *)u3v,
+                                            (const char *const *)still};
+    g_autoptr(VirtualRig) rig = error ? NULL : virtual_rig_new(virtual_path, &kinds, &error);
     /* A program that has noticed the file may end this program, which then removes the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
@@ -214,7 +216,7 @@ static const struct command_line command_line = {
         "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see and "
         "change "
         "the world of a simulated rig. With --usb: Pololu Tics, USB relay boards and V4L2 cameras. "
-        "With --u3v: USB3 Vision cameras.",
+        "With --u3v: USB3 Vision cameras. With --still: still cameras on PTP/IP.",
     .options = entries,
 };
 

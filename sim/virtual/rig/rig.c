@@ -2,6 +2,7 @@
 
 #include "aravis/camera.h"
 #include "devices/devices.h"
+#include "gphoto2/gphoto2.h"
 #include "modbus/devices.h"
 
 #include <math.h>
@@ -305,6 +306,28 @@ static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gp
                  exposure->n, ret_pixels);
 }
 
+static gboolean add_still(VirtualRig *rig, const struct config_section *section,
+                          struct vision_camera *vision, const struct world_sensor *sensor,
+                          GError **error) {
+    const struct virtual_ptpip_options options = {.serial = section->name,
+                                                  .width = sensor->width,
+                                                  .height = sensor->height,
+                                                  .bits = sensor->bits,
+                                                  .cfa = sensor->cfa,
+                                                  .black_level = sensor->black_level,
+                                                  .picture = virtual_rig_take_picture,
+                                                  .data = vision};
+    vision->still = virtual_ptpip_new(&options, error);
+    if (!vision->still)
+        return FALSE;
+    rig->n_cameras++;
+    const char *port = virtual_ptpip_port(vision->still);
+    rig_copy_section(rig, section, &sim_camera_driver.info, &gphoto2_camera_driver.info);
+    g_string_append_printf(rig->text, "port = %s\ntrigger_ms = 100\nreadout_ms = 1000\n", port);
+    rig_list_device(rig, section, gphoto2_camera_driver.info.name, g_strdup(port));
+    return TRUE;
+}
+
 static gboolean add_camera(VirtualRig *rig, const struct config_section *section, GError **error) {
     static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
     World *world = rig_world(rig, section, error);
@@ -320,6 +343,8 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
         return FALSE;
     }
     world_sensor(world, vision->camera, &sensor);
+    if (rig_is_still(rig, section))
+        return add_still(rig, section, vision, &sensor, error);
     struct virtual_camera_options options = {.serial = section->name,
                                              .width = sensor.width,
                                              .height = sensor.height,
@@ -381,13 +406,14 @@ static void clear_device(gpointer data) {
     g_free(device->where);
 }
 
-VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
+VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *kinds,
                             GError **error) {
     g_autoptr(VirtualRig) rig = g_new0(VirtualRig, 1);
     gsize n;
     g_mutex_init(&rig->coupling);
-    rig->usb = g_strdupv((char **)usb);
-    rig->u3v = g_strdupv((char **)u3v);
+    rig->usb = g_strdupv(kinds ? (char **)kinds->usb : NULL);
+    rig->u3v = g_strdupv(kinds ? (char **)kinds->u3v : NULL);
+    rig->still = g_strdupv(kinds ? (char **)kinds->still : NULL);
     rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
@@ -423,6 +449,7 @@ void virtual_rig_free(VirtualRig *rig) {
     for (int i = 0; i < rig->n_cameras; i++) {
         virtual_gige_free(rig->cameras[i].gige);
         virtual_u3v_free(rig->cameras[i].u3v);
+        virtual_ptpip_free(rig->cameras[i].still);
     }
     rig_free_usb(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
@@ -436,6 +463,7 @@ void virtual_rig_free(VirtualRig *rig) {
     config_free(rig->config);
     g_strfreev(rig->usb);
     g_strfreev(rig->u3v);
+    g_strfreev(rig->still);
     g_string_free(rig->text, TRUE);
     g_array_unref(rig->devices);
     g_mutex_clear(&rig->coupling);
@@ -456,7 +484,7 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_fault
     for (int i = 0; i < rig->n_cameras; i++) {
         if (rig->cameras[i].gige)
             virtual_gige_fail(rig->cameras[i].gige, faults);
-        else
+        else if (rig->cameras[i].u3v)
             virtual_u3v_fail(rig->cameras[i].u3v, faults);
     }
 }

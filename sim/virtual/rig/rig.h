@@ -4,12 +4,11 @@
  * RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and
  * inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev
  * emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and
- * cameras are V4L2 or USB3 Vision cameras. All devices act on the world of that rig or look at it,
- * so the cameras see a lamp that a relay switches.
+ * cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on PTP/IP. All devices
+ * act on the world of that rig or look at it, so the cameras see a lamp that a relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
- * to the world. So does the thread of a GigE Vision or USB3 Vision camera before it renders a
- * frame.
+ * to the world. So does the thread of any camera but V4L2 before it renders a frame.
  */
 #pragma once
 
@@ -26,11 +25,18 @@ struct virtual_rig_device {
     char *where;   /* address of the device: "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
-/* Makes a rig. path is a rig file whose drivers are all simulated. usb has the names of the devices
- * that are to be on USB, or "all"; NULL means none. u3v has, in the same form, the cameras that are
- * to be USB3 Vision cameras; they need not be in usb. If either names a device, the process must
- * have begun with testbed_enter(). Errors say what is wrong with the file. */
-VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
+/* Names of devices that are to be of another kind than usual. Each is an array of names, or of
+ * "all", ended by NULL. NULL means none. */
+struct virtual_rig_kinds {
+    const char *const *usb;   /* devices on USB */
+    const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
+    const char *const *still; /* still cameras on PTP/IP, also if usb or u3v has them */
+};
+
+/* Makes a rig. path is a rig file whose drivers are all simulated. kinds may be NULL. If usb or u3v
+ * names a device, the process must have begun with testbed_enter(). Errors say what is wrong with
+ * the file. */
+VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *kinds,
                             GError **error);
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
@@ -46,7 +52,7 @@ char *virtual_rig_environment(const VirtualRig *rig);
 /* Returns an array of *ret_n devices. The rig owns it. */
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
 
-/* Sets the faults of all cameras from now on. */
+/* Sets the faults of all GigE Vision and USB3 Vision cameras from now on. */
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults);
 
 /* Sets the faults of all Modbus devices from now on. */
@@ -54,7 +60,7 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
 
 /* Disconnects a device, or connects it again. name is the name of its section, "cam30" or "camera
  * cam30". A Modbus board is disconnected for all sections that share it. Of the devices on USB,
- * only USB3 Vision cameras can be disconnected. */
+ * only USB3 Vision cameras can be disconnected. A still camera is switched off. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
 /* Changes the sample: the devices act on the world of this file from now on. Its cameras, lamps and

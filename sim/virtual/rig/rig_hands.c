@@ -31,6 +31,9 @@ static gboolean plug_camera(VirtualRig *rig, const char *name, gboolean plugged)
         faults.unplugged = !plugged;
         if (camera->gige)
             virtual_gige_fail(camera->gige, &faults);
+        else if (camera->still)
+            virtual_ptpip_fail(camera->still,
+                               &(struct virtual_ptpip_faults){.unplugged = !plugged});
         else
             (plugged ? virtual_u3v_plug : virtual_u3v_unplug)(camera->u3v);
         return TRUE;
@@ -53,8 +56,8 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
             return TRUE;
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "%s (%s) cannot be unplugged here; only devices on Modbus, GigE Vision and USB3 "
-            "Vision can be unplugged",
+            "%s (%s) cannot be unplugged here; only devices on Modbus, GigE Vision, USB3 Vision "
+            "and PTP/IP can be unplugged",
             own, device->driver);
         return FALSE;
     }

@@ -1,8 +1,9 @@
-/* Shared by the parts of a virtual rig. rig.c has the GigE Vision and USB3 Vision cameras and the
- * Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. */
+/* Shared by the parts of a virtual rig. rig.c has the GigE Vision, USB3 Vision and still cameras
+ * and the Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. */
 #pragma once
 
 #include "rig.h"
+#include "virtual/cameras/ptpip.h"
 #include "virtual/cameras/u3v.h"
 #include "virtual/cameras/v4l2.h"
 #include "virtual/usb_relays.h"
@@ -39,12 +40,14 @@ struct vision_camera { /* camera on the network or on USB */
     int camera;
     VirtualGige *gige;
     VirtualU3v *u3v;
+    VirtualPtpip *still;
 };
 
 struct VirtualRig {
     Config *config;
-    char **usb; /* names of the devices on USB */
-    char **u3v; /* names of the USB3 Vision cameras */
+    char **usb;   /* names of the devices on USB */
+    char **u3v;   /* names of the USB3 Vision cameras */
+    char **still; /* names of the still cameras */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */
@@ -88,6 +91,7 @@ void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
 void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
                      char *where);
 
+gboolean rig_is_still(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_check_usb(const VirtualRig *rig, GError **error);

@@ -23,12 +23,17 @@ static gboolean is_in(char *const *names, const struct config_section *section) 
                      g_strv_contains((const char *const *)names, section->name));
 }
 
+gboolean rig_is_still(const VirtualRig *rig, const struct config_section *section) {
+    return g_str_equal(section->class_name, "camera") && is_in(rig->still, section);
+}
+
 gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section) {
-    return g_str_equal(section->class_name, "camera") && is_in(rig->u3v, section);
+    return g_str_equal(section->class_name, "camera") && is_in(rig->u3v, section) &&
+           !rig_is_still(rig, section);
 }
 
 gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section) {
-    return is_in(rig->usb, section) && !rig_is_u3v(rig, section);
+    return is_in(rig->usb, section) && !rig_is_u3v(rig, section) && !rig_is_still(rig, section);
 }
 
 static gboolean check_names(const VirtualRig *rig, char *const *names, GError **error) {
@@ -50,7 +55,8 @@ static gboolean check_names(const VirtualRig *rig, char *const *names, GError **
 
 gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
     gboolean any = (rig->usb && *rig->usb) || (rig->u3v && *rig->u3v);
-    if (!check_names(rig, rig->usb, error) || !check_names(rig, rig->u3v, error))
+    if (!check_names(rig, rig->usb, error) || !check_names(rig, rig->u3v, error) ||
+        !check_names(rig, rig->still, error))
         return FALSE;
     if (!any || testbed_is_entered())
         return TRUE;
