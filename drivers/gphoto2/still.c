@@ -229,7 +229,6 @@ static gboolean still_connect(Still *still, GError **error) {
     g_autoptr(Ports) ports = NULL;
     g_autofree char *port = NULL, *model = NULL;
     disconnect(still);
-    still->set_us = 0;
     gp_port_info_list_new(&ports);
     gp_port_info_list_load(ports);
     return find(still, ports, &port, &model, error) && attach(still, ports, port, model, error);
@@ -547,15 +546,10 @@ static const struct exposure *find_exposure(const Still *still, gint64 us) {
     return nearest;
 }
 
-static gboolean set_exposure(Still *still, gint64 us, GError **error) {
-    const struct exposure *exposure = find_exposure(still, us);
-    if (still->set_us == exposure->us)
-        return TRUE;
-    still->set_us = 0;
-    if (!set(still, still->shutter, exposure->text, error))
-        return FALSE;
-    still->set_us = exposure->us;
-    return TRUE;
+/* Sets the exposure, and the options again, because somebody may have turned a dial of the camera.
+ * A value that the camera has already is only read. */
+static gboolean set_all(Still *still, gint64 us, GError **error) {
+    return apply(still, error) && set(still, still->shutter, find_exposure(still, us)->text, error);
 }
 
 /* Says why a trigger or a picture has failed. */
@@ -731,10 +725,12 @@ char *still_shoot(Still *still, const struct still_shot *shot, GError **error) {
     CameraFilePath path;
     gboolean lost = FALSE;
     gint64 begin_us;
-    if (!settle(still, shot, error) || !check_battery(still, error) ||
-        !set_exposure(still, shot->exposure_us, error))
+    if (!settle(still, shot, error))
         return NULL;
-    clear_events(still);
+    clear_events(
+        still); /* before the settings, which the library reads again only after an event */
+    if (!check_battery(still, error) || !set_all(still, shot->exposure_us, error))
+        return NULL;
     if (!trigger(still, shot, shot->deadline_us - LOOK_US - shot->exposure_us - trigger_us,
                  &begin_us, &lost, error))
         return NULL;

@@ -34,6 +34,13 @@ static void read_values(JsonObject *values) {
         fuzz_check(ok, &error);
         for (int k = 0; ok && k < 4; k++)
             g_assert_true(flags[k] == TRUE || flags[k] == FALSE);
+        g_autofree gint64 *integers = NULL;
+        int n = 0;
+        ok = message_integers(values, names[i], 1, 1024, &integers, &n, &error);
+        fuzz_check(ok, &error);
+        g_assert_true(!ok || n > 0);
+        for (int k = 0; ok && k < n; k++)
+            g_assert_true(integers[k] >= 1 && integers[k] <= 1024);
         g_autofree char *text = message_text(values, names[i]);
         check_text(text);
         message_has(values, names[i], "silence");

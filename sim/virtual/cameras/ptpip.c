@@ -401,7 +401,7 @@ static guint16 trigger(VirtualPtpip *camera) {
     *shot = (struct shot){
         .camera = camera,
         .exposure = {.n = (guint64)camera->state.triggers,
-                     .start_us = g_get_monotonic_time(),
+                     .start_us = g_get_monotonic_time() + camera->faults.slow_us,
                      .exposure_us = find_property(camera, SHUTTER)->value * SHUTTER_US},
         .incomplete = take_fault(&camera->faults.incomplete),
         .unsaid = take_fault(&camera->faults.unsaid),
@@ -886,6 +886,18 @@ void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret) 
     ret->on_card = (int)camera->objects->len - 1; /* without the folder */
     ret->shutter_us = find_property(camera, SHUTTER)->value * SHUTTER_US;
     ret->iso = (int)find_property(camera, ISO)->value;
+}
+
+void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso) {
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
+    const struct {
+        guint16 code;
+        guint32 value;
+    } dials[] = {{SHUTTER, (guint32)(shutter_us / SHUTTER_US)}, {ISO, (guint32)iso}};
+    for (gsize i = 0; i < G_N_ELEMENTS(dials); i++) {
+        find_property(camera, dials[i].code)->value = dials[i].value;
+        send_event(camera, PROPERTY_CHANGED, dials[i].code);
+    }
 }
 
 void virtual_ptpip_put(VirtualPtpip *camera, const char *name) {

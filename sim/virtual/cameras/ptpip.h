@@ -39,6 +39,7 @@ struct virtual_ptpip_faults {
     int dropped;             /* downloads in whose middle all connections end */
     int stalled;             /* downloads in whose middle the camera stops to answer */
     gboolean full;           /* the card is full */
+    gint64 slow_us;          /* delay from the trigger to the exposure */
     gboolean neighbour;      /* a shutter time that is set becomes the next one of the list */
     gboolean refuses;        /* the camera refuses connections by a PTP/IP packet */
     gboolean deaf;           /* the camera accepts connections and answers nothing */
@@ -66,6 +67,9 @@ const char *virtual_ptpip_port(const VirtualPtpip *camera);
 
 void virtual_ptpip_fail(VirtualPtpip *camera, const struct virtual_ptpip_faults *faults);
 void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret);
+
+/* Changes shutter time and ISO speed, as if somebody had turned the dials of the camera. */
+void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso);
 
 /* Puts a picture on the card, as if somebody had taken it by hand. It makes no event. */
 void virtual_ptpip_put(VirtualPtpip *camera, const char *name);

@@ -199,6 +199,7 @@ static const struct fault {
     {"complete-first", {.complete_first = TRUE}, 4000, NULL},
     {"late", {.late = 1, .late_exposures = 2}, 250000, NULL},
     {"late-after-short", {.late = 1, .late_exposures = 50}, 4000, NULL},
+    {"slow", {.slow_us = 90000}, 4000, NULL},
     {"unsaid", {.unsaid = 1}, 4000, NULL},
     {"unsaid-and-incomplete", {.unsaid = 1, .incomplete = 1}, 4000, NULL},
     {"blind", {.blind = 1}, 4000, "the camera has taken no picture"},
@@ -283,6 +284,17 @@ TEST(by_hand) {
     fail(&bench, (struct virtual_ptpip_faults){.unsaid = 1});
     shoot_well(&bench, 2, 4000);
     g_assert_cmpint(state_of(&bench).on_card, ==, 1);
+    end(&bench);
+}
+
+/* Somebody turns the dials between two pictures: they are set back. */
+TEST(dials) {
+    struct bench bench;
+    begin(&bench, &usual, "iso = 200\n");
+    shoot_well(&bench, 1, 4000);
+    virtual_ptpip_turn_dials(bench.device, 100000, 800);
+    shoot_well(&bench, 2, 4000);
+    g_assert_cmpint(state_of(&bench).iso, ==, 200);
     end(&bench);
 }
 
