@@ -900,7 +900,10 @@ void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso) 
     }
 }
 
-void virtual_ptpip_put(VirtualPtpip *camera, const char *name) {
+void virtual_ptpip_put(VirtualPtpip *camera, const char *name, gboolean says) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
-    add_object(camera, g_strdup(name), FORMAT_DNG, g_bytes_new("by hand", 7));
+    const guint32 handle =
+        add_object(camera, g_strdup(name), FORMAT_DNG, g_bytes_new("by hand", 7));
+    if (says)
+        say_added(camera, handle);
 }

@@ -228,7 +228,10 @@ static void run_fault(gconstpointer data) {
     }
     fail(&bench, (struct virtual_ptpip_faults){0});
     configure(&bench, 4000);
-    recover(&bench, 3);
+    if (fault->says)
+        recover(&bench, 3);
+    else
+        shoot_well(&bench, 3, 4000);
     shoot_well(&bench, 4, 4000);
     g_assert_cmpint(state_of(&bench).on_card, ==, fault->left);
     end(&bench);
@@ -276,14 +279,63 @@ TEST(settings) {
 TEST(by_hand) {
     struct bench bench = {.clock = clock_new_real()};
     bench.device = ok(virtual_ptpip_new(&usual, ERR));
-    virtual_ptpip_put(bench.device, "HAND0001.DNG");
+    virtual_ptpip_put(bench.device, "AAA_0001.DNG", FALSE);
+    virtual_ptpip_put(bench.device, "ZZZ_0001.DNG", FALSE);
     ok(open_bench(&bench, "", ERR));
     configure(&bench, 4000);
     ok(camera_arm(bench.camera, ERR));
     shoot_well(&bench, 1, 4000);
     fail(&bench, (struct virtual_ptpip_faults){.unsaid = 1});
     shoot_well(&bench, 2, 4000);
+    g_assert_cmpint(state_of(&bench).on_card, ==, 2);
+    end(&bench);
+}
+
+/* A picture that comes before the exposure can be over was taken by hand. */
+TEST(by_hand_meanwhile) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    configure(&bench, 500000);
+    bench.n_ended = 0;
+    ok(camera_trigger(bench.camera, 1, ERR));
+    UNTIL (state_of(&bench).triggers == 2)
+        conformance_pass(bench.clock, 0.001);
+    virtual_ptpip_put(bench.device, "HAND0001.DNG", TRUE);
+    conformance_wait(bench.clock, &bench.n_ended, 1, 60);
+    g_assert_no_error(bench.error);
+    g_assert_cmpint(bench.frame->pixels[1], ==, expected(BLACK + 2));
     g_assert_cmpint(state_of(&bench).on_card, ==, 1);
+    end(&bench);
+}
+
+/* The picture that was given up is taken from the card. */
+TEST(given_up_exposing) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    configure(&bench, 250000);
+    ok(camera_trigger(bench.camera, 1, ERR));
+    UNTIL (state_of(&bench).triggers == 2)
+        conformance_pass(bench.clock, 0.001);
+    camera_disarm(bench.camera);
+    configure(&bench, 4000);
+    shoot_well(&bench, 2, 4000);
+    g_assert_cmpint(state_of(&bench).triggers, ==, 3);
+    g_assert_cmpint(state_of(&bench).on_card, ==, 0);
+    end(&bench);
+}
+
+/* A trigger that was given up while the camera was busy is not given again. */
+TEST(given_up_busy) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    fail(&bench, (struct virtual_ptpip_faults){.busy = G_MAXINT});
+    ok(camera_trigger(bench.camera, 1, ERR));
+    conformance_pass(bench.clock, 0.2);
+    camera_disarm(bench.camera);
+    conformance_pass(bench.clock, 0.2);
+    fail(&bench, (struct virtual_ptpip_faults){0});
+    shoot_well(&bench, 2, 4000);
+    g_assert_cmpint(state_of(&bench).triggers, ==, 2);
     end(&bench);
 }
 
