@@ -19,6 +19,7 @@
 #define MIN_BATTERY  5                     /* percent */
 #define MIN_CARD_KB  1024
 #define COMPANION_US (G_USEC_PER_SEC / 2) /* shortest time to wait for a raw file after a JPEG */
+#define DATE_US      (3 * G_USEC_PER_SEC) /* largest error of the date of a file */
 #define LOOK_US      G_USEC_PER_SEC       /* time before the deadline for a look at the card */
 #define USB_DEVICES  "/sys/bus/usb/devices"
 #define PTPIP_MODEL  "PTP/IP Camera"
@@ -41,7 +42,13 @@ struct Still {
     gint64 set_us;          /* exposure that is set; 0 if that is not known */
     GHashTable *known;      /* paths of the files on the card that are no new pictures */
     gboolean is_first, raw; /* is_first: it is not known yet whether pictures are raw files */
-    gboolean abandoned;     /* the picture of a shot that was given up may still come */
+    /* Difference between the camera's clock and ours, from the first picture. A file that was found
+     * on the card is only taken or removed if the camera dates it to the shot, because somebody may
+     * have exchanged the card. */
+    gint64 clock_us;
+    gboolean has_clock;
+    gboolean abandoned;  /* the picture of a shot that was given up may still come */
+    gint64 abandoned_us; /* time of that shot */
     gint64 abandoned_until_us;
     char *stem; /* name of the last picture without its extension; NULL if there is none */
     gint64 battery_us;
@@ -251,11 +258,17 @@ static void remove_file(Still *still, const CameraFilePath *path) {
 }
 
 /* Appends the files of a folder and of its folders that are not known, and makes them known. */
-static void find_new(Still *still, const char *folder, GArray *to) {
+static gboolean find_new(Still *still, const char *folder, GArray *to, GError **error) {
     g_autoptr(Names) names = NULL, folders = NULL;
     gp_list_new(&names);
     gp_list_new(&folders);
-    gp_camera_folder_list_files(still->camera, folder, names, still->context);
+    begin_call(still);
+    int code = gp_camera_folder_list_files(still->camera, folder, names, still->context);
+    if (code >= GP_OK)
+        code = gp_camera_folder_list_folders(still->camera, folder, folders, still->context);
+    if (code < GP_OK)
+        return fail(error, "the folder %s of the camera's card cannot be read: %s", folder,
+                    reason(still, code));
     for (int i = 0; i < gp_list_count(names); i++) {
         CameraFilePath path = {0};
         g_strlcpy(path.folder, folder, sizeof path.folder);
@@ -263,11 +276,12 @@ static void find_new(Still *still, const char *folder, GArray *to) {
         if (g_hash_table_add(still->known, path_text(&path)))
             g_array_append_val(to, path);
     }
-    gp_camera_folder_list_folders(still->camera, folder, folders, still->context);
     for (int i = 0; i < gp_list_count(folders); i++) {
         g_autofree char *inner = g_build_filename(folder, found_model(folders, i), NULL);
-        find_new(still, inner, to);
+        if (!find_new(still, inner, to, error))
+            return FALSE;
     }
+    return TRUE;
 }
 
 static char *stem_of(const char *name) {
@@ -284,17 +298,40 @@ static gboolean is_picture(Still *still, const CameraFilePath *path) {
     return FALSE;
 }
 
-/* Connects the camera again and looks for new pictures on its card. Returns them, or NULL with an
- * error. */
-static GArray *look_again(Still *still, GError **error) {
+/* Returns when the camera dates a file, by its own clock. Returns 0 if it gives no date. */
+static gint64 date_us(Still *still, const CameraFilePath *path) {
+    CameraFileInfo info = {0};
+    if (gp_camera_file_get_info(still->camera, path->folder, path->name, &info, still->context) <
+            GP_OK ||
+        !(info.file.fields & GP_FILE_INFO_MTIME))
+        return 0;
+    return (gint64)info.file.mtime * G_USEC_PER_SEC;
+}
+
+/* Returns whether a file was made by a shot at begin_us. The first picture has no date to compare
+ * with. */
+static gboolean is_of_shot(Still *still, const CameraFilePath *path, gint64 begin_us) {
+    const gint64 us = date_us(still, path);
+    return still->is_first ||
+           (still->has_clock && us > 0 && us - still->clock_us >= begin_us - DATE_US);
+}
+
+/* Connects the camera again and looks for pictures of a shot at begin_us on its card. Returns them,
+ * or NULL with an error. */
+static GArray *look_again(Still *still, gint64 begin_us, GError **error) {
     if (!still_connect(still, error))
         return NULL;
-    GArray *found = g_array_new(FALSE, FALSE, sizeof(CameraFilePath));
-    find_new(still, "/", found);
-    for (guint i = 0; i < found->len; i++)
-        if (!is_picture(still, &g_array_index(found, CameraFilePath, i)))
+    g_autoptr(GArray) found = g_array_new(FALSE, FALSE, sizeof(CameraFilePath));
+    if (!find_new(still, "/", found, error)) {
+        disconnect(still);
+        return NULL;
+    }
+    for (guint i = 0; i < found->len; i++) {
+        const CameraFilePath *path = &g_array_index(found, CameraFilePath, i);
+        if (!is_of_shot(still, path, begin_us) || !is_picture(still, path))
             g_array_remove_index(found, i--);
-    return found;
+    }
+    return g_steal_pointer(&found);
 }
 
 enum happening { NOTHING, PICTURE, COMPLETE, FULL, OTHER, LOST };
@@ -417,7 +454,7 @@ static gboolean list_exposures(Still *still, GError **error) {
                still->shutter);
 }
 
-/* The line of the summary that begins with a word. */
+/* Returns the serial number without the zeros before it. */
 static char *read_serial(Still *still) {
     g_autofree char *serial = setting_get(still->camera, still->context, "serialnumber");
     const char *digits = serial ? serial + strspn(serial, "0 ") : "";
@@ -451,7 +488,7 @@ static Still *still_new(const struct still_options *options) {
 
 Still *still_open(const struct still_options *options, GError **error) {
     g_autoptr(Still) still = still_new(options);
-    g_autoptr(GArray) found = look_again(still, error);
+    g_autoptr(GArray) found = look_again(still, 0, error);
     if (!found || !check_battery(still, error) || !check_card(still, error) ||
         !apply(still, error) || !list_exposures(still, error))
         return NULL;
@@ -521,9 +558,11 @@ static gboolean settle(Still *still, const struct still_shot *shot, GError **err
             return fail(error, "the camera still takes the picture that was given up before");
     }
     while (!still->camera || still->abandoned) {
-        g_autoptr(GArray) found = look_again(still, error);
+        g_autoptr(GArray) found = look_again(still, still->abandoned_us, error);
         if (!found)
             return FALSE;
+        if (!still->abandoned)
+            break;
         for (guint i = 0; i < found->len; i++)
             remove_file(still, &g_array_index(found, CameraFilePath, i));
         if (found->len > 0 || now_us() >= still->abandoned_until_us)
@@ -604,21 +643,29 @@ static gboolean trigger(Still *still, const struct still_shot *shot, gint64 late
     }
 }
 
-/* Looks for the picture on the card. Returns FALSE without an error if it is not there. */
-static gboolean look_for_picture(Still *still, CameraFilePath *ret, GError **error) {
-    g_autoptr(GArray) found = look_again(still, error);
+/* Looks for the picture on the card. Returns FALSE without an error if it is not there. The first
+ * picture may be a JPEG and a raw file, of which the raw file is taken. */
+static gboolean look_for_picture(Still *still, gint64 begin_us, CameraFilePath *ret,
+                                 GError **error) {
+    g_autoptr(GArray) found = look_again(still, begin_us, error);
     if (!found || found->len == 0)
         return FALSE;
     *ret = g_array_index(found, CameraFilePath, 0);
-    for (guint i = 1; i < found->len; i++) { /* the first picture may be a JPEG and a raw file */
-        CameraFilePath *other = &g_array_index(found, CameraFilePath, i);
-        if (!raw_is(ret->name) && raw_is(other->name)) {
+    g_autofree char *stem = stem_of(ret->name);
+    for (guint i = 1; still->is_first && i < found->len; i++) {
+        CameraFilePath other = g_array_index(found, CameraFilePath, i);
+        g_autofree char *other_stem = stem_of(other.name);
+        if (!g_str_equal(stem, other_stem))
+            return fail(error,
+                        "%u new pictures are on the card, and it is not known which of them "
+                        "is the one that was taken",
+                        found->len);
+        if (raw_is(other.name)) {
             const CameraFilePath jpeg = *ret;
-            *ret = *other;
-            *other = jpeg;
+            *ret = other;
+            other = jpeg;
         }
-        if (still->is_first)
-            remove_file(still, other);
+        remove_file(still, &other);
     }
     return TRUE;
 }
@@ -653,9 +700,9 @@ static gboolean await_picture(Still *still, const struct still_shot *shot, gint6
             return fail_shot(still, "the camera says that its card is full", error);
         if (happening == LOST) {
             lost = FALSE;
-            if (look_for_picture(still, ret, error) && can_be)
+            if (look_for_picture(still, begin_us, ret, error) && can_be)
                 return TRUE;
-            if (!still->camera)
+            if (error && *error)
                 return FALSE;
         }
         if (now_us() >= look_us)
@@ -663,7 +710,7 @@ static gboolean await_picture(Still *still, const struct still_shot *shot, gint6
         if (happening == NOTHING && !pause_shot(shot, error))
             return FALSE;
     }
-    if (has_jpeg || look_for_picture(still, ret, error))
+    if (has_jpeg || look_for_picture(still, begin_us, ret, error))
         return TRUE;
     if (error && *error)
         return FALSE;
@@ -693,8 +740,8 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
             return fail(error, "%s/%s cannot be copied from the camera: %s", from->folder,
                         from->name, what);
         g_printerr("mesorig-gphoto2: %s/%s: %s; trying again\n", from->folder, from->name, what);
-        g_autoptr(GArray) found = look_again(still, error);
-        if (!found)
+        g_autoptr(GArray) unused = look_again(still, 0, error);
+        if (!unused)
             return FALSE;
     }
 }
@@ -720,6 +767,15 @@ void still_idle(Still *still) {
         clear_events(still);
 }
 
+/* Takes the camera's clock from its first picture. */
+static void set_clock(Still *still, const CameraFilePath *path, gint64 taken_us) {
+    const gint64 us = still->is_first ? date_us(still, path) : 0;
+    if (us <= 0)
+        return;
+    still->clock_us = us - taken_us;
+    still->has_clock = TRUE;
+}
+
 char *still_shoot(Still *still, const struct still_shot *shot, GError **error) {
     const int trigger_us = still->options->trigger_ms * 1000;
     CameraFilePath path;
@@ -735,11 +791,13 @@ char *still_shoot(Still *still, const struct still_shot *shot, GError **error) {
                  &begin_us, &lost, error))
         return NULL;
     still->abandoned = TRUE;
+    still->abandoned_us = begin_us;
     still->abandoned_until_us =
         begin_us + trigger_us + 3 * shot->exposure_us + still->options->readout_ms * (gint64)1000;
     if (!await_picture(still, shot, begin_us, lost, &path, error))
         return NULL;
     still->abandoned = FALSE;
+    set_clock(still, &path, begin_us + shot->exposure_us);
     const char *dot = strrchr(path.name, '.');
     g_autofree char *name = g_strconcat("picture", dot ? dot : "", NULL);
     g_autofree char *to = g_build_filename(shot->folder, name, NULL);

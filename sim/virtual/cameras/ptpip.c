@@ -107,6 +107,7 @@ struct object {
     char *name;
     guint16 format;
     GBytes *data;
+    char *date; /* as PTP writes it: "20260131T235959" */
 };
 
 struct event { /* for Nikon's dialect, which polls events */
@@ -166,6 +167,7 @@ static void object_free(gpointer data) {
     struct object *object = data;
     g_free(object->name);
     g_bytes_unref(object->data);
+    g_free(object->date);
     g_free(object);
 }
 
@@ -247,7 +249,9 @@ static struct object *find_object(VirtualPtpip *camera, guint32 handle) {
 /* Takes the data. */
 static guint32 add_object(VirtualPtpip *camera, char *name, guint16 format, GBytes *data) {
     struct object *object = g_new0(struct object, 1);
-    *object = (struct object){++camera->last_handle, name, format, data};
+    g_autoptr(GDateTime) now = g_date_time_new_now_local();
+    *object = (struct object){++camera->last_handle, name, format, data,
+                              g_date_time_format(now, "%Y%m%dT%H%M%S")};
     g_ptr_array_add(camera->objects, object);
     return object->handle;
 }
@@ -466,8 +470,8 @@ static void put_object_info(const struct object *object, GByteArray *to) {
     put(to, 2, folder ? 1 : 0);
     put(to, 8, 0);
     put_text(to, object->name);
-    put_text(to, "20260101T000000");
-    put_text(to, "20260101T000000");
+    put_text(to, object->date);
+    put_text(to, object->date);
     put_text(to, "");
 }
 
@@ -900,10 +904,15 @@ void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso) 
     }
 }
 
-void virtual_ptpip_put(VirtualPtpip *camera, const char *name, gboolean says) {
+void virtual_ptpip_put(VirtualPtpip *camera, const char *name, const char *date, gboolean says) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
     const guint32 handle =
         add_object(camera, g_strdup(name), FORMAT_DNG, g_bytes_new("by hand", 7));
+    struct object *object = find_object(camera, handle);
+    if (date) {
+        g_free(object->date);
+        object->date = g_strdup(date);
+    }
     if (says)
         say_added(camera, handle);
 }

@@ -71,6 +71,7 @@ void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret);
 /* Changes shutter time and ISO speed, as if somebody had turned the dials of the camera. */
 void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso);
 
-/* Puts a file on the card, as if somebody had taken a picture by hand. It is no raw file. says says
- * whether the camera reports it by an event. */
-void virtual_ptpip_put(VirtualPtpip *camera, const char *name, gboolean says);
+/* Puts a file on the card, as if somebody had taken a picture by hand. It is no raw file. date
+ * is its date, such as "20200131T235959"; NULL means now. says says whether the camera reports it
+ * by an event. */
+void virtual_ptpip_put(VirtualPtpip *camera, const char *name, const char *date, gboolean says);

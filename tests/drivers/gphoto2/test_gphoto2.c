@@ -279,8 +279,8 @@ TEST(settings) {
 TEST(by_hand) {
     struct bench bench = {.clock = clock_new_real()};
     bench.device = ok(virtual_ptpip_new(&usual, ERR));
-    virtual_ptpip_put(bench.device, "AAA_0001.DNG", FALSE);
-    virtual_ptpip_put(bench.device, "ZZZ_0001.DNG", FALSE);
+    virtual_ptpip_put(bench.device, "AAA_0001.DNG", NULL, FALSE);
+    virtual_ptpip_put(bench.device, "ZZZ_0001.DNG", NULL, FALSE);
     ok(open_bench(&bench, "", ERR));
     configure(&bench, 4000);
     ok(camera_arm(bench.camera, ERR));
@@ -300,11 +300,34 @@ TEST(by_hand_meanwhile) {
     ok(camera_trigger(bench.camera, 1, ERR));
     UNTIL (state_of(&bench).triggers == 2)
         conformance_pass(bench.clock, 0.001);
-    virtual_ptpip_put(bench.device, "HAND0001.DNG", TRUE);
+    virtual_ptpip_put(bench.device, "HAND0001.DNG", NULL, TRUE);
     conformance_wait(bench.clock, &bench.n_ended, 1, 60);
     g_assert_no_error(bench.error);
+    g_assert_nonnull(bench.frame);
     g_assert_cmpint(bench.frame->pixels[1], ==, expected(BLACK + 2));
     g_assert_cmpint(state_of(&bench).on_card, ==, 1);
+    end(&bench);
+}
+
+/* The card is exchanged while the camera is off, and after a shot that was given up: pictures on
+ * the new card are neither taken nor removed. */
+TEST(other_card) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    configure(&bench, 250000);
+    ok(camera_trigger(bench.camera, 1, ERR));
+    conformance_pass(bench.clock, 0.05);
+    camera_disarm(bench.camera);
+    fail(&bench, (struct virtual_ptpip_faults){.unplugged = TRUE});
+    for (int i = 0; i < 5; i++) {
+        g_autofree char *name = g_strdup_printf("OLD_%04d.DNG", i);
+        virtual_ptpip_put(bench.device, name, "20200131T235959", FALSE);
+    }
+    fail(&bench, (struct virtual_ptpip_faults){.unsaid = 2});
+    configure(&bench, 4000);
+    recover(&bench, 2);
+    recover(&bench, 3);
+    g_assert_cmpint(state_of(&bench).on_card, ==, 5);
     end(&bench);
 }
 
@@ -371,6 +394,22 @@ TEST(raw_and_jpeg) {
     fail(&bench, (struct virtual_ptpip_faults){.unsaid = 1});
     shoot_well(&bench, 5, 4000);
     g_assert_cmpint(state_of(&bench).on_card, ==, 0);
+    end(&bench);
+}
+
+/* The first picture is not announced. */
+TEST(first_unsaid) {
+    struct bench bench = {.clock = clock_new_real()};
+    struct virtual_ptpip_options options = usual;
+    options.both = TRUE;
+    bench.device = ok(virtual_ptpip_new(&options, ERR));
+    virtual_ptpip_put(bench.device, "AAA_0001.DNG", NULL, FALSE);
+    fail(&bench, (struct virtual_ptpip_faults){.unsaid = 1});
+    ok(open_bench(&bench, "", ERR));
+    configure(&bench, 4000);
+    shoot_well(&bench, 1, 4000);
+    g_assert_cmpint(bench.camera->format.cfa, ==, CFA_RGGB);
+    g_assert_cmpint(state_of(&bench).on_card, ==, 1);
     end(&bench);
 }
 
