@@ -5,6 +5,8 @@
 
 #include "pictures/raw.h"
 
+#include <gphoto2/gphoto2-setting.h>
+
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -39,7 +41,6 @@ struct Still {
     char *model, *serial;
     GArray *exposures;      /* of struct exposure */
     GArray *exposures_us;   /* of gint64 */
-    gint64 set_us;          /* exposure that is set; 0 if that is not known */
     GHashTable *known;      /* paths of the files on the card that are no new pictures */
     gboolean is_first, raw; /* is_first: it is not known yet whether pictures are raw files */
     /* Difference between the camera's clock and ours, from the first picture. A file that was found
@@ -311,9 +312,10 @@ static gint64 date_us(Still *still, const CameraFilePath *path) {
 /* Returns whether a file was made by a shot at begin_us. The first picture has no date to compare
  * with. */
 static gboolean is_of_shot(Still *still, const CameraFilePath *path, gint64 begin_us) {
+    if (still->is_first)
+        return TRUE;
     const gint64 us = date_us(still, path);
-    return still->is_first ||
-           (still->has_clock && us > 0 && us - still->clock_us >= begin_us - DATE_US);
+    return still->has_clock && us > 0 && us - still->clock_us >= begin_us - DATE_US;
 }
 
 /* Connects the camera again and looks for pictures of a shot at begin_us on its card. Returns them,
@@ -470,6 +472,16 @@ static char *read_model(Still *still) {
                                                     : g_steal_pointer(&model);
 }
 
+/* Makes the library read a setting whenever it is asked for. It keeps values for 2 s otherwise,
+ * also if the camera reports a change during a transfer. The library stores this in its own file of
+ * settings. */
+static void forbid_cache(void) {
+    char is[1024]; /* the library asks for this size */
+    char name[] = "ptp2", key[] = "cachetime", value[] = "0";
+    if (gp_setting_get(name, key, is) < GP_OK || strcmp(is, value) != 0)
+        gp_setting_set(name, key, value);
+}
+
 static Still *still_new(const struct still_options *options) {
     Still *still = g_new0(Still, 1);
     still->options = options;
@@ -479,6 +491,7 @@ static Still *still_new(const struct still_options *options) {
     g_array_set_clear_func(still->exposures, clear_exposure);
     still->exposures_us = g_array_new(FALSE, FALSE, sizeof(gint64));
     still->known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    forbid_cache();
     still->context = gp_context_new();
     gp_context_set_error_func(still->context, on_library_error, still);
     gp_abilities_list_new(&still->abilities);
@@ -534,10 +547,21 @@ static gboolean pause_shot(const struct still_shot *shot, GError **error) {
     return FALSE;
 }
 
-/* Waits for the picture of a shot that was given up, and removes it. If it is not announced, the
- * card is looked through. */
+/* Returns whether the camera still answers. */
+static gboolean answers(Still *still) {
+    CameraStorageInformation *stores = NULL;
+    int n = 0;
+    const int code = gp_camera_get_storageinfo(still->camera, &stores, &n, still->context);
+    free(stores);
+    return code >= GP_OK || code == GP_ERROR_NOT_SUPPORTED;
+}
+
+/* Connects a camera again that does not answer. Waits for the picture of a shot that was given up,
+ * and removes it. If it is not announced, the card is looked through. */
 static gboolean settle(Still *still, const struct still_shot *shot, GError **error) {
     CameraFilePath path;
+    if (still->camera && !answers(still))
+        disconnect(still);
     while (still->abandoned && now_us() < still->abandoned_until_us && still->camera) {
         switch (next_event(still, &path)) {
         case PICTURE:
@@ -593,24 +617,10 @@ static gboolean set_all(Still *still, gint64 us, GError **error) {
 
 /* Says why a trigger or a picture has failed. */
 static gboolean fail_shot(Still *still, const char *what, GError **error) {
-    GError *cause = NULL;
-    g_autofree char *said = g_strdup(what);
     still->battery_us = 0;
-    if (still->camera && check_card(still, &cause) && check_battery(still, &cause))
-        return fail(error, "%s", said);
-    if (!cause)
-        return fail(error, "%s", said);
-    g_propagate_error(error, cause);
-    return FALSE;
-}
-
-/* Returns whether the camera still answers. */
-static gboolean answers(Still *still) {
-    CameraStorageInformation *stores = NULL;
-    int n = 0;
-    const int code = gp_camera_get_storageinfo(still->camera, &stores, &n, still->context);
-    free(stores);
-    return code >= GP_OK || code == GP_ERROR_NOT_SUPPORTED;
+    if (still->camera && (!check_card(still, error) || !check_battery(still, error)))
+        return FALSE;
+    return fail(error, "%s", what);
 }
 
 /* Opens the shutter. A camera that is busy refuses the trigger, which is then given again.
@@ -715,9 +725,7 @@ static gboolean await_picture(Still *still, const struct still_shot *shot, gint6
     if (error && *error)
         return FALSE;
     still->abandoned = FALSE;
-    return fail_shot(still,
-                     "the camera has taken no picture; see that it shows manual focus and that its "
-                     "lens cap is off",
+    return fail_shot(still, "the camera has taken no picture; see that it is set to manual focus",
                      error);
 }
 
@@ -783,8 +791,7 @@ char *still_shoot(Still *still, const struct still_shot *shot, GError **error) {
     gint64 begin_us;
     if (!settle(still, shot, error))
         return NULL;
-    clear_events(
-        still); /* before the settings, which the library reads again only after an event */
+    clear_events(still);
     if (!check_battery(still, error) || !set_all(still, shot->exposure_us, error))
         return NULL;
     if (!trigger(still, shot, shot->deadline_us - LOOK_US - shot->exposure_us - trigger_us,

@@ -269,6 +269,7 @@ static void refuse_setting(const char *keys, const char *says) {
 TEST(settings) {
     refuse_setting("iso = 300\n", "does not offer iso = 300; the nearest value is 400");
     refuse_setting("aperture = 7\n", "does not offer f-number = 7; the nearest value is f/8");
+    refuse_setting("settings = imageformat\n", "“imageformat” is not NAME=VALUE");
     refuse_setting("settings = no-such=1\n", "the camera has no setting no-such");
     refuse_setting("settings = expprogram=Moonlight\n",
                    "does not offer expprogram = Moonlight; choose from: M, P");
@@ -359,6 +360,18 @@ TEST(given_up_busy) {
     fail(&bench, (struct virtual_ptpip_faults){0});
     shoot_well(&bench, 2, 4000);
     g_assert_cmpint(state_of(&bench).triggers, ==, 2);
+    end(&bench);
+}
+
+/* The camera is switched off and on while nothing is asked of it. */
+TEST(off_and_on) {
+    struct bench bench;
+    begin(&bench, &usual, "iso = 200\n");
+    shoot_well(&bench, 1, 4000);
+    fail(&bench, (struct virtual_ptpip_faults){.unplugged = TRUE});
+    conformance_pass(bench.clock, 0.1);
+    fail(&bench, (struct virtual_ptpip_faults){0});
+    shoot_well(&bench, 2, 4000);
     end(&bench);
 }
 
