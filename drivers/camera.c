@@ -95,6 +95,23 @@ static gboolean check_not_waiting(const Camera *camera, GError **error) {
                             "it still waits for the frame of its last trigger");
 }
 
+/* Returns the exposure time of the camera's list that is nearest, or exposure_us without a list. */
+static gint64 nearest_us(const Camera *camera, gint64 exposure_us) {
+    const struct camera_format *format = &camera->format;
+    gint64 nearest = exposure_us;
+    for (int i = 0; i < format->n_exposures; i++)
+        if (i == 0 || ABS(format->exposures_us[i] - exposure_us) < ABS(nearest - exposure_us))
+            nearest = format->exposures_us[i];
+    return nearest;
+}
+
+gboolean camera_can_expose(const Camera *camera, gint64 exposure_us) {
+    const gint64 nearest = nearest_us(camera, exposure_us);
+    return exposure_us >= camera->format.min_exposure_us &&
+           exposure_us <= camera->format.max_exposure_us &&
+           ABS(nearest - exposure_us) <= MAX(1, nearest / 1000);
+}
+
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error) {
     struct camera_state *state = camera->state;
     const struct camera_format *format = &camera->format;
@@ -107,6 +124,11 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
                                 " µs, only %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT " µs",
                                 settings->exposure_us, format->min_exposure_us,
                                 format->max_exposure_us);
+    if (!camera_can_expose(camera, settings->exposure_us))
+        return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                                "it cannot expose for %" G_GINT64_FORMAT
+                                " µs; the nearest time that it has is %" G_GINT64_FORMAT " µs",
+                                settings->exposure_us, nearest_us(camera, settings->exposure_us));
     if (!isfinite(settings->gain_db))
         return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
                                 "a gain of %g dB is not a finite number", settings->gain_db);

@@ -39,6 +39,10 @@ struct camera_format { /* filled by the driver's open() */
     /* The largest error of a frame's exposure_start_us. It is −1 if the error is not known, or if
      * the rows are exposed one after the other. */
     gint64 stamp_us;
+    /* The only exposure times that the camera has, for example the list of a DSLR. NULL if it has
+     * any time of its range. The driver owns them. */
+    const gint64 *exposures_us;
+    int n_exposures;
 };
 
 struct camera_settings {
@@ -86,6 +90,9 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data);
 /* Changes exposure and gain. Fails if the exposure is outside the camera's range, or while a
  * trigger waits. If the settings are the present ones, nothing is sent to the camera. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
+/* Returns whether the camera has this exposure time. A time such as 1/60 s may be rounded to
+ * microseconds in either direction. */
+gboolean camera_can_expose(const Camera *camera, gint64 exposure_us);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 

@@ -297,7 +297,7 @@ gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int 
                            struct sequencer_camera *state, const Frame *frame) {
     const gint64 us = sequencer_exposure_us(seq, shot, sub, state);
     if (shot->kind != SHOT_LAMP || sub != 0 || state->shortened >= seq->conf->retries ||
-        us / 4 < seq->devices->cameras[camera]->format.min_exposure_us)
+        !camera_can_expose(seq->devices->cameras[camera], us / 4))
         return FALSE;
     const double pct =
         100.0 * (double)radiance_saturated(frame) / ((double)frame->width * frame->height);

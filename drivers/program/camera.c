@@ -98,27 +98,9 @@ static void on_event(const char *event, JsonObject *values, gpointer data) {
         camera_report_fault(camera, program_lost_error(priv->program, values));
 }
 
-/* Returns whether the camera has this exposure time. A time in words, such as 1/60 s, may be
- * rounded to microseconds in either direction. */
-static gboolean check_exposure(const Camera *camera, gint64 exposure_us, GError **error) {
-    const struct program_camera *priv = camera->device.priv;
-    gint64 nearest_us = exposure_us;
-    for (int i = 0; i < priv->n_exposures; i++)
-        if (i == 0 || ABS(priv->exposures_us[i] - exposure_us) < ABS(nearest_us - exposure_us))
-            nearest_us = priv->exposures_us[i];
-    if (ABS(nearest_us - exposure_us) <= MAX(1, nearest_us / 1000))
-        return TRUE;
-    return device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
-                            "it cannot expose for %" G_GINT64_FORMAT
-                            " µs; the nearest time that it has is %" G_GINT64_FORMAT " µs",
-                            exposure_us, nearest_us);
-}
-
 gboolean program_camera_configure(Camera *camera, const struct camera_settings *settings,
                                   GError **error) {
     struct program_camera *priv = camera->device.priv;
-    if (!check_exposure(camera, settings->exposure_us, error))
-        return FALSE;
     if (settings->gain_db != 0 && !program_can(priv->program, "gain"))
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
                                 "%s has no gain" ERROR_ADVICE "use gain_db = 0",
@@ -180,13 +162,16 @@ static gboolean read_time(JsonObject *values, const char *name, gint64 *ret_us, 
 }
 
 /* Reads the list of exposure times, which may be missing. */
-static gboolean read_exposures(struct program_camera *priv, JsonObject *values, GError **error) {
+static gboolean read_exposures(struct program_camera *priv, JsonObject *values,
+                               struct camera_format *format, GError **error) {
     g_clear_pointer(&priv->exposures_us, g_free);
-    priv->n_exposures = 0;
     if (!json_object_has_member(values, "exposures_us"))
         return TRUE;
-    return message_integers(values, "exposures_us", 1, (gint64)MAX_US, &priv->exposures_us,
-                            &priv->n_exposures, error);
+    if (!message_integers(values, "exposures_us", 1, (gint64)MAX_US, &priv->exposures_us,
+                          &format->n_exposures, error))
+        return FALSE;
+    format->exposures_us = priv->exposures_us;
+    return TRUE;
 }
 
 static gboolean read_format(JsonObject *values, struct camera_format *ret, GError **error) {
@@ -245,7 +230,8 @@ gboolean program_camera_opened(Camera *camera, GError **error) {
     JsonObject *values = program_await(priv->program, error);
     if (!values)
         return FALSE;
-    if (!read_format(values, &camera->format, error) || !read_exposures(priv, values, error)) {
+    if (!read_format(values, &camera->format, error) ||
+        !read_exposures(priv, values, &camera->format, error)) {
         program_name_error(priv->program, error);
         return FALSE;
     }

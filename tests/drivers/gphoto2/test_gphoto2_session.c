@@ -26,6 +26,8 @@
 struct bench {
     const char *folder;
     int n_lamps;
+    double intensity;      /* of the lamps */
+    const char *exposures; /* of the session */
     World *world;
     VirtualPtpip *device;
     GRand *rand;
@@ -52,8 +54,8 @@ static void write_lamps(const struct bench *bench, gboolean rig, GString *to) {
             g_string_append_printf(to, "bank = bank\nindex = %d\n", i);
         g_string_append_printf(to,
                                "theta_deg = %d\nphi_deg = %d\ndistance_mm = 500\n"
-                               "intensity = 40\nexponent = 2\n",
-                               10 + 60 * i / MAX_LAMPS, 137 * i % 360);
+                               "intensity = %g\nexponent = 2\n",
+                               10 + 60 * i / MAX_LAMPS, 137 * i % 360, bench->intensity);
     }
 }
 
@@ -74,11 +76,13 @@ static void write_rig(const struct bench *bench) {
                     virtual_ptpip_port(bench->device));
     write_lamps(bench, TRUE, rig);
     text_file_write(bench->folder, "rig.conf", rig->str);
-    text_file_write(bench->folder, "session.conf",
-                    "[session]\nname = still\n[sample]\nwidth_mm = 50\nheight_mm = 50\n"
-                    "texels = 8\nreference_mm = 5\ndepth_mm = 5\n"
-                    "[views]\ndevices = all\n[lights]\ndevices = all\n"
-                    "[capture]\nexposures_us = 4000; 16000\ndark_frames = 1\nretries = 20\n");
+    g_autofree char *session =
+        g_strdup_printf("[session]\nname = still\n[sample]\nwidth_mm = 50\nheight_mm = 50\n"
+                        "texels = 8\nreference_mm = 5\ndepth_mm = 5\n"
+                        "[views]\ndevices = all\n[lights]\ndevices = all\n"
+                        "[capture]\nexposures_us = %s\ndark_frames = 1\nretries = 20\n",
+                        bench->exposures);
+    text_file_write(bench->folder, "session.conf", session);
 }
 
 /* Makes a camera of the world. */
@@ -154,18 +158,31 @@ static char *capture_session(struct bench *bench, const char *name, gboolean dis
     return path;
 }
 
+static void begin(struct bench *bench, const char *folder) {
+    bench->folder = folder;
+    bench->rand = g_rand_new_with_seed(41);
+    bench->told = g_string_new(NULL);
+    g_setenv("HOME", folder, TRUE); /* for the settings of libgphoto2 */
+    write_world(bench);
+    make_camera(bench);
+    write_rig(bench);
+}
+
+static void end(struct bench *bench) {
+    virtual_ptpip_free(bench->device);
+    world_unref(bench->world);
+    g_rand_free(bench->rand);
+    g_string_free(bench->told, TRUE);
+}
+
 TEST(disturbed) {
     TEMPORARY_FOLDER(folder);
     const char *wanted = g_getenv("MESORIG_LAMPS");
-    struct bench bench = {.folder = folder,
-                          .n_lamps = wanted ? MIN(atoi(wanted), MAX_LAMPS) : FEW_LAMPS,
-                          .rand = g_rand_new_with_seed(41),
-                          .told = g_string_new(NULL)};
+    struct bench bench = {.n_lamps = wanted ? MIN(atoi(wanted), MAX_LAMPS) : FEW_LAMPS,
+                          .intensity = 40,
+                          .exposures = "4000; 16000"};
     struct virtual_ptpip_state state;
-    g_setenv("HOME", folder, TRUE); /* for the settings of libgphoto2 */
-    write_world(&bench);
-    make_camera(&bench);
-    write_rig(&bench);
+    begin(&bench, folder);
     g_autofree char *calm = capture_session(&bench, "calm.session", FALSE);
     virtual_ptpip_state(bench.device, &state);
     g_assert_cmpint(state.on_card, ==, 0);
@@ -173,8 +190,23 @@ TEST(disturbed) {
     run_check_whole(disturbed);
     run_check_same_frames(calm, disturbed);
     g_assert_cmpint(bench.n_faults, >, 5);
-    virtual_ptpip_free(bench.device);
-    world_unref(bench.world);
-    g_rand_free(bench.rand);
-    g_string_free(bench.told, TRUE);
+    end(&bench);
+}
+
+/* A saturated picture is taken again at a quarter of its exposure, if the camera has that time. */
+TEST(saturated) {
+    static const struct {
+        const char *exposures;
+        gboolean has_quarter;
+    } cases[] = {{"16000", TRUE}, {"10000", FALSE}};
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        TEMPORARY_FOLDER(folder);
+        struct bench bench = {.n_lamps = 1, .intensity = 400, .exposures = cases[i].exposures};
+        begin(&bench, folder);
+        g_autofree char *session = capture_session(&bench, "bright.session", FALSE);
+        run_check_whole(session);
+        g_assert_cmpint(strstr(bench.told->str, "it is taken again at 4000 µs") != NULL, ==,
+                        cases[i].has_quarter);
+        end(&bench);
+    }
 }
