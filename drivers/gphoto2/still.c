@@ -246,16 +246,23 @@ static char *path_text(const CameraFilePath *path) {
     return g_build_filename(path->folder, path->name, NULL);
 }
 
-/* Removes a file from the card, unless pictures are to stay there. A file in the root folder is
- * only in the camera's memory. */
+/* Returns whether a file is only in the camera's memory. The library names such files capt0000 and
+ * so on, in the root folder, and begins again with each connection. */
+static gboolean is_in_memory(const CameraFilePath *path) {
+    return strcmp(path->folder, "/") == 0;
+}
+
+/* Removes a file from the card, unless pictures are to stay there. Its name may then come again. */
 static void remove_file(Still *still, const CameraFilePath *path) {
-    if (still->options->keep_on_card && strcmp(path->folder, "/") != 0)
+    g_autofree char *text = path_text(path);
+    if (still->options->keep_on_card && !is_in_memory(path))
         return;
     begin_call(still);
     const int code = gp_camera_file_delete(still->camera, path->folder, path->name, still->context);
-    if (code < GP_OK)
-        g_printerr("mesorig-gphoto2: %s/%s stays on the card: %s\n", path->folder, path->name,
-                   reason(still, code));
+    if (code >= GP_OK)
+        g_hash_table_remove(still->known, text);
+    else
+        g_printerr("mesorig-gphoto2: %s stays on the card: %s\n", text, reason(still, code));
 }
 
 /* Appends the files of a folder and of its folders that are not known, and makes them known. */
@@ -351,7 +358,7 @@ static enum happening next_event(Still *still, CameraFilePath *ret) {
     switch (type) {
     case GP_EVENT_FILE_ADDED: {
         *ret = *(CameraFilePath *)data;
-        const gboolean is_new = g_hash_table_add(still->known, path_text(ret));
+        const gboolean is_new = is_in_memory(ret) || g_hash_table_add(still->known, path_text(ret));
         return is_new && is_picture(still, ret) ? PICTURE : OTHER;
     }
     case GP_EVENT_CAPTURE_COMPLETE:

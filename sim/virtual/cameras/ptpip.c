@@ -367,7 +367,7 @@ static gpointer expose(gpointer data) {
     GBytes *picture = raw ? make_raw(camera, values) : make_jpeg(camera, values);
     GBytes *also = camera->options.both ? make_jpeg(camera, values) : NULL;
     g_mutex_lock(&camera->mutex);
-    const int number = ++camera->state.pictures;
+    const int number = ++camera->state.pictures * !camera->faults.same_name;
     if (also)
         first = add_object(camera, g_strdup_printf("DSC_%04d.JPG", number), FORMAT_JPEG, also);
     second = add_object(camera, g_strdup_printf("DSC_%04d.%s", number, raw ? "DNG" : "JPG"),

@@ -36,6 +36,7 @@ struct virtual_ptpip_faults {
     int late;       /* pictures whose ObjectAdded comes late_exposures exposures later */
     double late_exposures;
     gboolean complete_first; /* CaptureComplete is sent before ObjectAdded, not after it */
+    gboolean same_name;      /* every picture has the same name, as after a reset of the counter */
     int dropped;             /* downloads in whose middle all connections end */
     int stalled;             /* downloads in whose middle the camera stops to answer */
     gboolean full;           /* the card is full */

@@ -276,6 +276,18 @@ TEST(settings) {
     refuse_setting("shutter = f-stop\n", "offers no exposure times in the setting f-stop");
 }
 
+/* The camera gives the name of a picture that was removed to a new one. */
+TEST(same_name) {
+    struct bench bench;
+    begin(&bench, &usual, "");
+    fail(&bench, (struct virtual_ptpip_faults){.same_name = TRUE});
+    for (guint64 shot = 1; shot < 4; shot++)
+        shoot_well(&bench, shot, 4000);
+    fail(&bench, (struct virtual_ptpip_faults){.same_name = TRUE, .unsaid = 1});
+    shoot_well(&bench, 4, 4000);
+    end(&bench);
+}
+
 /* Pictures by hand are neither taken nor removed. */
 TEST(by_hand) {
     struct bench bench = {.clock = clock_new_real()};
