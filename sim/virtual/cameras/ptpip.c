@@ -66,6 +66,7 @@ enum {
     PROPERTY_CHANGED = 0x4006,
     STORE_FULL_EVENT = 0x400a,
     CAPTURE_COMPLETE = 0x400d,
+    NIKON_ADDED_IN_MEMORY = 0xc101,
 
     BATTERY = 0x5001,
     APERTURE = 0x5007, /* hundredths */
@@ -82,6 +83,7 @@ enum { TYPE_UINT8 = 2, TYPE_UINT16 = 4, TYPE_UINT32 = 6 };
 
 #define STORE         0x10001u
 #define FOLDER_HANDLE 0xd0000000u
+#define MEMORY_HANDLE 0xffff0001u /* of the picture in the memory of the camera */
 #define FOLDER_NAME   "100MESOR"
 #define MAX_PACKET    65536
 #define MAX_SENT      (256 * 1024) /* largest data of an operation that the camera receives */
@@ -351,7 +353,16 @@ static void wait_until(VirtualPtpip *camera, gint64 until_us) {
 }
 
 static void say_added(VirtualPtpip *camera, guint32 handle) {
-    send_event(camera, OBJECT_ADDED, handle);
+    send_event(camera, handle == MEMORY_HANDLE ? NIKON_ADDED_IN_MEMORY : OBJECT_ADDED, handle);
+}
+
+/* Moves a new picture from the card to the memory, where it replaces an earlier one. */
+static guint32 move_to_memory(VirtualPtpip *camera, guint32 handle) {
+    struct object *old = find_object(camera, MEMORY_HANDLE);
+    if (old)
+        g_ptr_array_remove(camera->objects, old);
+    find_object(camera, handle)->handle = MEMORY_HANDLE;
+    return MEMORY_HANDLE;
 }
 
 static gpointer expose(gpointer data) {
@@ -372,6 +383,8 @@ static gpointer expose(gpointer data) {
         first = add_object(camera, g_strdup_printf("DSC_%04d.JPG", number), FORMAT_JPEG, also);
     second = add_object(camera, g_strdup_printf("DSC_%04d.%s", number, raw ? "DNG" : "JPG"),
                         raw ? FORMAT_DNG : FORMAT_JPEG, picture);
+    if (camera->options.memory)
+        second = move_to_memory(camera, second);
     camera->exposing = FALSE;
     const gboolean first_complete = camera->faults.complete_first || shot->late;
     if (first_complete && !shot->incomplete)
@@ -516,6 +529,8 @@ static void put_handles(const VirtualPtpip *camera, guint32 parent, GByteArray *
     for (guint i = 0; i < camera->objects->len; i++) {
         const struct object *object = camera->objects->pdata[i];
         const guint32 in = object->format == FORMAT_FOLDER ? 0 : FOLDER_HANDLE;
+        if (object->handle == MEMORY_HANDLE)
+            continue;
         if (parent != 0 && in != (parent == 0xffffffff ? 0 : parent))
             continue;
         put(to, 4, object->handle);
@@ -572,6 +587,8 @@ static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GBy
             break;
         g_byte_array_append(data, g_bytes_get_data(object->data, NULL),
                             (guint)g_bytes_get_size(object->data));
+        if (parameter == MEMORY_HANDLE)
+            g_ptr_array_remove(camera->objects, object);
         return RESPONSE_OK;
     case GET_PROPERTY_DESC:
     case GET_PROPERTY:
@@ -887,7 +904,8 @@ void virtual_ptpip_fail(VirtualPtpip *camera, const struct virtual_ptpip_faults 
 void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
     *ret = camera->state;
-    ret->on_card = (int)camera->objects->len - 1; /* without the folder */
+    ret->on_card = (int)camera->objects->len - 1 -
+                   (find_object(camera, MEMORY_HANDLE) != NULL); /* without the folder */
     ret->shutter_us = find_property(camera, SHUTTER)->value * SHUTTER_US;
     ret->iso = (int)find_property(camera, ISO)->value;
 }

@@ -20,9 +20,10 @@ struct virtual_ptpip_options {
     double black_level;     /* black level of the raw file */
     VirtualPicture picture; /* NULL for a ramp that differs from picture to picture */
     gpointer data;
-    gboolean jpeg;  /* pictures are JPEG: grey, sRGB */
-    gboolean both;  /* each picture is a JPEG and then a raw file */
-    gboolean nikon; /* speaks Nikon's dialect: other operations, and events that are polled */
+    gboolean jpeg;   /* pictures are JPEG: grey, sRGB */
+    gboolean both;   /* each picture is a JPEG and then a raw file */
+    gboolean memory; /* with nikon: pictures stay in the camera's memory until they are copied */
+    gboolean nikon;  /* speaks Nikon's dialect: other operations, and events that are polled */
 };
 
 /* Faults from now on. Members of type int are numbers of operations that are still affected. They

@@ -478,6 +478,25 @@ TEST(nikon) {
     end(&bench);
 }
 
+/* Pictures are only in the camera's memory. Their names begin again with each connection. */
+TEST(nikon_memory) {
+    struct bench bench;
+    struct virtual_ptpip_options options = usual;
+    options.nikon = options.memory = TRUE;
+    begin(&bench, &options, "");
+    shoot_well(&bench, 1, 4000);
+    shoot_well(&bench, 2, 4000);
+    fail(&bench, (struct virtual_ptpip_faults){.unplugged = TRUE});
+    conformance_pass(bench.clock, 0.1);
+    fail(&bench, (struct virtual_ptpip_faults){0});
+    shoot_well(&bench, 3, 4000);
+    fail(&bench, (struct virtual_ptpip_faults){.dropped = 1});
+    recover(&bench, 4);
+    shoot_well(&bench, 5, 4000);
+    g_assert_cmpint(state_of(&bench).on_card, ==, 0);
+    end(&bench);
+}
+
 #define N_TOGETHER 4
 
 static gboolean all_ended(const struct bench *benches) {
