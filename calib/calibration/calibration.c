@@ -78,17 +78,27 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     return part;
 }
 
+static void turn_pair(double *x, double *y, double angle_rad) {
+    const double c = cos(angle_rad), s = sin(angle_rad), was = *x;
+    *x = c * was - s * *y;
+    *y = s * was + c * *y;
+}
+
 /* Rotates the n × n covariance C by angle_rad about z: C becomes T C Tᵀ. The rows and columns with
  * the indices `at` and `at + 1` belong to x and y. */
 static void turn_covariance(double *covariance, int n, int at, double angle_rad) {
-    const double c = cos(angle_rad), s = sin(angle_rad);
     for (int side = 0; side < 2; side++)
         for (int i = 0; i < n; i++) {
             double *x = covariance + (side ? i * n + at : at * n + i), *y = x + (side ? 1 : n);
-            const double was = *x;
-            *x = c * was - s * *y;
-            *y = s * was + c * *y;
+            turn_pair(x, y, angle_rad);
         }
+}
+
+/* Rotates the standard errors of x and y. Their covariance is not stored and is taken as 0. */
+static void turn_errors(double errors[2], double angle_rad) {
+    const double c = cos(angle_rad), s = sin(angle_rad), x = errors[0], y = errors[1];
+    errors[0] = hypot(c * x, s * y);
+    errors[1] = hypot(s * x, c * y);
 }
 
 /* A camera must give the same R p + t for the turned point p' = T p: therefore R becomes R Tᵀ, and
@@ -103,8 +113,12 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
             rotation->m[row][0] = turned.x;
             rotation->m[row][1] = turned.y;
         }
-        turn_covariance(&calibration->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS,
+        struct calibration_camera *errors = &calibration->cameras[i];
+        turn_covariance(&errors->covariance[0][0], CALIBRATION_CAMERA_PARAMETERS,
                         CALIBRATION_TURN_X, angle_rad);
+        for (gsize row = 0; row < G_N_ELEMENTS(errors->further_covariance); row++)
+            turn_pair(&errors->further_covariance[row][CALIBRATION_TURN_X],
+                      &errors->further_covariance[row][CALIBRATION_TURN_Y], angle_rad);
     }
     for (int i = 0; i < rig->n_lamps; i++) {
         rig->lamps[i].position_mm = rig_turn(rig->lamps[i].position_mm, angle_rad);
@@ -116,9 +130,12 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
         laser->position_mm = rig_turn(laser->position_mm, angle_rad);
         laser->axis = rig_turn(laser->axis, angle_rad);
         laser->normal = rig_turn(laser->normal, angle_rad);
+        turn_errors(calibration->lasers[i].position_mm, angle_rad);
     }
-    for (int i = 0; i < rig->n_fiducials; i++)
+    for (int i = 0; i < rig->n_fiducials; i++) {
         rig->fiducials[i].centre_mm = rig_turn(rig->fiducials[i].centre_mm, angle_rad);
+        turn_errors(calibration->fiducials[i].centre_mm, angle_rad);
+    }
     struct rig_swing *const swings[] = {&rig->arm, &rig->probe};
     for (gsize i = 0; i < G_N_ELEMENTS(swings); i++) {
         swings[i]->axis = rig_turn(swings[i]->axis, angle_rad);
@@ -137,6 +154,8 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
         pairs[k][0] = turned.x;
         pairs[k][1] = turned.y;
     }
+    turn_errors(calibration->arc.tilt_rad, angle_rad);
+    turn_errors(calibration->arc.centre_mm, angle_rad);
 }
 
 /* A newline follows each string in the hashed text, so the division into strings counts. */

@@ -159,8 +159,9 @@ typedef struct calibration Calibration;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 
 /* Turns the rig frame, so that every azimuth a becomes a + angle_rad. This turns cameras, lamps,
- * lasers, fiducials, the axes of arc, camera arm and light probe, the wobble, and the covariances
- * of cameras and lamps. Other standard errors are not changed. */
+ * lasers, fiducials, the axes of arc, camera arm and light probe, the wobble, and their errors. The
+ * covariance of the x and y of a laser, a fiducial or the arc's axis is not stored and counts
+ * as 0. */
 void calibration_turn(struct calibration *calibration, double angle_rad);
 
 /* Returns "cameras", "lights", "laser" or "radiometry". */

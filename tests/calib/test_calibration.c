@@ -166,6 +166,15 @@ TEST(turn) {
     struct calibration_camera *camera = &turned->cameras[1];
     /* A rotation about x only is known badly: in the turned frame, about (cos, sin). */
     camera->covariance[CALIBRATION_TURN_X][CALIBRATION_TURN_X] = 1;
+    camera->further_covariance[0][CALIBRATION_TURN_X] = 0.01;
+    camera->further_covariance[0][CALIBRATION_K4] = 1;
+    /* Errors along x only. */
+    double *const errors[] = {turned->lasers[0].position_mm, turned->fiducials[0].centre_mm,
+                              turned->arc.tilt_rad, turned->arc.centre_mm};
+    for (gsize i = 0; i < G_N_ELEMENTS(errors); i++) {
+        errors[i][0] = 2;
+        errors[i][1] = 0;
+    }
     calibration_turn(turned, angle);
     for (int i = 0; i < 27; i++) {
         const struct vec3 p = vec3(20 * (i % 3 - 1), 20 * (i / 3 % 3 - 1), 5 * (int)(i / 9));
@@ -199,6 +208,14 @@ TEST(turn) {
                                    c * s, 1e-5);
     g_assert_cmpfloat_with_epsilon(camera->covariance[CALIBRATION_TURN_Y][CALIBRATION_TURN_Y],
                                    s * s, 1e-5);
+    g_assert_cmpfloat_with_epsilon(camera->further_covariance[0][CALIBRATION_TURN_X], 0.01 * c,
+                                   1e-9);
+    g_assert_cmpfloat_with_epsilon(camera->further_covariance[0][CALIBRATION_TURN_Y], 0.01 * s,
+                                   1e-9);
+    for (gsize i = 0; i < G_N_ELEMENTS(errors); i++) {
+        g_assert_cmpfloat_with_epsilon(errors[i][0], 2 * c, 1e-9);
+        g_assert_cmpfloat_with_epsilon(errors[i][1], 2 * s, 1e-9);
+    }
     const double(*lamp)[3] = turned->lamps[0].position_covariance_mm2; /* was 1, 2, 3 */
     g_assert_cmpfloat_with_epsilon(lamp[0][0], c * c + 2 * s * s, 1e-9);
     g_assert_cmpfloat_with_epsilon(lamp[0][1], -c * s, 1e-9);
