@@ -267,7 +267,7 @@ static const struct {
 
 static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
     for (gsize i = 0; i < G_N_ELEMENTS(answers); i++) {
-        if (answers[i].request != (request & 0xffffffffu))
+        if (answers[i].request != request)
             continue;
         UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, answers[i].size, NULL);
         if (!data)
@@ -289,27 +289,29 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
     return ENOTTY;
 }
 
-/* Called when a program ends without closing the node. Its stream ends, and its buffers are
- * freed. */
-static void virtual_v4l2_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
-                                     gpointer user) {
-    VirtualV4l2 *camera = user;
-    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&camera->mutex);
-    if (camera->owner == client) {
-        virtual_stream_stop(camera);
-        camera->n_buffers = 0;
-        camera->owner = NULL;
-    }
+/* If the program that owns the buffers has closed the node or has ended, its stream ends, and its
+ * buffers are freed. umockdev 0.17 emits no client-vanished, so this is done before the next ioctl
+ * of another program. */
+static void free_buffers_of_vanished(VirtualV4l2 *camera) {
+    if (!camera->owner || umockdev_ioctl_client_get_connected(camera->owner))
+        return;
+    stream_off(camera, NULL);
+    camera->n_buffers = 0;
+    g_clear_object(&camera->owner);
 }
 
 static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
                                       gpointer user) {
     VirtualV4l2 *camera = user;
     UMockdevIoctlData *arg = umockdev_ioctl_client_get_arg(client);
+    const unsigned long request = umockdev_ioctl_client_get_request(client) & 0xffffffffu;
     g_mutex_lock(&camera->mutex);
-    int code = camera->sysfs
-                   ? virtual_v4l2_answer(camera, umockdev_ioctl_client_get_request(client), arg)
-                   : ENODEV;
+    free_buffers_of_vanished(camera);
+    int code = camera->sysfs ? virtual_v4l2_answer(camera, request, arg) : ENODEV;
+    if (code == 0 && request == VIDIOC_REQBUFS) {
+        g_clear_object(&camera->owner);
+        camera->owner = camera->n_buffers > 0 ? g_object_ref(client) : NULL;
+    }
     g_mutex_unlock(&camera->mutex);
     umockdev_ioctl_client_complete(client, code ? -1 : 0, code);
     return TRUE;
@@ -382,6 +384,7 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
     g_autofree char *sysfs = g_steal_pointer(&camera->sysfs);
     virtual_stream_stop(camera);
     camera->n_buffers = 0;
+    g_clear_object(&camera->owner);
     int fd = camera->fd;
     camera->fd = -1;
     g_mutex_unlock(&camera->mutex);
@@ -451,8 +454,6 @@ VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
     camera->testbed = testbed_ref();
     camera->handler = umockdev_ioctl_base_new();
     testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(virtual_v4l2_on_ioctl), camera);
-    testbed_connect(camera->handler, "client-vanished", G_CALLBACK(virtual_v4l2_on_vanished),
-                    camera);
     virtual_v4l2_plug(camera, config->number);
     return camera;
 }
@@ -486,6 +487,7 @@ void virtual_v4l2_free(VirtualV4l2 *camera) {
     g_mutex_lock(&camera->mutex);
     virtual_stream_wait(camera);
     g_mutex_unlock(&camera->mutex);
+    g_clear_object(&camera->owner);
     g_clear_object(&camera->handler);
     testbed_unref();
     world_unref(camera->world);

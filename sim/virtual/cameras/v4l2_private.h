@@ -34,7 +34,7 @@ struct VirtualV4l2 {
     char *node;                 /* "/dev/video0" */
     char *sysfs;                /* NULL if the camera is unplugged */
     int fd;                     /* descriptor of the mocked node */
-    UMockdevIoctlClient *owner; /* client that owns the buffers; not a reference */
+    UMockdevIoctlClient *owner; /* a reference to the client that owns the buffers, or NULL */
 
     GMutex mutex;
     GCond woken;

@@ -9,8 +9,11 @@
 #include "virtual/cameras/v4l2.h"
 #include "virtual/testbed.h"
 
+#include <fcntl.h>
 #include <linux/videodev2.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 /* Faults of the V4L2 driver against virtual cameras, in real time. */
 struct rig {
@@ -183,6 +186,29 @@ static void test_locked(void) {
     Camera *camera = ok(open_camera(clock, "", ERR));
     camera_close(camera);
     virtual_v4l2_free(device);
+}
+
+/* A program ends while its stream runs. As in the kernel, the stream ends with the program. */
+static void test_program_ends(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualV4l2) device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    struct v4l2_requestbuffers request = {
+        .count = 2, .type = (guint32)type, .memory = V4L2_MEMORY_MMAP};
+    struct v4l2_format format = {.type = (guint32)type};
+    const int fd = open("/dev/video0", O_RDWR | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    format.fmt.pix.pixelformat = V4L2_PIX_FMT_YUYV;
+    g_assert_cmpint(ioctl(fd, VIDIOC_S_FMT, &format), ==, 0);
+    g_assert_cmpint(ioctl(fd, VIDIOC_REQBUFS, &request), ==, 0);
+    g_assert_cmpint(ioctl(fd, VIDIOC_STREAMON, &type), ==, 0);
+    close(fd);
+    conformance_pass(clock, 0.05);
+    Camera *camera = ok(open_camera(clock, "", ERR));
+    const struct camera_settings settings = {2000, 0};
+    ok(camera_configure(camera, &settings, ERR));
+    ok(camera_arm(camera, ERR));
+    camera_close(camera);
 }
 
 /* Nobody waits for a frame: it is told at the next trigger, which ends in a fault. */
@@ -683,6 +709,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/v4l2/trigger/stale-from-future", test_stale_from_future);
     g_test_add_func("/v4l2/fault/unplugged", test_unplugged);
     g_test_add_func("/v4l2/locked", test_locked);
+    g_test_add_func("/v4l2/program-ends", test_program_ends);
     for (gsize i = 0; i < G_N_ELEMENTS(plain); i++)
         g_test_add(plain[i].name, struct rig, "", begin_plain, plain[i].run, end);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
