@@ -31,8 +31,11 @@ char *program_find(const char *name, GError **error) {
     if (!found)
         found = g_find_program_in_path(name);
     if (!found)
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither in the folder of this program nor in PATH: install it", name);
+        g_set_error(
+            error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
+            "%s is neither in the folder of this program, nor in ../libexec/mesorig relative "
+            "to it, nor in PATH: install it",
+            name);
     return found;
 }
 

@@ -93,7 +93,7 @@ static void test_none_inside(void) {
     g_autoptr(GError) error = NULL;
     g_setenv("PATH", "/no/such/folder", TRUE);
     g_assert_null(start(ADDRESS, NULL, &error));
-    assert_has(error->message, "neither in the folder of this program nor in PATH");
+    assert_has(error->message, "nor in ../libexec/mesorig relative to it, nor in PATH");
     g_clear_error(&error);
     beside_write_raw("mesorig", "#!/no/such/interpreter");
     g_autoptr(QueueItem) item = queue_item_new();

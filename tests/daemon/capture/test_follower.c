@@ -44,7 +44,8 @@ TEST(find__subprocess) {
     g_autoptr(GError) error = NULL;
     g_assert_null(program_find("mesorig-none", &error));
     g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
-    assert_has(error->message, "mesorig-none is neither in the folder of this program nor in PATH");
+    assert_has(error->message, "mesorig-none is neither in the folder of this program, nor in "
+                               "../libexec/mesorig relative to it, nor in PATH");
     g_clear_error(&error);
     beside_write("mesorig", NULL);
     g_autofree char *all = g_strdup(g_getenv("PATH"));
