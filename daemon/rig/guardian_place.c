@@ -145,8 +145,13 @@ gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_
             return FALSE;
         g_usleep(RETRY_US);
     }
-    g_printerr("mesorigd: guardian: another process holds the socket that marks the guardian of "
-               "this rig; continuing without the socket\n");
+    if (former == FORMER_STRANGER)
+        g_printerr("mesorigd: guardian: a process of another user holds the socket that marks the "
+                   "guardian of this rig; continuing without the socket\n");
+    else
+        g_printerr("mesorigd: guardian: the socket that marks the guardian of this rig was not "
+                   "free within %d s; continuing without the socket\n",
+                   (int)(TAKE_US / G_USEC_PER_SEC));
     return TRUE;
 }
 

@@ -8,11 +8,15 @@
 #include "lib/remove_tree.h"
 #include "lib/wait.h"
 #include "rig/guardian.h"
+#include "rig/guardian_place.h"
 #include "rig/safe_work.h"
 
 #include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #define WORLD SOURCE_DIR "/tests/small/world.conf"
@@ -226,6 +230,39 @@ static void test_gives_way(struct fixture *fixture, gconstpointer data) {
     guardian_end(start(fixture), GUARDIAN_SAFE);
 }
 
+/* Holds the socket of a rig's guardian and answers nobody, until it is killed. Returns its process
+ * when it holds the socket. */
+static pid_t hold_place(const char *rig) {
+    g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
+    struct sockaddr_un name = {.sun_family = AF_UNIX};
+    const int n =
+        g_snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "mesorigd-guardian-%s", sum);
+    const socklen_t size = (socklen_t)(G_STRUCT_OFFSET(struct sockaddr_un, sun_path) + 1 + n);
+    const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    g_assert_cmpint(bind(fd, (const struct sockaddr *)&name, size), ==, 0);
+    g_assert_cmpint(listen(fd, 8), ==, 0);
+    const pid_t pid = fork();
+    for (int asker; pid == 0 && (asker = accept(fd, NULL, NULL)) >= 0;)
+        close(asker);
+    close(fd);
+    return pid;
+}
+
+/* A process of the same user holds the socket without being a guardian. The guardian waits, says
+ * so, and works without the socket. */
+static void test_place_held(struct fixture *fixture, gconstpointer data) {
+    const pid_t holder = hold_place(fixture->rig);
+    struct place place;
+    gboolean at_work = TRUE;
+    pid_t other = 0;
+    g_assert_true(place_take(&place, fixture->rig, &at_work, &other));
+    g_assert_cmpint(place.listener, ==, -1);
+    g_assert_false(at_work);
+    assert_has(told->str, "was not free within 3 s; continuing without the socket");
+    kill(holder, SIGKILL);
+    g_assert_cmpint(waitpid(holder, NULL, 0), ==, holder);
+}
+
 /* A daemon that begins while the rig is being made safe gets it as soon as that is done. */
 static void test_taken_over(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
@@ -352,6 +389,7 @@ int main(int argc, char **argv) {
     ADD("/guardian/gives-way", test_gives_way, FALSE);
     ADD("/guardian/gives-way-frozen", test_gives_way, TRUE);
     ADD("/guardian/taken-over", test_taken_over, 0);
+    ADD("/guardian/place-held", test_place_held, 0);
     ADD("/safe-work/told", test_told, 0);
     ADD("/safe-work/crash", test_crash, 0);
     ADD("/safe-work/quiet", test_quiet, 0);
