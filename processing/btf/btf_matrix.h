@@ -80,5 +80,6 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error);
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const int *indices, float *ret, GError **error);
-/* Returns the hash of a view's values. */
+/* Returns the hash of the values of a view that btf_scratch_write() has written; 0 if it has not
+ * written the view. */
 guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view);

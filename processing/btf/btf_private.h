@@ -18,7 +18,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error);
 
-/* Writes n texels of a view from texel first on. The hash of the view is valid only if its texels
- * are written in order. Any thread; also while others read. */
+/* Writes n texels of a view from texel first on. Does not change the hash of the view. Any thread,
+ * also while others read or write other texels. */
 gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const float *values, GError **error);

@@ -15,7 +15,7 @@ struct btf_scratch {
     int fd;
     gsize row; /* number of values of a texel in a view */
     gsize n_texels;
-    guint64 *hashes; /* n_views: hash of the values written */
+    guint64 *hashes; /* n_views: hash of the values; 0 if they were not written together */
 };
 
 static gboolean io_error(GError **error, const char *what) {
@@ -74,28 +74,36 @@ static gboolean transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t a
     return TRUE;
 }
 
-gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
-                                const float *values, GError **error) {
+/* Writes n texels of a view. ret_hash, which may be NULL, gets the hash of the values written. */
+static gboolean write_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                           const float *values, guint64 *ret_hash, GError **error) {
     guint16 halves[PIECE];
     const gsize all = (gsize)n * scratch->row;
     off_t at = offset(scratch, view, (gsize)first);
-    if (first == 0)
-        scratch->hashes[view] = 0;
+    guint64 hash = 0;
     for (gsize i = 0; i < all; i += PIECE) {
         const gsize part = MIN(PIECE, all - i);
         exr_half_from_floats(halves, values + i, part);
-        scratch->hashes[view] =
-            XXH3_64bits_withSeed(halves, part * sizeof *halves, scratch->hashes[view]);
+        if (ret_hash)
+            hash = XXH3_64bits_withSeed(halves, part * sizeof *halves, hash);
         if (!transfer(scratch->fd, TRUE, (guint8 *)halves, part * sizeof *halves, at))
             return io_error(error, "writing");
         at += (off_t)(part * sizeof *halves);
     }
+    if (ret_hash)
+        *ret_hash = hash;
     return TRUE;
+}
+
+gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const float *values, GError **error) {
+    return write_rows(scratch, view, first, n, values, NULL, error);
 }
 
 gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *values,
                            GError **error) {
-    return btf_scratch_write_rows(scratch, view, 0, (int)scratch->n_texels, values, error);
+    return write_rows(scratch, view, 0, (int)scratch->n_texels, values, &scratch->hashes[view],
+                      error);
 }
 
 gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first, int n, float *ret,

@@ -1,6 +1,7 @@
 /* Where the rows of a local PCA come from: memory, a file, the memories of several processes; and
  * in which colours. */
 #include "base/data_error.h"
+#include "btf/btf_private.h"
 #include "codecs/lpca/lpca.h"
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
@@ -93,6 +94,10 @@ TEST(places) {
                             view + (i + 1) * row, sizeof(float) * row);
         g_assert_false(btf_scratch_place_rows(scratch, 1, 4, 4, places, back, &error));
         g_assert_nonnull(error);
+        /* Threads may write rows of the same view, so that only a whole view gets a hash. */
+        ok(btf_scratch_write_rows(scratch, 0, 0, 5, view, ERR));
+        g_assert_cmpuint(btf_scratch_hash(scratch, 0), ==, 0);
+        g_assert_cmpuint(btf_scratch_hash(scratch, 1), !=, 0);
         btf_scratch_free(scratch);
     }
 }
