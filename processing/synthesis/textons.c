@@ -156,7 +156,8 @@ struct texton_search {
     const struct texton_level *level;
     const int *members;  /* indices of texels in order of their texton */
     const int *starts;   /* n_textons + 1: index in members at which each texton begins */
-    const guint16 *near; /* for each texton its COUSINS + 1 nearest ones, beginning with itself */
+    const guint16 *near; /* for each texton its n_near nearest ones, beginning with itself */
+    int n_near;          /* COUSINS + 1, or n_textons if that is less */
 };
 
 /* Finds, for each texel of a row of the sample, the texels with the most similar neighbourhoods. */
@@ -170,8 +171,8 @@ static void texton_find_similar(int row, gpointer data) {
         float least[SIMILAR];
         for (int k = 0; k < SIMILAR; k++)
             least[k] = FLT_MAX;
-        for (int c = 0; c <= COUSINS; c++) {
-            const int texton = search->near[(COUSINS + 1) * level->textons[index] + c];
+        for (int c = 0; c < search->n_near; c++) {
+            const int texton = search->near[search->n_near * level->textons[index] + c];
             for (int m = search->starts[texton]; m < search->starts[texton + 1]; m++) {
                 const int other[2] = {search->members[m] % width, search->members[m] / width};
                 if (ABS(other[0] - x) + ABS(other[1] - row) > level->step)
@@ -183,10 +184,10 @@ static void texton_find_similar(int row, gpointer data) {
 }
 
 static gboolean texton_search(struct texton_level *level, const struct work *work, GError **error) {
-    const int n = level->n_textons, width = level->sample->width;
+    const int n = level->n_textons, n_near = MIN(COUSINS + 1, n), width = level->sample->width;
     g_autofree int *starts = g_new0(int, n + 2);
     g_autofree int *members = g_new(int, (gsize)level->columns *(gsize)level->rows);
-    g_autofree guint16 *near = g_new0(guint16, (gsize)(COUSINS + 1) * (gsize)n);
+    g_autofree guint16 *near = g_new0(guint16, (gsize)n_near * (gsize)n);
     for (int y = 0; y < level->rows; y++)
         for (int x = 0; x < level->columns; x++)
             starts[level->textons[y * width + x] + 2]++;
@@ -196,20 +197,20 @@ static gboolean texton_search(struct texton_level *level, const struct work *wor
         for (int x = 0; x < level->columns; x++)
             members[starts[level->textons[y * width + x] + 1]++] = y * width + x;
     for (int a = 0; a < n; a++)
-        for (int c = 0; c <= COUSINS; c++) {
+        for (int c = 0; c < n_near; c++) {
             float least = FLT_MAX;
             for (int b = 0; b < n; b++) {
                 gboolean taken = FALSE;
                 for (int before = 0; before < c; before++)
-                    taken = taken || near[(COUSINS + 1) * a + before] == b;
+                    taken = taken || near[n_near * a + before] == b;
                 const float square = level->squares[(gsize)a * (gsize)n + (gsize)b];
                 if (!taken && (square < least || (c == 0 && a == b))) {
                     least = c == 0 && a == b ? -1 : square;
-                    near[(COUSINS + 1) * a + c] = (guint16)b;
+                    near[n_near * a + c] = (guint16)b;
                 }
             }
         }
-    struct texton_search search = {level, members, starts, near};
+    struct texton_search search = {level, members, starts, near, n_near};
     return work_parallel(work, "textons", level->rows, texton_find_similar, &search, error);
 }
 
