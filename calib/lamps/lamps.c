@@ -195,19 +195,17 @@ static gboolean is_on_arc(const struct problem *problem, const struct lamp_sight
     return sight->lamp >= 0 && !problem->rig->lamps[sight->lamp].fixed;
 }
 
-/* Returns the range of the arc angles of all sights except those of fixed lamps: 2π minus the
- * largest gap between neighbours. Returns 0 if no lamp is on the arc. */
+/* Returns the range of the arc angles of the sights that depend on the arc: 2π minus the largest
+ * gap between neighbours. Returns 0 if no lamp is on the arc. */
 static double spread_rad(const struct problem *problem) {
     g_autofree double *turns = g_new(double, problem->n + 1);
-    gboolean any = FALSE;
     int n = 0;
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
-        any |= is_on_arc(problem, s);
-        if (s->lamp < 0 || is_on_arc(problem, s))
+        if (is_on_arc(problem, s))
             turns[n++] = s->arc_rad - 2 * G_PI * floor(s->arc_rad / (2 * G_PI));
     }
-    if (!any)
+    if (n == 0)
         return 0;
     qsort(turns, (gsize)n, sizeof *turns, fit_compare);
     double gap = turns[0] + 2 * G_PI - turns[n - 1];
