@@ -23,7 +23,6 @@ G_DEFINE_QUARK(laser_plane_error, laser_plane_error)
 #define MIN_SPREAD   0.02
 #define MAX_TILT_DEG 1.0 /* largest standard error of a plane that counts as determined */
 #define MIN_SIGMA_MM 1e-6
-#define POSE_STEP    1e-5 /* step of numerical derivatives: rad, or hundredths of a mm */
 #define DEG          (180 / G_PI)
 
 struct view { /* a photograph, with one set of camera parameters */
@@ -334,9 +333,10 @@ static double all_chi2(const struct view *views, const struct weights *weights, 
     return robust_median(sorted, n) / (2 * G_LN2);
 }
 
-/* Finds the plane through a pair of views that agrees best with all views, by the median of χ². */
-static void first_plane(const struct rig_camera *camera, const struct view *views, int n,
-                        struct weights *weights, struct rig_plane *ret) {
+/* Finds the plane through a pair of views that agrees best with all views, by the median of χ².
+ * Returns FALSE if the two lines of every pair are nearly one line. */
+static gboolean first_plane(const struct rig_camera *camera, const struct view *views, int n,
+                            struct weights *weights, struct rig_plane *ret) {
     g_autofree double *chi2 = g_new(double, n);
     g_autofree gboolean *others = g_new(gboolean, n);
     double least = INFINITY, expected;
@@ -357,18 +357,20 @@ static void first_plane(const struct rig_camera *camera, const struct view *view
             least = median;
             *ret = plane;
         }
+    return least < INFINITY;
 }
 
 /* Fits in rounds, and leaves out views that contradict the others. The first rounds leave out only
  * views with very large deviations, because the plane of a pair fits that pair better than the
- * others. */
+ * others. Returns FALSE if the lines do not determine a plane. */
 static gboolean fit_plane(const struct rig_camera *camera, const struct view *views, int n,
                           struct weights *weights, struct frame *ret_frame, struct rig_plane *plane,
                           double ret_covariance[3][3], double *ret_chi2, double *ret_expected_mm) {
     static const double lenient[ROUNDS] = {100, 30, 10, 3, 1};
     g_autofree double *chi2 = g_new(double, n);
     double spread, length;
-    first_plane(camera, views, n, weights, plane);
+    if (!first_plane(camera, views, n, weights, plane))
+        return FALSE;
     for (int round = 0; round < ROUNDS; round++) {
         weigh(camera, views, n, plane->normal, weights, ret_expected_mm);
         const double median = MAX(all_chi2(views, weights, n, plane, chi2), 1);
