@@ -354,7 +354,7 @@ char *monitor_summary(const Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     g_autofree char *retakes = retakes_text(rig);
     g_autofree char *times = time_text(monitor);
-    return g_strdup_printf("%d of %d shots, %" G_GINT64_FORMAT " camera frames, %s, %s",
+    return g_strdup_printf("%d of %d shots, %" G_GINT64_FORMAT " camera frames in this run, %s, %s",
                            bus_rig1_get_shots_done(rig), bus_rig1_get_shots(rig),
                            bus_rig1_get_frames(rig), retakes, times);
 }

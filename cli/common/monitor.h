@@ -43,8 +43,8 @@ enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 /* Returns the reason for the pause; owned by the monitor. */
 const char *monitor_reason(const Monitor *monitor);
 
-/* Returns a text such as "3340 of 3340 shots, 51234 camera frames, no retakes, 2 h 48 min
- * simulated in 3 min 02 s"; g_free(). */
+/* Returns a text such as "3340 of 3340 shots, 51234 camera frames in this run, no retakes,
+ * 2 h 48 min simulated in 3 min 02 s"; g_free(). */
 char *monitor_summary(const Monitor *monitor);
 
 /* Adds the daemon's state as values, without a text. */

@@ -13,7 +13,7 @@ void status_say_progress(Record *to, BusRig1 *rig) {
     const guint64 end = bus_rig1_get_predicted_end(rig);
     record_say(to, "session    %s\n", bus_rig1_get_session(rig));
     record_say(to, "shots      %d of %d, %.1f{:%%}\n", done, shots, (double)done / shots);
-    record_say(to, "frames     %" G_GINT64_FORMAT ", %" G_GINT64_FORMAT " retakes\n",
+    record_say(to, "frames     %" G_GINT64_FORMAT " in this run, %" G_GINT64_FORMAT " retakes\n",
                bus_rig1_get_frames(rig), bus_rig1_get_retakes(rig));
     record_say(to, "disk       %" G_GINT64_FORMAT "{:size} of about %" G_GINT64_FORMAT "{:size}\n",
                (gint64)bus_rig1_get_bytes_stored(rig), (gint64)bus_rig1_get_bytes_expected(rig));

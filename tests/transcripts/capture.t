@@ -4,7 +4,7 @@ A capture says what it has done, and the session what it is. Progress is no resu
   $ mesorig capture rig.conf session.conf -o S
   calibration: none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)
   capture: all shots are taken
-  done: 13 of 13 shots, 144 camera frames, no retakes, 25 s simulated in … s
+  done: 13 of 13 shots, 144 camera frames in this run, no retakes, 25 s simulated in … s
   $ ls S
   capture.lock
   frames

@@ -118,7 +118,7 @@ TEST(resume) {
     g_auto(SessionConf) after = stored(run);
     g_assert_cmpstr(before.text, ==, after.text);
     assert_has(run->out, "done: 13 of 13 shots, ");
-    assert_has(run->out, " camera frames, ");
+    assert_has(run->out, " camera frames in this run, ");
     g_assert_null(strstr(run->out, "chosen from"));
     operator_free(run);
 }
