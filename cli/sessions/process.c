@@ -55,9 +55,11 @@ static void tell_result(Record *to, const struct pipeline_result *result,
                   result->n_views > 0 ? "," : ":", PLURAL(result->n_mdf_views, "view"),
                   result->mdf_coverage, result->mdf_predicted);
     if (result->n_views > 0)
-        record_say(to,
-                   ", eigen-maps with an error of %.2f{:%%} (mesorig compress makes closer files)",
-                   result->eigenmaps_error);
+        record_say(
+            to,
+            ", eigen-maps with an error of %.2f{:%%} at the measured directions (mesorig compress "
+            "makes closer files)",
+            result->eigenmaps_error);
     record_say(to, "\n");
     record_add(to, "%d{line_sweeps} %d{lines_found} %d{lines_disagree}", result->line_sweeps,
                result->lines_found, result->lines_disagree);

@@ -1,6 +1,7 @@
 /* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
- * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
- * read the same file. */
+ * how good, and what share of the peak the multiplications it needs come to. “error” is that of the
+ * values at the measured directions; “mesorig compare” also has directions that a method has not
+ * seen. Programs in peers/ read the same file. */
 #include "bench.h"
 #include "codecs/lpca/lpca.h"
 #include "compression_parts.h"

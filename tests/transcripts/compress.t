@@ -9,11 +9,11 @@ Local PCA:
   $ mesorig compress S -k 3 --components 2
   S/products/lpca.exr: done in … s: 3 clusters of 2 components, error 3.00 % at the measured directions (3.00 % before rounding), 1.2 kB, 1:5.19 of the BTF in half floats; 4.8 kB on disk
   $ mesorig info S/products/lpca.exr | head -1
-  local PCA: 8 × 8 texels, clusters × components 3 × 2 in half, of 4 views × 4 lights, mip levels: 1; error 3.00 %
+  local PCA: 8 × 8 texels, clusters × components 3 × 2 in half, of 4 views × 4 lights, mip levels: 1; error 3.00 % at the measured directions
   $ mesorig compress --json S/products/btf -k 2 --error 50% -q 8bit -o other.exr
   {"file": "other.exr", "method": "lpca", "texels": 64, "views": 4, "lights": 4, "clusters": 2, "components": 1, "grid": 0, "levels": 1, "holes": 0, "lower_bounds": 0, "btf_bytes": 6144, "bytes": 504, "file_bytes": 3812, "exact_error": 0.049, "error": 0.049, "real_s": …, "replaced": false}
   $ mesorig info other.exr | head -1
-  local PCA: 8 × 8 texels, clusters × components 2 × 1 in 8bit, of 4 views × 4 lights, mip levels: 1; error 5.00 %
+  local PCA: 8 × 8 texels, clusters × components 2 × 1 in 8bit, of 4 views × 4 lights, mip levels: 1; error 5.00 % at the measured directions
   $ mesorig compress S --grid 5 -k 1 --components 1 -o other.exr --force
   other.exr: done in … s: 1 cluster of 1 component on a grid of 5, error 21.95 % at the measured directions (16.66 % before the grid and rounding), 7.7 kB, 1:0.799 of the BTF in half floats; 10.9 kB on disk
   it replaces the “lpca” that Mesorig had written there
@@ -76,7 +76,7 @@ Other methods:
   $ mesorig compress S --method fields --components 1
   S/products/fields.exr: done in … s: fields of 1 lobe, luminance off by 0.0014 on average, error 0.66 % at the measured directions (0.66 % before rounding), 3.6 kB, 1:1.71 of the BTF in half floats; 5.5 kB on disk
   $ mesorig info S/products/fields.exr | head -1
-  fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights; error 0.66 %, luminance off by 0.0014
+  fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights; at the measured directions: error 0.66 %, luminance off by 0.0014
   $ mesorig compress --json S -m ashikhmin
   {"file": "S/products/ashikhmin.exr", "method": "ashikhmin", "texels": 64, "views": 4, "lights": 4, "clusters": 0, "components": 0, "grid": 0, "levels": 1, "holes": 0, "lower_bounds": 0, "btf_bytes": 6144, "bytes": 1792, "file_bytes": 4981, "exact_error": 0.059, "error": 0.059, "luminance_error": 0.006, "real_s": …, "replaced": false}
   $ mesorig compress S -m ptm --mips -o other.exr --force

@@ -78,8 +78,8 @@ char *texel_model_describe_file(const struct exr_file *file) {
     exr_get_int(first, "mesorig.height", &height, NULL);
     exr_get_double(first, "mesorig.error", &error, NULL);
     exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
-    return g_strdup_printf("%d × %d texels, of %d %s × %d %s; error %.2f %%, luminance off "
-                           "by %.4f",
+    return g_strdup_printf("%d × %d texels, of %d %s × %d %s; at the measured directions: "
+                           "error %.2f %%, luminance off by %.4f",
                            width, height, PLURAL(views->width, "view"),
                            PLURAL(lights->width, "light"), 100 * error, luminance);
 }

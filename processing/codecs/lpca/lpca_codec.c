@@ -304,7 +304,7 @@ static char *describe_file(const struct exr_file *file) {
         g_string_append_printf(text, "on a grid of %d", grid);
     else
         g_string_append_printf(text, "of %d views × %d lights", views->width, lights->width);
-    g_string_append_printf(text, "%s, mip levels: %d; error %.2f %%",
+    g_string_append_printf(text, "%s, mip levels: %d; error %.2f %% at the measured directions",
                            g_str_equal(colours, "log") ? ", in log-luminance" : "", levels,
                            100 * error);
     return g_string_free(text, FALSE);
