@@ -68,7 +68,7 @@ static void tell(Record *to, const struct mdf_compression *compression, double s
                "error %.3f{error_mm} mm RMS (%.3f texels), below %.3f{error_99_mm} mm for 99 %%; "
                "%" G_GINT64_FORMAT "{:size}, 1:%.1f of the views in 8 bit; %" G_GINT64_FORMAT
                "{:size} on disk\n",
-               result->error_mm, result->error_mm / compression->texel_mm, result->max_mm,
+               result->error_mm, result->error_mm / compression->texel_mm, result->error_99_mm,
                result->bytes, (double)raw_bytes / (double)result->bytes, compression->file_bytes);
     record_add(to, "%g{texel_mm} %g{real_s}", compression->texel_mm, seconds);
     cli_tell_output(to, compression->to);

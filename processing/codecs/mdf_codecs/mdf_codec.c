@@ -47,7 +47,7 @@ static gboolean maps_encode(const struct mdf_codec_job *job, struct mdf_codec_re
     ret->n_terms = factors->n_terms;
     ret->n_traced = factors->n_views - factors->n_measured;
     ret->bytes = mdf_factors_bytes(factors);
-    ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->max_mm);
+    ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->error_99_mm);
     return work_tell(job->work, "maps", 2, 3, begun_us, error) &&
            mdf_factors_write(job->to, factors, error);
 }
@@ -112,7 +112,7 @@ static gboolean views_encode(const struct mdf_codec_job *job, struct mdf_codec_r
         is = ok ? mdf_table_read(job->to, error) : NULL;
     }
     if (is)
-        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->max_mm);
+        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->error_99_mm);
     return ok && is != NULL;
 }
 

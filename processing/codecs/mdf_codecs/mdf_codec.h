@@ -21,9 +21,9 @@ struct mdf_codec_result {
     /* n_terms: number of maps; n_traced: number of views that were traced along the surface; both 0
      * if the file has no maps */
     int n_terms, n_traced;
-    gint64 bytes;    /* bytes in the memory of a renderer */
-    double error_mm; /* RMS over the measured, visible texels */
-    double max_mm;   /* 99th percentile of the absolute error */
+    gint64 bytes;       /* bytes in the memory of a renderer */
+    double error_mm;    /* RMS over the measured, visible texels */
+    double error_99_mm; /* 99th percentile of the absolute error */
 };
 
 struct mdf_codec {
