@@ -55,7 +55,7 @@ void exchange_tell_import(Record *to, const char *session, const struct import_r
                           double seconds) {
     record_say(to,
                "%s{session}: %d{views} %s × %d{lights} %s of %d{width} × %d{height} texels in "
-               "%g{:time}; eigen-maps with an error of %.2f{:%%}\n",
+               "%g{:time}; eigen-maps with an error of %.2f{:%%} at the measured directions\n",
                session, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
                result->width, result->height, seconds, result->eigenmaps_error);
     record_say_if(to, result->holes > 0,

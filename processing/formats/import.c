@@ -280,6 +280,14 @@ static struct eigenmaps *new_eigenmaps(const struct import *import) {
     return maps;
 }
 
+static gboolean write_computed(struct import *import, const char *path, struct eigenmaps *maps,
+                               double *ret_error, GError **error) {
+    if (!eigenmaps_compute(maps, give_column, import, ret_error, error))
+        return FALSE;
+    *ret_error = eigenmaps_rounded_error(maps, *ret_error);
+    return eigenmaps_write(path, maps, error);
+}
+
 static gboolean write_eigenmaps(struct import *import, double *ret_error, GError **error) {
     g_autofree char *path = session_file(import->session, "products/eigenmaps.exr");
     struct eigenmaps *maps = new_eigenmaps(import);
@@ -289,8 +297,7 @@ static gboolean write_eigenmaps(struct import *import, double *ret_error, GError
                              ? eigenmaps_write_view(path, maps, fill_map, import, error) &&
                                    work_tell(import->work, "eigenmaps", import->material->n_lights,
                                              import->material->n_lights, import->begun_us, error)
-                             : eigenmaps_compute(maps, give_column, import, ret_error, error) &&
-                                   eigenmaps_write(path, maps, error)) &&
+                             : write_computed(import, path, maps, ret_error, error)) &&
                         session_add_product(import->session, "products/eigenmaps.exr",
                                             import->material->source, error);
     eigenmaps_free(maps);

@@ -427,11 +427,13 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
         eigenmaps_product_new(session_name(session), run->catalogue, columns->views,
                               columns->n_views, MIN(run->options->n_eigenmaps, columns->n_views));
     course_begin(columns->run->course, TIME_LEFT_COLUMNS);
-    const gboolean ok = eigenmaps_compute(maps, get_column, columns, ret_error, error) &&
-                        eigenmaps_write(path, maps, error) &&
-                        session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
-                        set_number(session, "eigenmaps_error", *ret_error, error) &&
-                        session_set_value(session, "eigenmaps_inputs", inputs, error);
+    gboolean ok = eigenmaps_compute(maps, get_column, columns, ret_error, error);
+    if (ok)
+        *ret_error = eigenmaps_rounded_error(maps, *ret_error);
+    ok = ok && eigenmaps_write(path, maps, error) &&
+         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
+         set_number(session, "eigenmaps_error", *ret_error, error) &&
+         session_set_value(session, "eigenmaps_inputs", inputs, error);
     if (columns->asked < columns->to_ask) /* there were fewer passes than expected */
         course_end(columns->run->course, TIME_LEFT_COLUMNS, FALSE);
     course_end(columns->run->course, TIME_LEFT_FACTORS, ok && columns->asked >= columns->to_ask);

@@ -74,7 +74,7 @@ struct pipeline_result {
     int n_mdf_views;
     /* number of products that were damaged or missing, and are made again */
     int n_damaged;
-    double eigenmaps_error; /* relative error of the eigen-maps, ‖A − Â‖_F / ‖A‖_F */
+    double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F of the eigen-maps as they are in the file */
     /* share of the texels of all views that were measured in their own view */
     double mdf_coverage;
     double mdf_predicted; /* share of the texels that were predicted from other views */

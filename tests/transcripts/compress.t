@@ -56,7 +56,7 @@ Eigen-maps. A view takes 3 kB as floats.
   other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the existing file
   $ mesorig compress S -m eigenmaps -o matrix.exr
-  matrix.exr: done in … s: 4 eigen-maps, error 0.00 % at the measured directions (0.00 % before rounding), 6.2 kB, 1:0.99 of the BTF in half floats; 14.1 kB on disk
+  matrix.exr: done in … s: 4 eigen-maps, error 0.02 % at the measured directions (0.00 % before rounding), 6.2 kB, 1:0.99 of the BTF in half floats; 14.1 kB on disk
   $ cmp matrix.exr S/products/eigenmaps.exr
   $ mesorig compress S -m eigenmaps --memory 7kB --components 1 -o other.exr --force
   other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk

@@ -41,9 +41,7 @@ struct codec_result {
     /* numbers of clusters and of components (terms, lobes, …), and n of an n × n grid; 0 if
      * there are none */
     int clusters, components, grid;
-    /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file; for eigen-maps
-     * before */
-    double error;
+    double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file */
     double exact_error; /* ‖A − Â‖_F / ‖A‖_F before the numbers were rounded for the file */
     double luminance_error; /* mean |Y − Ŷ| of the luminance; −1 if the codec does not compute it */
     /* whether the size of the result is that of its file, not that in a renderer's memory */

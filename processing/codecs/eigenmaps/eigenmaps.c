@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "exr/exr.h"
+#include "exr/exr_half.h"
 
 #define MAX_MAPS 1024
 #define COLOURS  3
@@ -62,6 +63,27 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
     for (gsize i = 0; i < texels * COLOURS; i++)
         part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
     return TRUE;
+}
+
+/* The W_i are orthonormal, and the part of A that the maps lack is orthogonal to them. The squares
+ * of the errors therefore add, and ‖A‖² = Σ ‖E_i‖² / (1 − e²). */
+double eigenmaps_rounded_error(const struct eigenmaps *maps, double error) {
+    const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
+    g_autofree guint16 *halves = g_new(guint16, n);
+    g_autofree float *rounded = g_new(float, n);
+    double added = 0, all = 0;
+    for (int term = 0; term < maps->n_terms; term++)
+        for (gsize light = 0; light < maps->layout.lights.n; light++) {
+            const float *rgb = map(maps, term, light);
+            exr_half_from_floats(halves, rgb, n);
+            exr_half_to_floats(rounded, halves, n);
+            for (gsize i = 0; i < n; i++) {
+                const double value = (double)rgb[i], off = (double)rounded[i] - value;
+                added += off * off;
+                all += value * value;
+            }
+        }
+    return all > 0 ? sqrt(error * error + added / all * (1 - error * error)) : error;
 }
 
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {

@@ -41,6 +41,10 @@ typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, 
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
 
+/* Returns the error of the maps as the file stores them, with E_i in half floats. error is that of
+ * eigenmaps_compute(). */
+double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
+
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
  * eigenvalues of the Gram matrix are the squares of the singular values, so that singular values
  * down to 1e-8 of the largest are found. The half floats of the file have a relative precision of

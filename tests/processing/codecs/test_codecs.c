@@ -1,6 +1,8 @@
 /* What the contract promises of every codec in the table. */
+#include "base/data_error.h"
 #include "codecs/codec/compare.h"
 #include "codecs/codecs.h"
+#include "codecs/eigenmaps/eigenmaps_codec.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -122,6 +124,37 @@ static void test_round_trip(gconstpointer data) {
     exr_file_free(file);
     g_ptr_array_unref(result.levels);
     btf_matrix_free(btf);
+}
+
+/* Maps for all views have no error but that of the half floats of the file. A requested error is
+ * that of the file. */
+TEST(eigenmaps_rounding) {
+    static const struct work quiet;
+    const struct codec *codec = &eigenmaps_codec;
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BtfMatrix) btf = waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, 0.002, FALSE);
+    g_autofree gpointer options = g_malloc0(codec->options_size);
+    struct codec_job job = {.btf = btf, .options = options, .work = &quiet};
+    struct codec_result result = {0};
+    double found, luminance;
+    options_defaults(codec->options, options);
+    G_STRUCT_MEMBER(int, options, options_find(codec->options, "components")->offset) = VIEWS;
+    g_assert_true(ok(codec->encode(codec, &job, &result, ERR)));
+    g_assert_true(ok(codec->write(path, result.levels->pdata, 1, ERR)));
+    gpointer model = ok(codec->read(path, ERR));
+    g_assert_true(ok(compare_model(codec, model, btf, NULL, &found, &luminance, ERR)));
+    g_assert_cmpfloat(found, >, 1e-5);
+    g_assert_cmpfloat_with_epsilon(found, result.error, 0.01 * found);
+    g_assert_cmpfloat(result.exact_error, <, 0.01 * found);
+    codec->free(model);
+    g_clear_pointer(&result.levels, g_ptr_array_unref);
+
+    G_STRUCT_MEMBER(double, options, options_find(codec->options, "error")->offset) = 0.99 * found;
+    g_assert_false(codec->encode(codec, &job, &result, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "with rounding to half floats it is"));
 }
 
 /* Options as the command line writes them. */
