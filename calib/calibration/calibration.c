@@ -3,6 +3,7 @@
 
 #include "base/input_file.h"
 #include "base/output_file.h"
+#include "radiometry/fiducials.h"
 
 #include <gio/gio.h>
 #include <math.h>
@@ -316,6 +317,30 @@ gboolean calibration_sight(const struct calibration *calibration, int camera, st
             for (int i = 0; i < 4; i++)
                 ret_px2[i / 2][i % 2] += j[a][i / 2] * c[a][b] * j[b][i % 2];
     return TRUE;
+}
+
+double calibration_output_factor(const struct calibration *from, const struct calibration *to,
+                                 int camera, int lamp, double turntable_rad, double arc_rad) {
+    const struct calibration *const both[] = {from, to};
+    struct fiducial_scene scenes[2];
+    double sum = 0;
+    int n = 0;
+    for (int i = 0; i < 2; i++)
+        scenes[i] = (struct fiducial_scene){.rig = &both[i]->rig,
+                                            .camera = camera,
+                                            .lamp = lamp,
+                                            .turntable_rad = turntable_rad,
+                                            .arc_rad = arc_rad,
+                                            .radiometry = &both[i]->camera_radiometry[camera],
+                                            .lamp_radiometry = &both[i]->lamp_radiometry[lamp]};
+    for (int i = 0; i < MIN(from->rig.n_fiducials, to->rig.n_fiducials); i++) {
+        const double was = fiducials_white(&scenes[0], i), is = fiducials_white(&scenes[1], i);
+        if (was > 0 && is > 0) {
+            sum += was / is;
+            n++;
+        }
+    }
+    return n > 0 ? sum / n : 1;
 }
 
 /* Dates are UTC in ISO 8601. */

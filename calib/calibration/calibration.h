@@ -205,5 +205,12 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]);
 
+/* Returns the factor that turns an output of a lamp relative to the calibration `from` into the
+ * output relative to `to`. The output is that of fiducials (fiducials_measure()) in a picture of
+ * the camera. The factor is the mean of the ratio of the values expected of white, over the
+ * fiducials that both calibrations see. It is 1 if there are none. */
+double calibration_output_factor(const struct calibration *from, const struct calibration *to,
+                                 int camera, int lamp, double turntable_rad, double arc_rad);
+
 /* Returns the number of days since a part was calibrated, or −1 if it was not calibrated. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind);

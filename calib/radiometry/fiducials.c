@@ -55,9 +55,30 @@ struct measuring {
     double moment[2]; /* first moment of the surround: mean of (share of white × direction) */
 };
 
-static void set_nodes(struct measuring *m) {
-    const struct fiducial_scene *s = m->scene;
+/* Returns the value expected of white at a point p of the rig frame, which is at the pixel (x, y):
+ * DN per ms, before colour factors. */
+static double white_at(const struct fiducial_scene *s, double x, double y, struct vec3 p) {
+    const struct rig_camera *camera = &s->rig->cameras[s->camera];
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
+    const struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
+    return camera->response * radiometry_flat(camera, s->radiometry, x, y) / G_PI *
+           MAX(path.z / vec3_length(path), 0) *
+           rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
+}
+
+/* Computes the factors of white for the red, green and blue pixels that see a fiducial. */
+static void find_colours(const struct fiducial_scene *s, const struct rig_fiducial *fiducial,
+                         double ret[3]) {
+    for (int k = 0; k < 3; k++) {
+        ret[k] = fiducial->reflectance[k];
+        if (s->radiometry && s->radiometry->known)
+            ret[k] *= s->radiometry->colour[k];
+        if (s->lamp_radiometry && s->lamp_radiometry->known)
+            ret[k] *= s->lamp_radiometry->colour[k];
+    }
+}
+
+static void set_nodes(struct measuring *m) {
     m->node_x0 = m->x0;
     m->node_y0 = m->y0;
     m->step = CLAMP((int)hypot(m->camera->width, m->camera->height) / STEPS, 1, 8);
@@ -69,19 +90,10 @@ static void set_nodes(struct measuring *m) {
             int x = m->node_x0 + i * m->step, y = m->node_y0 + j * m->step;
             struct vec3 ray = rig_pixel_ray(m->camera, x, y);
             struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
-            struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
-            double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) /
-                           G_PI * MAX(path.z / vec3_length(path), 0) *
-                           rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
-            m->nodes[j * m->node_columns + i] = (struct node){p.x, p.y, white};
+            m->nodes[j * m->node_columns + i] =
+                (struct node){p.x, p.y, white_at(m->scene, x, y, p)};
         }
-    for (int k = 0; k < 3; k++) {
-        m->colour[k] = m->fiducial->reflectance[k];
-        if (s->radiometry && s->radiometry->known)
-            m->colour[k] *= s->radiometry->colour[k];
-        if (s->lamp_radiometry && s->lamp_radiometry->known)
-            m->colour[k] *= s->lamp_radiometry->colour[k];
-    }
+    find_colours(m->scene, m->fiducial, m->colour);
 }
 
 struct pixel {
@@ -380,6 +392,19 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
         g_free(m.nodes);
     }
     return n;
+}
+
+/* Half of the pixels of a colour filter are green. */
+double fiducials_white(const struct fiducial_scene *scene, int fiducial) {
+    const struct rig_camera *camera = &scene->rig->cameras[scene->camera];
+    const struct rig_fiducial *it = &scene->rig->fiducials[fiducial];
+    const struct vec3 p = rig_sample_point(scene->rig, scene->turntable_rad, it->centre_mm);
+    double x, y, colour[3];
+    if (!rig_project(camera, p, &x, &y) || x < 0 || y < 0 || x > camera->width - 1 ||
+        y > camera->height - 1)
+        return 0;
+    find_colours(scene, it, colour);
+    return white_at(scene, x, y, p) * (colour[0] + 2 * colour[1] + colour[2]) / 4;
 }
 
 /* The weighted mean is Σ o/σ² / Σ 1/σ², with the standard error 1 / √(Σ 1/σ²). */

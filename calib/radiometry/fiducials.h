@@ -36,6 +36,11 @@ struct fiducial_seen {
 int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,
                       GArray *seen);
 
+/* Returns the value expected at the centre of a fiducial if the lamp has its calibrated output: DN
+ * per ms, a mean over the colours. The outputs that fiducials_measure() finds are relative to it.
+ * Returns 0 if the centre is not in the picture or not lit. */
+double fiducials_white(const struct fiducial_scene *scene, int fiducial);
+
 /* Computes the mean output of n sightings (of one shot, by all cameras), weighted by their standard
  * errors. Returns FALSE, an output of 1 and an error of 0 if no sighting has an output. */
 gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,

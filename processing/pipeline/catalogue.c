@@ -41,6 +41,7 @@ void catalogue_free(struct catalogue *catalogue) {
     g_clear_pointer(&catalogue->rigs, g_hash_table_unref);
     g_free(catalogue->calibration);
     calibration_free(catalogue->known);
+    calibration_free(catalogue->captured);
     g_free(catalogue);
 }
 
@@ -81,6 +82,23 @@ static gboolean add_shot(struct catalogue *catalogue, struct session_shot *shot,
     return TRUE;
 }
 
+static double radians(double deg) {
+    return deg * (G_PI / 180);
+}
+
+/* The outputs of the lamps were measured relative to the calibration of the capture. */
+static double output_factor(const struct session_shot *shot, const char *camera, gpointer data) {
+    const struct catalogue *catalogue = data;
+    const struct rig *rig = &catalogue->rig;
+    const gboolean lit =
+        shot->kind == SHOT_LAMP && shot->device >= 0 && shot->device < rig->n_lamps;
+    for (int i = 0; lit && i < rig->n_cameras; i++)
+        if (strcmp(rig->cameras[i].name, camera) == 0)
+            return calibration_output_factor(catalogue->captured, catalogue->known, i, shot->device,
+                                             radians(shot->turntable_deg), radians(shot->arc_deg));
+    return 1;
+}
+
 /* Reads shots and frames again. All other members never change. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
     clear_rows(catalogue);
@@ -89,7 +107,11 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
         g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
     catalogue->frame_rows = session_frames(session, error);
     catalogue->shots = catalogue->frame_rows ? session_shots(session, error) : NULL;
-    catalogue->outputs = catalogue->shots ? outputs_load(session, catalogue->shots, error) : NULL;
+    catalogue->outputs =
+        catalogue->shots
+            ? outputs_load_relative(session, catalogue->shots,
+                                    catalogue->captured ? output_factor : NULL, catalogue, error)
+            : NULL;
     if (!catalogue->outputs)
         return FALSE;
     for (guint i = 0; i < catalogue->frame_rows->len; i++) {
@@ -124,8 +146,8 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
         calibration_free(other);
         return FALSE;
     }
-    calibration_free(catalogue->known);
     g_free(catalogue->calibration);
+    catalogue->captured = catalogue->known;
     catalogue->known = other;
     catalogue->calibration = g_strdup(instead);
     return TRUE;
@@ -173,10 +195,6 @@ struct catalogue *catalogue_load(Session *session, const char *calibration, GErr
     if (!do_load(catalogue, session, calibration, error))
         g_clear_pointer(&catalogue, catalogue_free);
     return catalogue;
-}
-
-static double radians(double deg) {
-    return deg * (G_PI / 180);
 }
 
 static const struct session_shot *find_shot(const struct catalogue *catalogue,

@@ -9,7 +9,8 @@
 
 struct catalogue {
     struct calibration *known;
-    struct rig rig; /* rig of the calibration */
+    struct calibration *captured; /* calibration of the capture, if known is another one; or NULL */
+    struct rig rig;               /* rig of the calibration */
     /* turntable angle in degrees (double) → struct rig as the sample sees it there; empty if the
      * turntable does not wobble */
     GHashTable *rigs;

@@ -30,7 +30,8 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
     return session_set_value(session, key, text, error);
 }
 
-static gboolean add_all(struct outputs *outputs, Session *session, GError **error) {
+static gboolean add_all(struct outputs *outputs, Session *session, const GPtrArray *shots,
+                        OutputsFactor factor, gpointer data, GError **error) {
     g_autoptr(GHashTable) values = session_values(session, PREFIX, error);
     GHashTableIter iter;
     gpointer key, value;
@@ -48,6 +49,11 @@ static gboolean add_all(struct outputs *outputs, Session *session, GError **erro
                                 "%s/session.db: the value %s = \"%s\" is not a lamp's output and "
                                 "its error",
                                 session_path(session), (char *)key, (char *)value);
+        if (factor) {
+            const double by = factor(g_ptr_array_index(shots, (guint)shot - 1), slash + 1, data);
+            output *= by;
+            own *= by;
+        }
         double weight = 1 / (own * own + CALIBRATION_ERROR * CALIBRATION_ERROR);
         outputs->of[shot].sum += weight * output;
         outputs->of[shot].weight += weight;
@@ -77,6 +83,11 @@ static double between(const struct outputs *outputs, gint64 shot) {
 }
 
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error) {
+    return outputs_load_relative(session, shots, NULL, NULL, error);
+}
+
+struct outputs *outputs_load_relative(Session *session, const GPtrArray *shots,
+                                      OutputsFactor factor, gpointer data, GError **error) {
     struct outputs *outputs = g_new0(struct outputs, 1);
     outputs->n = shots->len;
     outputs->of = g_new0(struct output, shots->len + 1);
@@ -85,7 +96,7 @@ struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **
         outputs->of[i + 1].value = 1;
         outputs->of[i + 1].lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
     }
-    if (!add_all(outputs, session, error)) {
+    if (!add_all(outputs, session, shots, factor, data, error)) {
         outputs_free(outputs);
         return NULL;
     }

@@ -17,6 +17,12 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
  * after it. It is 1 for a lamp without measured shots, and in sessions without fiducials. */
 struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
+/* Returns the factor of an output, to make it relative to another calibration than the session's.
+ */
+typedef double (*OutputsFactor)(const struct session_shot *shot, const char *camera, gpointer data);
+/* The same as outputs_load(), for processing with another calibration. */
+struct outputs *outputs_load_relative(Session *session, const GPtrArray *shots,
+                                      OutputsFactor factor, gpointer data, GError **error);
 void outputs_free(struct outputs *outputs); /* NULL is ignored */
 double outputs_of(const struct outputs *outputs, gint64 shot);
 /* Returns the standard error of a shot's output, or 0 if the output was not measured in this

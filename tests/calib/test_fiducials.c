@@ -1,3 +1,4 @@
+#include "calibration/calibration.h"
 #include "lib/radiometry_fixture.h"
 #include "lib/test.h"
 #include "radiometry/fiducials.h"
@@ -122,6 +123,19 @@ static void found(void) {
     g_assert_cmpfloat(sqrt(offsets.squares / offsets.n), <, 0.06);
 }
 
+/* The output that a camera's sightings at one angle of the turntable give; 0 if there is none. */
+static double output_of(const GArray *seen, int camera, double turn_rad) {
+    g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+    double output, error;
+    for (guint i = 0; i < seen->len; i++)
+        if (at(seen, i)->camera == camera && fabs(at(seen, i)->turntable_rad - turn_rad) < 1e-9)
+            g_array_append_vals(own, at(seen, i), 1);
+    return fiducials_output((struct fiducial_seen *)(void *)own->data, (int)own->len, &output,
+                            &error)
+               ? output
+               : 0;
+}
+
 static void check_one(int seed, const char *nudge, double slip_deg, struct fiducials_check *ret) {
     g_autoptr(World) world = fiducials_world(seed, nudge, 0);
     g_autoptr(GArray) seen = look(world, seed, slip_deg);
@@ -131,6 +145,46 @@ static void check_one(int seed, const char *nudge, double slip_deg, struct fiduc
     g_test_message("seed %d, %s, slip %g: %d seen, %.3f px: %s", seed, nudge ? nudge : "-",
                    slip_deg, ret->n_seen, ret->rms_px, text ? text : "nothing");
     g_assert_true((text != NULL) == (nudge || slip_deg != 0));
+}
+
+/* The factor between two calibrations is that of the outputs that the same pictures have with one
+ * and with the other. */
+TEST(other_calibration) {
+    g_autoptr(World) world = fiducials_world(3, NULL, 3);
+    g_autoptr(Calibration) one = calibration_new(&rig);
+    g_autoptr(GArray) before = look(world, 3, 0);
+    int n = 0;
+    for (int i = 0; i < 3; i++) {
+        one->camera_radiometry[i] = cameras[i];
+        one->lamp_radiometry[i] = lamps[i];
+        rig.cameras[i].response *= 1.02 - 0.03 * i;
+        rig.lamps[i].intensity *= 0.95 + 0.04 * i;
+        rig.lamps[i].exponent += 0.3;
+        cameras[i].colour[0] *= 1.01;
+    }
+    for (int i = 0; i < N_FIDUCIALS; i++)
+        for (int k = 0; k < 3; k++)
+            rig.fiducials[i].reflectance[k] = 0.85;
+    g_autoptr(Calibration) other = calibration_new(&rig);
+    for (int i = 0; i < 3; i++) {
+        other->camera_radiometry[i] = cameras[i];
+        other->lamp_radiometry[i] = lamps[i];
+    }
+    g_autoptr(GArray) after = look(world, 3, 0);
+    for (int lamp = 0; lamp < 3; lamp++)
+        for (int c = 0; c < 3; c++) {
+            const double turn_rad = (17 + 30 * lamp) * G_PI / 180;
+            const double arc_rad = (100 + 40.0 * lamp) * G_PI / 180;
+            const double factor = calibration_output_factor(one, other, c, lamp, turn_rad, arc_rad);
+            const double was = output_of(before, c, turn_rad), is = output_of(after, c, turn_rad);
+            g_test_message("lamp %d, camera %d: factor %.4f, outputs %.4f and %.4f", lamp, c,
+                           factor, was, is);
+            n += was > 0;
+            g_assert_cmpfloat_with_epsilon(was * factor, is, 2e-3);
+        }
+    g_assert_cmpint(n, >=, 6);
+    g_assert_cmpfloat(calibration_output_factor(one, one, 0, 0, 0.3, 1.8), ==, 1);
+    fiducials_rig();
 }
 
 TEST(nothing_moved) {

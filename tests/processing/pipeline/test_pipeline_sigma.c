@@ -4,6 +4,9 @@
 #include "lib/pipeline_fixture.h"
 
 #include "btf/btf_sigma.h"
+#include "session/outputs.h"
+
+#include <sqlite3.h>
 
 static const double exposures_ms[] = {2, 8, 27};
 enum { N_EXPOSURES = 3, LIMIT_DN = 4014, BLACK_DN = 60 };
@@ -248,6 +251,57 @@ static void test_scale_in_file(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpfloat(before.rms, ==, after.rms);
 }
 
+/* The calibration that the session was captured with. */
+static void set_captured(const struct fixture *fixture, const Calibration *calibration) {
+    g_autofree char *path = g_build_filename(fixture->path, "session.db", NULL);
+    g_autofree char *text = calibration_to_text(calibration);
+    char *sql =
+        sqlite3_mprintf("UPDATE text SET content = %Q WHERE name = 'calibration.conf'", text);
+    sqlite3 *db;
+    g_assert_cmpint(sqlite3_open(path, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_changes(db), ==, 1);
+    sqlite3_free(sql);
+    sqlite3_close(db);
+}
+
+static double mean_green(const char *path) {
+    g_autoptr(ExrPart) part = ok(exr_read_part(path, "light_0001", ERR));
+    double sum = 0;
+    for (int i = 0; i < TEXELS * TEXELS; i++)
+        sum += (double)exr_part_plane(part, "G")[i];
+    return sum / (TEXELS * TEXELS);
+}
+
+/* The lamp was 10 % brighter than in the calibration of the capture, as fiducials have shown. With
+ * another calibration, in which the lamp is as bright as it was, the values are the same. */
+static void test_outputs(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(Calibration) captured = calibrated(1), other = calibrated(1);
+    g_autofree char *path = fixture_product(fixture, "btf/view_0001.exr");
+    Calibration *const both[] = {captured, other};
+    for (int i = 0; i < 2; i++) {
+        both[i]->lamp_radiometry[0] = (struct radiometry_lamp){TRUE, {1, 1, 1}};
+        for (int c = 0; c < N_CAMERAS; c++)
+            both[i]->camera_radiometry[c] = (struct radiometry_camera){TRUE, {1, 1, 1}};
+        both[i]->rig.n_fiducials = 1;
+        both[i]->rig.fiducials[0] =
+            (struct rig_fiducial){"dot", vec3(0, 0, 5), 1, .reflectance = {0.9, 0.9, 0.9}};
+    }
+    captured->rig.lamps[0].intensity /= 1.1;
+    set_captured(fixture, captured);
+    fixture_capture(fixture, 0, fixture->n_shots, noisy);
+    Session *session = ok(session_open(fixture->path, SESSION_PRODUCTS, ERR));
+    for (int i = 0; i < fixture->n_shots; i++)
+        for (int c = 0; c < N_CAMERAS && fixture->shots[i].kind == SHOT_LAMP; c++)
+            ok(outputs_store(session, fixture->shots[i].id, captured->rig.cameras[c].name, 1.1,
+                             0.001, ERR));
+    session_close(session);
+    ok(process(fixture, captured, ERR));
+    const double same = mean_green(path);
+    ok(process(fixture, other, ERR));
+    g_assert_cmpfloat_with_epsilon(mean_green(path), same, 1e-3 * same);
+}
+
 /* Error bars change no value: a session without them has the same pictures. */
 static void test_values(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(Calibration) with = calibrated(1);
@@ -289,6 +343,7 @@ int main(int argc, char **argv) {
         {"/pipeline/sigma/scale", test_scale},
         {"/pipeline/sigma/scale-in-file", test_scale_in_file},
         {"/pipeline/sigma/values", test_values},
+        {"/pipeline/sigma/outputs", test_outputs},
         {"/pipeline/sigma/exposures", test_exposures},
     };
     return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
