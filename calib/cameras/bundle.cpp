@@ -168,7 +168,8 @@ struct MeanAngle final : ceres::CostFunction {
 };
 
 /* Gauge: the mean azimuth of the cameras' centres, relative to the nominal centres, is 0. With the
- * adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. */
+ * adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. A camera with a fixed pose
+ * counts as well. It stays at its nominal centre, so that its part is 0. */
 struct MeanAzimuth final : ceres::CostFunction {
     std::vector<const bundle_camera *> cameras;
 

@@ -38,7 +38,8 @@ struct synthesis {
 };
 
 /* Returns the file to write. Returns NULL with an error if it is a product of the session and
- * another process is making products. */
+ * another process is making products. This is only a check, so that the user learns early. The
+ * session stays free for other commands during the work, and the file has a lock of its own. */
 static char *output_path(const char *session, GError **error) {
     if (output)
         return g_strdup(output);

@@ -34,7 +34,8 @@ void bus_jobs_start(struct bus_jobs *jobs, struct preparer_request *request,
 gboolean bus_jobs_may_check(const struct bus_jobs *jobs, GDBusMethodInvocation *invocation,
                             GError **error);
 
-/* Returns the session directory of a Start or Resume that has not been answered yet, or NULL. */
+/* Returns the session directory of a Start or Resume that has not been answered yet, or of a
+ * session of the queue that is about to begin, or NULL. There is at most one of them. */
 const char *bus_jobs_beginning(const struct bus_jobs *jobs);
 
 /* Returns whether nothing is captured and no session is about to begin. The error is
@@ -42,9 +43,9 @@ const char *bus_jobs_beginning(const struct bus_jobs *jobs);
 gboolean bus_jobs_need_free(const struct bus_jobs *jobs, GError **error);
 
 /* Each function answers calls with BUS_ERROR_CANCELLED and kills the children that work for these
- * calls. bus_jobs_stop_begin() ends a Start or Resume, and returns FALSE if there is none.
- * bus_jobs_stop_all() ends all calls. bus_jobs_stop_client() ends the calls of a client that has
- * disconnected. */
+ * calls. bus_jobs_stop_begin() ends a Start or Resume, or the beginning of a session of the queue,
+ * and returns FALSE if there is none. bus_jobs_stop_all() ends all calls. bus_jobs_stop_client()
+ * ends the calls of a client that has disconnected. */
 gboolean bus_jobs_stop_begin(struct bus_jobs *jobs, const char *why);
 void bus_jobs_stop_all(struct bus_jobs *jobs, const char *why);
 void bus_jobs_stop_client(struct bus_jobs *jobs, GDBusConnection *connection);

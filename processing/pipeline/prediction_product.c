@@ -65,7 +65,9 @@ static struct vec3 product_unit(const struct exr_part *part, const char *of) {
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-/* Reads the directions and positions of a part, and whether it was left out. */
+/* Reads the directions and positions of a part, and whether it was left out. The position of a
+ * light in the sample frame is nearly the same for all views: only a tilt or an offset of the arc's
+ * axis moves it. That of the last view stands for all. */
 static gboolean product_take_part(struct product_job *job, int view, int light,
                                   const struct exr_part *part, GError **error) {
     struct product_view *to = &job->views[view];

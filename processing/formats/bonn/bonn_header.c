@@ -7,7 +7,7 @@
 
 #include "base/input_file.h"
 
-#define MAX_TEXELS     8192 /* maximum number of texels along a side */
+#define MAX_TEXELS     8192 /* maximum number of texels along a side, as for captured sessions */
 #define MAX_DIRECTIONS 65536
 #define TEXT           80
 #define SAME_RAD       1e-4f /* maximum difference of the angles of a light between two views */
