@@ -445,7 +445,7 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
 }
 
 /* Returns all devices that match, opened. Appends every device that could be opened to seen, as
- * text. *error is set if the last attempt to open a device has failed. */
+ * text. *error is that of the last device that could not be opened. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {
     libusb_device **all = NULL;

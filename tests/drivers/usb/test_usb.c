@@ -11,7 +11,9 @@
 #include "virtual/usb_tic.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 /*
@@ -400,6 +402,31 @@ static void test_tic_choice(void) {
     g_assert_cmpfloat(fabs(virtual_tic_steps(two) - 1300), <, 2);
 }
 
+/* One of two Tics cannot be opened, so that its serial number is not known. It may be the one that
+ * is looked for. That the other Tic could be opened, and is not the right one, must not hide this,
+ * whichever of them is found first. */
+static void test_tic_not_readable(void) {
+    static const char *const serials[] = {"AAA", "BBB"};
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualTic) one = virtual_tic_new(serials[0], 1, TRAVEL, 100);
+    g_autoptr(VirtualTic) two = virtual_tic_new(serials[1], 2, TRAVEL, 700);
+    for (int i = 0; i < 2; i++) {
+        g_autofree char *node =
+            g_strdup_printf("%s/dev/bus/usb/001/%03d", g_getenv("UMOCKDEV_DIR"), 2 + i);
+        g_autofree char *away = g_strconcat(node, ".away", NULL);
+        g_autofree char *wanted = g_strdup_printf("serial = %s\n", serials[i]);
+        g_autofree char *there = g_strdup_printf("serial = %s\n", serials[1 - i]);
+        /* Nobody, root included, can open a folder as a device. */
+        g_assert_cmpint(rename(node, away), ==, 0);
+        g_assert_cmpint(mkdir(node, 0700), ==, 0);
+        assert_not_opened(clock, wanted, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "USB failed");
+        g_autoptr(Axis) other = open_tic(clock, there, NULL);
+        g_assert_nonnull(other);
+        g_assert_cmpint(rmdir(node), ==, 0);
+        g_assert_cmpint(rename(away, node), ==, 0);
+    }
+}
+
 /* The right ids on a device of another kind, as a Tic in its bootloader is. */
 static void test_no_interface(void) {
     static const guint8 no_vendor[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 2, 0, 0, 0};
@@ -690,6 +717,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/usb/tic/settings", test_tic_settings);
     g_test_add_func("/usb/tic/units", test_tic_units);
     g_test_add_func("/usb/tic/choice", test_tic_choice);
+    g_test_add_func("/usb/tic/not-readable", test_tic_not_readable);
     g_test_add_func("/usb/nothing-plugged", test_nothing_plugged);
     g_test_add_func("/usb/no-interface", test_no_interface);
     g_test_add_func("/usb/relays/wrong-relay", test_relays_wrong_relay);
