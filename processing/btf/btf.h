@@ -79,6 +79,8 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
 struct btf_flag_counts {
     gint64 texels, holes, bounds, shorter, predicted;
 };
+/* Sets the numbers of a part from the flags of its n texels. */
+void btf_set_flag_counts(struct exr_part *part, const guint8 *flags, gsize n);
 /* Adds the numbers of a part to sums. Only the headers of the part are needed. */
 void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 

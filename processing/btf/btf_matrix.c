@@ -7,7 +7,7 @@
 
 #include "base/data_error.h"
 #include "btf.h"
-#include "btf_private.h"
+#include "btf_matrix_private.h"
 
 #define COLOURS 3
 

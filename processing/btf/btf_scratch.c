@@ -6,7 +6,7 @@
 #include <unistd.h>
 #include <xxhash.h>
 
-#include "btf_private.h"
+#include "btf_matrix_private.h"
 #include "exr/exr_half.h"
 
 #define PIECE 16384 /* values converted at a time; they fit into the cache */

@@ -2,7 +2,7 @@
  * file is read once, and each rank keeps [own texels][view][light][colour]. */
 #include <string.h>
 
-#include "btf_private.h"
+#include "btf_matrix_private.h"
 
 #include "base/data_error.h"
 #include "session/session.h"

@@ -6,7 +6,7 @@
 
 #include "base/data_error.h"
 #include "btf.h"
-#include "btf_private.h"
+#include "btf_matrix_private.h"
 
 #define DEGREE (G_PI / 180)
 

@@ -9,7 +9,7 @@
 #include "base/data_error.h"
 #include "base/robust.h"
 #include "btf/btf.h"
-#include "btf/btf_private.h"
+#include "btf/btf_matrix_private.h"
 #include "btf/texel_resampler.h"
 #include "formats/import_private.h"
 

@@ -18,10 +18,6 @@ ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|
 # (folder of the room, modules that include each other): why that is plainer than the alternative
 CIRCLES = {
     (
-        "processing/btf",
-        ("btf", "btf_matrix", "btf_missing"),
-    ): "The three are one algorithm: holes are filled from the matrix of the whole BTF.",
-    (
         "processing/formats",
         ("import_poses", "nominal"),
     ): "A template of nominal values lists the columns of the table that is imported.",

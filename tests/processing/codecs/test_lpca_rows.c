@@ -1,7 +1,7 @@
 /* Where the rows of a local PCA come from: memory, a file, the memories of several processes; and
  * in which colours. */
 #include "base/data_error.h"
-#include "btf/btf_private.h"
+#include "btf/btf_matrix_private.h"
 #include "codecs/lpca/lpca.h"
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
