@@ -5,55 +5,6 @@
 #define AROUND 2  /* texels on each side whose scatter is used */
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
-/* Computes the mean of a bend over the samples that have it, and the variance of the mean from
- * their scatter. If no sample has the bend, the mean is NAN. */
-static void mdf_errors_bend(const struct mdf_candidate *samples, int n, int bend, double *ret_mm,
-                            double *ret_noise_mm2) {
-    double weights = 0, sum = 0, scatter = 0;
-    int known = 0;
-    for (int i = 0; i < n; i++) {
-        if (!isfinite(samples[i].bend_mm[bend]))
-            continue;
-        weights += samples[i].weight;
-        sum += samples[i].weight * samples[i].bend_mm[bend];
-        known++;
-    }
-    *ret_mm = weights > 0 ? sum / weights : NAN;
-    for (int i = 0; i < n && known > 1; i++) {
-        const double share = samples[i].weight / weights;
-        if (isfinite(samples[i].bend_mm[bend]))
-            scatter += pow(share * (samples[i].bend_mm[bend] - *ret_mm), 2) / MAX(1 - share, 1e-6);
-    }
-    *ret_noise_mm2 = scatter;
-}
-
-void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean,
-                   struct mdf_spread *ret) {
-    double weights = 0, scatter = 0, expected = 0, sum = 0, squares = 0;
-    *ret = (struct mdf_spread){.n = n};
-    for (int i = 0; i < n; i++)
-        weights += samples[i].weight;
-    for (int i = 0; i < n; i++)
-        ret->unit_mm2 += pow(samples[i].weight / weights * samples[i].frame_mm, 2);
-    for (int i = 0; i < n; i++)
-        ret->hidden += samples[i].weight / weights * MAX(1 - (double)samples[i].shown, 0);
-    for (int i = 0; i < n && n > 1; i++) {
-        const double share = samples[i].weight / weights;
-        const double factor = share * share / MAX(1 - share, 1e-6);
-        const double frame_mm2 = pow((double)samples[i].frame_mm, 2);
-        scatter += factor * pow(samples[i].mm - mean, 2);
-        expected += factor * (frame_mm2 * (1 - 2 * share) + ret->unit_mm2);
-        sum += factor * frame_mm2;
-        squares += pow(factor * frame_mm2, 2);
-    }
-    if (expected > 0) {
-        ret->frames2 = scatter / expected;
-        ret->freedom = MAX(sum * sum / squares - 1, 1);
-    }
-    for (int k = 0; k < MDF_BENDS; k++)
-        mdf_errors_bend(samples, n, k, &ret->bend_mm[k], &ret->noise_mm2[k]);
-}
-
 /* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If there are
  * none, returns the texel's own u. */
 static double mdf_errors_around(const struct mdf_errors_grid *grid,

@@ -35,9 +35,6 @@
 
 #include <glib.h>
 
-/* Computes the spread of n agreeing samples. mean is their weighted mean. */
-void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean, struct mdf_spread *ret);
-
 struct mdf_errors_grid {
     int width, height;
     double spacing[2]; /* spacing of pixels that see the laser, in texels, along rows and columns */

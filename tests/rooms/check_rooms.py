@@ -26,10 +26,6 @@ CIRCLES = {
         ("maps", "maps_store"),
     ): "The fit is stored as the struct that the fit returns.",
     (
-        "processing/mdf",
-        ("mdf_errors", "mdf_merge"),
-    ): "Merging gives the samples whose spread is the input of the errors.",
-    (
         "processing/pipeline",
         ("causes", "pipeline"),
     ): "Causes are sentences about the result that the pipeline returns.",
