@@ -22,10 +22,6 @@ CIRCLES = {
         ("import_poses", "nominal"),
     ): "A template of nominal values lists the columns of the table that is imported.",
     (
-        "processing/maps",
-        ("maps", "maps_store"),
-    ): "The fit is stored as the struct that the fit returns.",
-    (
         "processing/pipeline",
         ("causes", "pipeline"),
     ): "Causes are sentences about the result that the pipeline returns.",
