@@ -97,19 +97,18 @@ static void look_at_sweeps(Session *session, const struct texts *texts, double *
     *ret_lines = pixels > 0 ? lines / pixels : 0;
 }
 
-static void explain_mdf(Session *session, const struct texts *texts,
-                        const struct pipeline_result *result, GPtrArray *ret) {
+static void explain_mdf(Session *session, const struct texts *texts, double mdf_coverage,
+                        GPtrArray *ret) {
     struct session_grid grid;
     double lines;
     int sweeps;
-    if (result->n_mdf_views == 0 || result->mdf_coverage >= MIN_SEEN ||
-        !session_grid(session, &grid, NULL))
+    if (mdf_coverage >= MIN_SEEN || !session_grid(session, &grid, NULL))
         return;
     look_at_sweeps(session, texts, &lines, &sweeps);
-    g_autofree char *seen = result->mdf_coverage > 0
-                                ? g_strdup_printf("only %.2g %% of the texels are seen by a laser",
-                                                  100 * result->mdf_coverage)
-                                : g_strdup("no texel is seen by a laser");
+    g_autofree char *seen =
+        mdf_coverage > 0
+            ? g_strdup_printf("only %.2g %% of the texels are seen by a laser", 100 * mdf_coverage)
+            : g_strdup("no texel is seen by a laser");
     if (sweeps == 0)
         g_ptr_array_add(ret, g_strdup_printf("%s, and no frame of a sweep can be read", seen));
     else if (lines < MIN_LINES)
@@ -313,8 +312,8 @@ static void explain_response(const struct texts *texts, GPtrArray *ret) {
                      texts->imported ? "the file of nominal values" : "the rig file"));
 }
 
-gboolean pipeline_causes(const char *directory, const char *calibration,
-                         const struct pipeline_result *result, GPtrArray *ret, GError **error) {
+gboolean causes_find(const char *directory, const char *calibration, gboolean has_btf,
+                     double mdf_coverage, GPtrArray *ret, GError **error) {
     struct texts texts = {0};
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct seen_view));
@@ -323,8 +322,8 @@ gboolean pipeline_causes(const char *directory, const char *calibration,
         return FALSE;
     }
     session_suspicions(session, ret);
-    explain_mdf(session, &texts, result, ret);
-    for (guint i = 0; result->n_views > 0 && i < texts.views->len; i++) {
+    explain_mdf(session, &texts, mdf_coverage, ret);
+    for (guint i = 0; has_btf && i < texts.views->len; i++) {
         struct seen_view one = {.view = texts.views->pdata[i]};
         g_autofree char *relative = g_strdup_printf("products/btf/view_%04d.exr", one.view->index);
         g_autofree char *path = session_file(session, relative);

@@ -1,12 +1,13 @@
 /* Explains why a session's products contain few values. */
 #pragma once
 
-#include "pipeline.h"
+#include "session/session.h"
 
 /* Appends sentences (g_free()) about likely mistakes, each with a number and the key to change.
  * They cover texels that no laser saw or only few did, views that are dark or saturated, and a
  * camera whose response was not given. Reads the headers of the products, one light of each view,
  * and some frames. calibration is the text of the calibration with which the session was processed,
- * or NULL for the session's own. */
-gboolean pipeline_causes(const char *directory, const char *calibration,
-                         const struct pipeline_result *result, GPtrArray *ret, GError **error);
+ * or NULL for the session's own. has_btf says whether there is a BTF. mdf_coverage is the share of
+ * the texels of all views that were measured; 1 if there is no MDF. */
+gboolean causes_find(const char *directory, const char *calibration, gboolean has_btf,
+                     double mdf_coverage, GPtrArray *ret, GError **error);

@@ -615,8 +615,9 @@ static gboolean find_causes(struct run *run, const struct pipeline_result *resul
     if (!options->causes)
         return TRUE;
     course_begin(run->course, TIME_LEFT_CAUSES);
-    const gboolean ok = pipeline_causes(session_path(run->session), options->calibration, result,
-                                        options->causes, error);
+    const gboolean ok =
+        causes_find(session_path(run->session), options->calibration, result->n_views > 0,
+                    result->n_mdf_views > 0 ? result->mdf_coverage : 1, options->causes, error);
     course_end(run->course, TIME_LEFT_CAUSES, ok);
     return ok;
 }

@@ -56,7 +56,7 @@ struct pipeline_options {
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
-    GPtrArray *causes; /* receives the sentences of pipeline_causes() (char *); NULL if they are not
+    GPtrArray *causes; /* receives the sentences of causes_find() (char *); NULL if they are not
                           needed */
     struct work work;
 };

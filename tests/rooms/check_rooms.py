@@ -22,10 +22,6 @@ CIRCLES = {
         ("import_poses", "nominal"),
     ): "A template of nominal values lists the columns of the table that is imported.",
     (
-        "processing/pipeline",
-        ("causes", "pipeline"),
-    ): "Causes are sentences about the result that the pipeline returns.",
-    (
         "renderer/scene",
         ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
     ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",
