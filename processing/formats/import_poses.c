@@ -5,6 +5,7 @@
 #include "base/data_error.h"
 #include "btf/btf.h"
 #include "nominal.h"
+#include "poses_table.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,10 +13,6 @@
 /* number of steps in a degree; angles are rounded to steps before they are compared */
 #define STEPS_A_DEG 10000
 #define MAX_ROWS    1000000
-
-const char *const import_poses_columns[] = {
-    "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg",    "exposure_ms",
-    "sweep_deg", "black_level", "bits", "transfer", "flat_field",    "dark_frame", NULL};
 
 static gint64 steps(double deg) {
     const gint64 turn = (gint64)360 * STEPS_A_DEG;
@@ -105,15 +102,6 @@ static gboolean read_rows(struct import_set *set, const TextTable *table, GError
                                     .arc = text_table_column(table, "arc_deg"),
                                     .exposure = text_table_column(table, "exposure_ms"),
                                     .sweep = text_table_column(table, "sweep_deg")};
-    if (!text_table_check_columns(table, import_poses_columns, error))
-        return FALSE;
-    if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
-        return data_error_fail(text_table_path(table), 0, error,
-                               "the header line lacks the column %s; the columns file, camera, and "
-                               "lamp or laser are needed",
-                               columns.file < 0     ? "file"
-                               : columns.camera < 0 ? "camera"
-                                                    : "lamp or laser");
     if (text_table_rows(table) > MAX_ROWS)
         return data_error_fail(set->table, 0, error, "it has more than %d rows", MAX_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
@@ -451,7 +439,7 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
         .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
         .lasers = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
         .shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot))};
-    g_autoptr(TextTable) table = text_table_read(poses->table, error);
+    g_autoptr(TextTable) table = poses_table_read(poses->table, error);
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);
     const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&

@@ -6,11 +6,6 @@
 #include "import_poses.h"
 #include "import_private.h"
 
-#define IMPORT_WHITE_DN 4095
-
-/* The names of the table's columns, ending with NULL. */
-extern const char *const import_poses_columns[];
-
 /* The relation between the numbers of a picture and light. */
 struct import_coding {
     double black_level;          /* the number of a pixel without light */

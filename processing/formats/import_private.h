@@ -4,6 +4,9 @@
 #include "import.h"
 #include "pictures/picture_says.h"
 
+/* White of an imported picture; the scale of the responses in nominal.h. */
+#define IMPORT_WHITE_DN 4095
+
 /* maximum share of pixels without a number among the pixels that are not masked */
 #define IMPORT_MAX_HOLES  0.5
 #define IMPORT_MAX_MASKED 0.98 /* maximum share of masked pixels among all pixels */

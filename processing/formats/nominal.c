@@ -7,8 +7,8 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "base/nearest.h"
-#include "base/text_table.h"
-#include "import_poses_private.h"
+#include "import_private.h"
+#include "poses_table.h"
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
@@ -305,17 +305,12 @@ static void append(GString *text, const struct nominal_kind *kind, const char *n
 }
 
 char *nominal_template(const char *path, GError **error) {
-    g_autoptr(TextTable) table = text_table_read(path, error);
+    g_autoptr(TextTable) table = poses_table_read(path, error);
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     g_autofree char *absolute = g_canonicalize_filename(path, NULL);
     g_autofree char *folder = g_path_get_dirname(absolute);
-    if (!table || !text_table_check_columns(table, import_poses_columns, error))
+    if (!table)
         return NULL;
-    if (text_table_column(table, "file") < 0 || text_table_column(table, "camera") < 0) {
-        data_error_set(path, 0, error,
-                       "its header line needs the columns file, camera, and lamp or laser");
-        return NULL;
-    }
     GString *text = g_string_new("# Replace each ? by a value. Points are x; y; z in mm, from the "
                                  "middle of the turntable's top, z up.\n[rig]\nid = nominal\n");
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++)

@@ -18,10 +18,6 @@ ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|
 # (folder of the room, modules that include each other): why that is plainer than the alternative
 CIRCLES = {
     (
-        "processing/formats",
-        ("import_poses", "nominal"),
-    ): "A template of nominal values lists the columns of the table that is imported.",
-    (
         "renderer/scene",
         ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
     ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",

@@ -1,0 +1,8 @@
+/* The table of pictures and their poses. import_poses.h says what its columns mean. Any thread. */
+#pragma once
+
+#include "base/text_table.h"
+
+/* Reads a table. Returns NULL with DATA_ERROR if it has a column of another name, or lacks file,
+ * camera, and both lamp and laser. */
+TextTable *poses_table_read(const char *path, GError **error);
