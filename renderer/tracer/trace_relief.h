@@ -2,7 +2,7 @@
  * above it. */
 #pragma once
 
-#include "trace_scene.h"
+#include "trace_surface.h"
 
 /* Returns whether a ray meets the relief between front, where it goes below the mesh, and back,
  * where it leaves the mesh. direction is the unit vector along the ray. Between the two, the mesh

@@ -1,14 +1,13 @@
-#include "trace_relief.h"
+#include "trace_scene.h"
 
 #include "base/direction.h"
+#include "trace_relief.h"
 
 #include <embree3/rtcore.h>
 #include <string.h>
 
 #define LIFT       2e-5 /* height of a ray's origin above the surface, as a share of reach */
 #define MAX_PASSES 64   /* largest number of outlines that a ray passes above */
-
-G_DEFINE_QUARK(trace_error, trace_error)
 
 static void surface_clear(gpointer data) {
     struct trace_surface *surface = data;

@@ -6,19 +6,12 @@
 #pragma once
 
 #include "trace_choice.h"
+#include "trace_error.h"
 #include "trace_sky.h"
 #include "trace_surface.h"
 
 #include "base/work.h"
 #include "shapes/gltf_scene.h"
-
-#define TRACE_ERROR trace_error_quark()
-GQuark trace_error_quark(void);
-enum trace_error {
-    TRACE_ERROR_SCENE,    /* the scene lacks something, or a name is not in it */
-    TRACE_ERROR_MATERIAL, /* the file of a material cannot be used */
-    TRACE_ERROR_SETTING,  /* a setting is out of range */
-};
 
 struct trace_camera {
     struct vec3 eye, right, up, back; /* eye is a position, the others unit vectors; back points
@@ -31,22 +24,6 @@ struct trace_area {
     struct vec3 corner, edges[2], normal;
     double area;
     const double *emission;
-};
-
-/* The point that a ray hits, and the texture coordinates there. */
-struct trace_hit {
-    const struct trace_surface *surface;
-    struct vec3 position;
-    struct vec3 facet;   /* normal of the triangle, on the side of the ray's origin */
-    struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
-    struct trace_texel texel;
-    double distance;
-    gint64 area; /* index into areas if the lit side of an area was hit, otherwise −1 */
-    guint part;  /* index of the part in gltf->parts */
-    gboolean is_front;
-    /* Length of one unit of the texture's u and v at the point. 0 if there are no texture
-     * coordinates. */
-    double unit[2];
 };
 
 typedef struct trace_scene {

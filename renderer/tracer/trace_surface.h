@@ -33,6 +33,22 @@ struct trace_texel {
     double u, v;
 };
 
+/* The point that a ray hits, and the texture coordinates there. */
+struct trace_hit {
+    const struct trace_surface *surface;
+    struct vec3 position;
+    struct vec3 facet;   /* normal of the triangle, on the side of the ray's origin */
+    struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
+    struct trace_texel texel;
+    double distance;
+    gint64 area; /* index of the scene's area whose lit side was hit; −1 if there is none */
+    guint part;  /* index of the part in the glTF scene */
+    gboolean is_front;
+    /* Length of one unit of the texture's u and v at the point. 0 if there are no texture
+     * coordinates. */
+    double unit[2];
+};
+
 /* The distribution of drawn directions: the distribution of the material, or for comparison an even
  * distribution over the hemisphere. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };

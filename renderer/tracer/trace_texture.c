@@ -1,7 +1,7 @@
 #include "trace_texture.h"
 
 #include "base/srgb.h"
-#include "trace_scene.h"
+#include "trace_error.h"
 
 #include <math.h>
 #include <png.h>

@@ -1,0 +1,3 @@
+#include "trace_error.h"
+
+G_DEFINE_QUARK(trace_error, trace_error)

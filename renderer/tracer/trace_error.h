@@ -1,0 +1,12 @@
+/* The errors of the tracer. */
+#pragma once
+
+#include <glib.h>
+
+#define TRACE_ERROR trace_error_quark()
+GQuark trace_error_quark(void);
+enum trace_error {
+    TRACE_ERROR_SCENE,    /* the scene lacks something, or a name is not in it */
+    TRACE_ERROR_MATERIAL, /* the file of a material cannot be used */
+    TRACE_ERROR_SETTING,  /* a setting is out of range */
+};
