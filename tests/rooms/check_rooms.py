@@ -21,14 +21,6 @@ CIRCLES = {
         "renderer/scene",
         ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
     ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",
-    (
-        "renderer/tracer",
-        ("trace_relief", "trace_scene", "trace_surface", "trace_texture"),
-    ): "trace_scene.h has the hit and the error that its parts return.",
-    (
-        "renderer/window",
-        ("settings", "viewer_options"),
-    ): "The options of the command line are made from the table of settings, which fills them.",
 }
 
 
