@@ -120,7 +120,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, eye);
     if (which == ENVIRONMENT) {
         gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
-        glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
+        glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_settings_exposure(s));
         glUniform1f(glGetUniformLocation(program, "turn"),
                     (float)(s->environment_turn_deg * G_PI / 180.0));
     } else {

@@ -1,7 +1,7 @@
 /* The camera of a picture: its matrix, and its distance from a mesh. */
 #pragma once
 
-#include "viewer.h"
+#include "viewer_settings.h"
 
 /* Computes ret_projection, the column-major matrix from world to clip coordinates. aspect is width
  * / height. The near and far planes enclose the sphere of radius reach around the origin. */

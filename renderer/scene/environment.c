@@ -1,7 +1,6 @@
 #include "environment.h"
 
 #include "drawing/gl/gpu.h"
-#include "environment_made.h"
 #include "exr/exr.h"
 
 #include <math.h>
@@ -132,11 +131,6 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
         }
     }
     return g_steal_pointer(&rgb);
-}
-
-struct environment *environment_open(const char *name, GError **error) {
-    struct environment *made = environment_make(name);
-    return made != NULL ? made : environment_read(name, error);
 }
 
 struct environment *environment_read(const char *path, GError **error) {

@@ -8,7 +8,7 @@
  */
 #pragma once
 
-#include "viewer.h"
+#include "viewer_settings.h"
 
 struct environment {
     int width, height;

@@ -82,3 +82,8 @@ struct environment *environment_make(const char *name) {
     }
     return e;
 }
+
+struct environment *environment_open(const char *name, GError **error) {
+    struct environment *made = environment_make(name);
+    return made != NULL ? made : environment_read(name, error);
+}

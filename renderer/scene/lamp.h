@@ -2,7 +2,7 @@
  */
 #pragma once
 
-#include "viewer.h"
+#include "viewer_settings.h"
 
 /* Returns settings whose first lamp is far away or off. If the first lamp is near, it becomes the
  * first of the further lamps, all of which may be near. viewer_settings_check() makes sure that

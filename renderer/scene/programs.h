@@ -6,7 +6,7 @@
 #pragma once
 
 #include "drawing/gl/places.h"
-#include "viewer.h"
+#include "viewer_settings.h"
 
 enum program_kind {
     PROGRAM_SURFACE, /* the mesh */

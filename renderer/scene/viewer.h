@@ -7,82 +7,11 @@
 #pragma once
 
 #include "codecs/eigenmaps/eigenmaps.h"
-#include "drawing/methods/method.h"
 #include "drawing/relief/relief.h"
-#include "drawing/relief/visibility.h"
 #include "hatching.h"
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
-
-#define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
-/* A further lamp, infinitely far away or near. The light of a near lamp decreases with the square
- * of the distance, and its direction differs from point to point. As for the first lamp, brightness
- * 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near lamp, this
- * diffuser is at the origin. */
-struct viewer_lamp {
-    double theta_deg, phi_deg; /* direction of the lamp from the origin */
-    float rgb[3];
-    double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
-    /* Half the angle of a near lamp's cone of light, and the inner part of it in which the light
-     * does not decrease towards the edge (KHR_lights_punctual). If cone_deg is 0, the lamp shines
-     * in all directions. */
-    double cone_deg, inner_deg;
-    double aim[3]; /* a point on the axis of the cone, in radii; not the position of the lamp */
-};
-
-/* World coordinates are the coordinates of the mesh, with z up. Azimuths are from +x,
- * counter-clockwise seen from above. */
-struct viewer_settings {
-    double camera_azimuth_deg, camera_elevation_deg;
-    /* Distance from the point that the camera looks at, in radii of the mesh; 0 means that the mesh
-     * just fits into the picture. */
-    double camera_distance;
-    /* Offset of the point that the camera looks at from the origin, to the right and up, in radii
-     * of the mesh. */
-    double camera_pan[2];
-    double camera_fov_deg;                 /* of the shorter side of the picture */
-    double light_theta_deg, light_phi_deg; /* direction of the first lamp from the origin */
-    double lamp;                           /* brightness of the first lamp */
-    /* Distance and cone of this light as in struct viewer_lamp. The light aims at the origin. */
-    double light_distance, light_cone_deg, light_inner_deg;
-    int n_lamps; /* number of further lamps */
-    struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
-    /* Rotation of the environment about the vertical axis, counter-clockwise seen from above. */
-    double environment_turn_deg;
-    int environment_lamps;   /* largest number of lamps that represent the environment */
-    double tiles_u, tiles_v; /* 0 keeps the numbers of the mesh */
-    /* Exposure in stops. At 0, a white diffuser that is lit along its normal has 0.8 of full
-     * scale. */
-    double exposure_ev;
-    /* Radiance of an even sky, relative to the light's irradiance / π. Its light is added
-     * everywhere, and is the only light in a shadow: ambient / π · L_a with L_a = ∫ T dω of Wang et
-     * al. 2005 §4.2. The paper shows L_a only in shadow. */
-    double ambient;
-    int samples; /* number of samples of a pixel in each direction */
-    struct method_style style;
-    /* Silhouettes need an MDF (viewer_set_mdf()): a ray that misses the structure shows the surface
-     * behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes, the
-     * structure also casts and receives them (§4.2). */
-    gboolean silhouettes, shadows; /* shadows of every lamp */
-    struct visibility_options visibility;
-    /* Width and height of the first lamp's shadow map; see relief.h for the others. */
-    int shadow_size;
-    /* The environment is visible behind the mesh; needs viewer_set_environment(). */
-    gboolean backdrop;
-    gboolean plain; /* draws one texture × n·l instead of the BTF, for comparison */
-    /* Continues the material endlessly, in hexagons (synthesis/endless.h). Methods without a
-     * material file, viewer_render_flat() and plain pictures ignore it. It is also ignored while
-     * there is an index map. */
-    gboolean endless;
-};
-
-extern const struct viewer_settings viewer_settings_default;
-
-/* Checks settings. The error names the setting that is out of range, its value and the range. */
-gboolean viewer_settings_check(const struct viewer_settings *settings, GError **error);
-
-/* Returns the factor on reflectance before the tone curve: 0.8 · 2^EV. */
-double viewer_exposure(const struct viewer_settings *settings);
+#include "viewer_settings.h"
 
 typedef struct Viewer Viewer;
 

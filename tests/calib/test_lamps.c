@@ -5,6 +5,7 @@
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "scene/environment_made.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -269,7 +270,8 @@ GPU_TEST(backdrop) {
             direction_of(&s, i % SIZE, i / SIZE, d);
             for (int c = 0; c < 3; c++)
                 g_assert_cmpfloat_with_epsilon((double)seen[4 * i + c],
-                                               (0.5 + 0.4 * d[c]) * viewer_exposure(&s), 0.006);
+                                               (0.5 + 0.4 * d[c]) * viewer_settings_exposure(&s),
+                                               0.006);
         }
         g_assert_cmpint(n, >, SIZE * SIZE * 9 / 10);
     }

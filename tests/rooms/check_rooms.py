@@ -3,9 +3,11 @@
 
 usage: check_rooms.py SOURCE_DIR [--table | --draw]
 
-A room is a folder with sources, and the sub-folders that its mesorig_room() names (* for all). Fails on: a room
-that is not in the table or is no longer there, an include that the table does not allow, a pair of
-rooms that include each other, and a circle in the table. --table prints the table as the code has it; --draw prints it for Graphviz.
+A room is a folder with sources, and the sub-folders that its mesorig_room() names (* for all).
+Fails on: a room that is not in the table or is no longer there, an include that the table does not
+allow, a pair of rooms that include each other, a circle in the table, and modules of a room (X.c,
+X.h, X_private.h) that include each other. --table prints the table as the code has it; --draw
+prints it for Graphviz.
 """
 import os
 import re
@@ -14,14 +16,6 @@ import sys
 HOUSES = ("base", "calib", "cli", "daemon", "drivers", "processing", "renderer", "sim")
 SOURCE = re.compile(r".*\.(c|cpp|h)$")
 ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|$")
-
-# (folder of the room, modules that include each other): why that is plainer than the alternative
-CIRCLES = {
-    (
-        "renderer/scene",
-        ("backdrop", "camera", "environment", "environment_made", "lamp", "programs", "viewer"),
-    ): "They are parts of the viewer, and viewer.h has the settings that each of them reads.",
-}
 
 
 def read_table(path):
@@ -142,18 +136,11 @@ def find_circles(modules):
 
 
 def check_modules(root, rooms):
-    circles = {
-        (folder, circle)
-        for folder, files in rooms.items()
-        for circle in find_circles(find_modules(root, folder, files))
-    }
     return [
-        f"{folder}: {' '.join(circle)} include each other; dissolve that, or justify it in CIRCLES"
-        for folder, circle in sorted(circles - CIRCLES.keys())
-    ] + [
-        f"CIRCLES: {folder}: {' '.join(circle)} do not include each other any more: "
-        "remove this entry from CIRCLES in tests/rooms/check_rooms.py"
-        for folder, circle in sorted(CIRCLES.keys() - circles)
+        f"{folder}: {' '.join(circle)} include each other; move what the lower one needs of the "
+        "higher one to where it belongs"
+        for folder, files in sorted(rooms.items())
+        for circle in sorted(find_circles(find_modules(root, folder, files)))
     ]
 
 
