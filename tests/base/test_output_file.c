@@ -94,7 +94,7 @@ static void delivers(const char *path, const char *kind, gboolean force, const c
 #define OWN   "it replaces the “report” that Mesorig had written there"
 #define OTHER "it replaces the existing file"
 
-static void test_names(void) {
+TEST(names) {
     empty_top();
     const char *path = in_top("a.txt");
     delivers(path, "report", FALSE, "# mesorig.kind: report\nfirst\n", NULL);
@@ -230,7 +230,7 @@ static void kept(const GError *error, const char *text) {
 }
 
 /* Another program makes, or changes, the file while this one works. */
-static void test_meanwhile(void) {
+TEST(meanwhile) {
     empty_top();
     const char *path = in_top("late.txt");
     g_autoptr(GError) error = NULL;
@@ -263,7 +263,7 @@ static void test_meanwhile(void) {
     assert_only("late.txt", NULL);
 }
 
-static void test_moves(void) {
+TEST(moves) {
     empty_top();
     const char *from = in_top("from"), *to = in_top("to");
     put(from, "from");
@@ -380,9 +380,6 @@ TEST(formats) {
 
 BEFORE_TESTS {
     top = g_dir_make_tmp("mesorig-output-XXXXXX", NULL);
-    g_test_add_func("/output_file/names", test_names);
-    g_test_add_func("/output_file/meanwhile", test_meanwhile);
-    g_test_add_func("/output_file/moves", test_moves);
 }
 
 AFTER_TESTS {

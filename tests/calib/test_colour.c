@@ -15,7 +15,7 @@ static void to_xyz(const double rgb[3], double ret[3]) {
 }
 
 /* Published pairs of CIE 1976: lightness of a mid grey, and a whole step of b*. */
-static void difference(void) {
+TEST(difference) {
     const double white[3] = {0.9505, 1, 1.089}, black[3] = {0};
     const double grey[3] = {0.9505 * 0.18418651851, 0.18418651851, 1.089 * 0.18418651851};
     g_assert_cmpfloat_with_epsilon(colour_difference(white, black, white), 100, 1e-9);
@@ -25,7 +25,7 @@ static void difference(void) {
 }
 
 /* Errors of 1 % of every reading: the matrix to within what its errors promise. */
-static void matrix(void) {
+TEST(matrix) {
     double chi2 = 0;
     g_autoptr(GRand) random = g_rand_new_with_seed(5);
     for (int trial = 0; trial < 40; trial++) {
@@ -56,7 +56,7 @@ static void matrix(void) {
 
 /* Pictures that are darker or brighter than the chart's values say: the matrix has another scale,
  * and the patches differ by the same ΔE. */
-static void scales(void) {
+TEST(scales) {
     static const double of[] = {0.01, 0.1, 0.5, 1, 2, 10, 100};
     double first = 0;
     for (gsize s = 0; s < G_N_ELEMENTS(of); s++) {
@@ -150,7 +150,7 @@ static const double patch_rgb[][3] = {{0.6, 0.15, 0.1}, {0.15, 0.5, 0.15}, {0.1,
 
 /* Colours behind the sensors' filters differ, lamps drift, corners are dark: after radiometry the
  * chart's own matrix comes out. */
-static void session(void) {
+TEST(session) {
     g_autofree char *folder = grey_folder();
     g_autofree char *path = g_build_filename(folder, "grey.session", NULL);
     g_autoptr(GError) error = NULL;
@@ -192,13 +192,6 @@ static void session(void) {
     g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE);
     g_clear_pointer(&opened, session_close);
     radiometry_rig_remove(folder);
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/colour/difference", difference);
-    g_test_add_func("/colour/matrix", matrix);
-    g_test_add_func("/colour/scales", scales);
-    g_test_add_func("/colour/session", session);
 }
 
 AFTER_TESTS {

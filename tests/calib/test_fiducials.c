@@ -96,7 +96,7 @@ static void offsets_add(struct offsets *to, const struct fiducial_seen *s) {
 }
 
 /* Where they are, to a small part of a pixel, and what they show of each lamp's output. */
-static void found(void) {
+TEST(found) {
     struct offsets offsets = {0};
     double output = 0;
     int n_output = 0;
@@ -271,7 +271,6 @@ TEST(nothing_seen) {
 
 BEFORE_TESTS {
     fiducials_rig();
-    g_test_add_func("/fiducials/found", found);
 }
 
 AFTER_TESTS {

@@ -94,7 +94,7 @@ static void twice_the_same(const double *p, double *ret, gconstpointer data) {
         ret[i] = line->y[i] - (p[0] + p[1]) - p[2] * line->x[i];
 }
 
-static void undetermined(void) {
+TEST(undetermined) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(2);
     struct line line;
     struct fit_result result;
@@ -107,7 +107,7 @@ static void undetermined(void) {
     fit_result_clear(&result);
 }
 
-static void refused(void) {
+TEST(refused) {
     struct line line = {{0}, {0}};
     struct fit_result result;
     double p[2] = {0, 0};
@@ -116,9 +116,4 @@ static void refused(void) {
     g_assert_false(fit_solve(&few, p, &result));
     line.y[7] = NAN;
     g_assert_false(fit_solve(&fit, p, &result));
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/fit/undetermined", undetermined);
-    g_test_add_func("/fit/refused", refused);
 }

@@ -149,7 +149,7 @@ static void assert_said(const char *out, const char *what) {
 }
 
 /* From just below white to a thousand times as much, all around the ball. */
-static void clipped(void) {
+TEST(clipped) {
     static const double gains[] = {0.8, 4, 30, 1000};
     struct xyz truth[12];
     ball_scene_clear();
@@ -169,7 +169,7 @@ static void clipped(void) {
 }
 
 /* Specks and a hair that are brighter than the lamp, above, left and below of it. */
-static void dusty(void) {
+TEST(dusty) {
     const struct xyz truth = polar(40, 30);
     for (int gain = 0; gain < 2; gain++) {
         struct scene *scene = scene_new(0.05);
@@ -258,7 +258,7 @@ static void paint_three(const char *name, const struct lamp *others, const struc
 }
 
 /* One of three is outvoted; of two, none. */
-static void contradictions(void) {
+TEST(contradictions) {
     const struct xyz truth = polar(30, 70);
     const struct lamp lamp = {truth, FALSE, 4, 20}, other = {polar(50, 70), FALSE, 4, 20};
     ball_scene_clear();
@@ -307,12 +307,6 @@ TEST(near_lamp) {
     g_autofree char *json = calibrate(0, three, 3, TRUE);
     assert_said(json, "\"error_mm\"");
     assert_said(json, "\"place_mm\"");
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/light-photographs/clipped", clipped);
-    g_test_add_func("/light-photographs/dusty", dusty);
-    g_test_add_func("/light-photographs/contradictions", contradictions);
 }
 
 AFTER_TESTS {

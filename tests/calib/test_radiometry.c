@@ -111,7 +111,7 @@ static void check_camera(const struct rig *rig, const struct tile_fit *fit, int 
     g_assert_cmpfloat(sqrt(sum / n), <, 2e-3);
 }
 
-static void tile(void) {
+TEST(tile) {
     struct normalised response = {0}, colour = {0}, lamp = {0}, output = {0};
     for (int seed = 1; seed <= SEEDS; seed++) {
         g_autoptr(World) world = tile_world(seed);
@@ -172,7 +172,7 @@ static void take_pairs(World *world, int camera, guint64 key, struct pairs *pair
     }
 }
 
-static void photon_transfer(void) {
+TEST(photon_transfer) {
     struct transfer_sensor sensor = {FIXTURE_SIZE, FIXTURE_SIZE, 12};
     struct normalised gain = {0}, read = {0}, black = {0}, curvature = {0};
     double k = (4095.0 - 64) / 15000;
@@ -369,11 +369,6 @@ TEST(wrong_tones) {
         g_assert_cmpfloat(fabs(fit.exponent_off - 0.45), <, 0.6);
         tile_fit_clear(&fit);
     }
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/radiometry/tile", tile);
-    g_test_add_func("/radiometry/photon-transfer", photon_transfer);
 }
 
 AFTER_TESTS {

@@ -141,7 +141,7 @@ static void compare_lasers(const struct rig *rig, World *world) {
         }
 }
 
-static void lamps_then_laser(void) {
+TEST(lamps_then_laser) {
     g_autofree char *world_path = in_folder("poles_world.conf");
     g_autofree char *path = in_folder("two.conf");
     g_autoptr(GError) error = NULL;
@@ -176,8 +176,8 @@ static void lamps_then_laser(void) {
     assert_has(shown, "s40: ");
 }
 
-/* After lamps_then_laser(), whose sessions it uses. */
-static void refused(void) {
+/* After test_lamps_then_laser(), whose sessions it uses. */
+TEST(refused) {
     g_autofree char *here = in_folder("no.conf");
     g_autofree char *one = RUN(1, "planes of one height only, 1.000 mm", "calibrate", "laser",
                                "low.session", "-o", "no.conf");
@@ -222,9 +222,9 @@ static void note(const char *session, const char *sql) {
     "UPDATE shot SET device = CASE device WHEN " #a " THEN " #b " WHEN " #b " THEN " #a            \
     " ELSE device END WHERE kind = 'lamp'"
 
-/* After lamps_then_laser(), whose sessions it uses: a session that was paused before its last shot
- * is used only if it is asked for, and then the calibration says so. */
-static void incomplete(void) {
+/* After test_lamps_then_laser(), whose sessions it uses: a session that was paused before its last
+ * shot is used only if it is asked for, and then the calibration says so. */
+TEST(incomplete) {
     g_autofree char *here = in_folder("part.conf"), *page = NULL;
     g_autofree char *html = in_folder("part.html");
     note("low.session",
@@ -252,8 +252,8 @@ static void incomplete(void) {
     g_assert_null(strstr(whole, "is paused"));
 }
 
-/* After lamps_then_laser(), whose sessions it uses: what is noted of the posts is wrong, and right
- * again after the same change. */
+/* After test_lamps_then_laser(), whose sessions it uses: what is noted of the posts is wrong, and
+ * right again after the same change. */
 TEST(mistakes_of_posts) {
     static const char *const wrong[][2] = {
         {TURN_BACK, "the turntable turns the wrong way"},
@@ -300,7 +300,7 @@ TEST(mistakes_of_balls) {
     assert_has(told, "exchange the indexes of [lamp l20] and [lamp l40] in the rig file");
 }
 
-/* After lamps_then_laser(). */
+/* After test_lamps_then_laser(). */
 TEST(mistakes_of_sweeps) {
     static const char *const sessions[] = {"low.session", "high.session"};
     g_autofree char *here = in_folder("no.conf");
@@ -360,7 +360,7 @@ static struct vec3 light_in(const char *lp, const char *name) {
     return d;
 }
 
-static void photographs(void) {
+TEST(photographs) {
     static const struct ball_outline balls[] = {{150, 160, 60}, {450, 180, 60}, {300, 430, 60}};
     const int size = 600;
     g_autofree guint8 *pixels = g_new0(guint8, size * size);
@@ -396,13 +396,6 @@ static void photographs(void) {
                       RAD(1));
     g_assert_cmpfloat_with_epsilon(distance, vec3_length(vec3_sub(lamp, vec3(150, -160, 0))) / 2,
                                    75);
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/calibrate-lights/lamps-then-laser", lamps_then_laser);
-    g_test_add_func("/calibrate-lights/refused", refused);
-    g_test_add_func("/calibrate-lights/incomplete", incomplete);
-    g_test_add_func("/calibrate-lights/photographs", photographs);
 }
 
 AFTER_TESTS {

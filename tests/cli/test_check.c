@@ -66,7 +66,7 @@ static void write_picture(const char *path, const struct tone *tone, double cosi
     fclose(file);
 }
 
-static void tones(void) {
+TEST(tones) {
     static const struct tone all[] = {
         {"srgb8", 8, TRUE, 1, 0, NULL},
         {"linear16", 16, FALSE, 1, 0, NULL},
@@ -111,7 +111,7 @@ static void change_session(const char *session, const char *sql) {
 }
 
 /* A structure that is said to have no depth, below a plane 5 mm too high: little of it is left. */
-static void depth(void) {
+TEST(depth) {
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_free(process_mesorig(0,
                            "capture " SOURCE_DIR "/tests/small/rig.conf " SOURCE_DIR
@@ -208,8 +208,6 @@ TEST(plane_too_low) {
 
 BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-check-XXXXXX", NULL);
-    g_test_add_func("/check/tones", tones);
-    g_test_add_func("/check/depth", depth);
 }
 
 AFTER_TESTS {

@@ -166,7 +166,7 @@ static void wait_over(struct mishap *mishap, int code) {
 
 /* The daemon is killed, or hangs, while a lamp is on: the relay boards switch it off by themselves
  * after their 5 s. A daemon that goes on afterwards pauses the session. */
-static void abandoned(void) {
+TEST(abandoned) {
     const int signals[] = {SIGKILL, SIGSTOP};
     g_autofree char *path = twin_path("abandoned.conf"), *conf = twin_path("short.conf");
     write_short_session(conf);
@@ -210,7 +210,7 @@ static void abandoned(void) {
 
 /* Two pictures of each camera come incomplete, all lines answer late again and again, and one
  * camera is without power for a while: the session goes on by itself and says what happened. */
-static void mishaps(void) {
+TEST(mishaps) {
     g_autofree char *path = twin_path("mishaps.conf"), *conf = twin_path("short.conf");
     g_autofree char *session = twin_path("mishap.session"), *socket = twin_path("mishap-bus");
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
@@ -300,7 +300,7 @@ TEST(by_hand) {
     ends(devices);
 }
 
-static void refused(void) {
+TEST(refused) {
     static const struct {
         const char *text, *said;
         const char *usb;
@@ -329,9 +329,6 @@ static void refused(void) {
 BEFORE_TESTS {
     twin_folder = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_setenv("HOME", twin_folder, TRUE); /* for the settings of libgphoto2 */
-    g_test_add_func("/virtual-rig/refused", refused);
-    g_test_add_func("/virtual-rig/mishaps", mishaps);
-    g_test_add_func("/virtual-rig/abandoned", abandoned);
 }
 
 AFTER_TESTS {

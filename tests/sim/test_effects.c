@@ -62,7 +62,7 @@ static void column_moments(const double *picture, int column, double ret[3]) {
 }
 
 /* With all keys at 0 pictures are the same in every bit as without them. */
-static void off(void) {
+TEST(off) {
     static const char text[] = "[world]\n%s[camera a]\ntheta_deg=30\n%s[lamp l]\ntheta_deg=40\n"
                                "[laser s]\ntheta_deg=50\n%s[sample]\nkind=weave\n"
                                "width_mm=30\nheight_mm=30\n";
@@ -233,7 +233,7 @@ static int filter_of(int i) { /* RGGB: 0 … 2 */
 }
 
 /* On a black surround every pixel gets the same share of the mean of its colour. */
-static void glare(void) {
+TEST(glare) {
     static const char start[] = QUIET "turntable_albedo=0\n" SCENE "[camera above]\ncfa=rggb\n"
                                       "colour=1;0.7;0.5\n" ABOVE;
     g_autofree char *with = g_strconcat(start, "veiling_glare=0.03\n", NULL);
@@ -315,7 +315,7 @@ static void middle_of(const double *picture, int filter, double ret[2]) {
     ret[1] /= sum;
 }
 
-static void lateral_colour(void) {
+TEST(lateral_colour) {
     static const char disc[] =
         QUIET "turntable_albedo=0\nsupersample=8\n[lamp l]\ntheta_deg=0\n"
               "[sample]\nkind=flat\nalbedo=0\nwidth_mm=2\nheight_mm=2\n[mark]\nx_mm=-22\ny_mm=17\n"
@@ -403,7 +403,7 @@ static double correlation(const struct ratios *a, const struct ratios *b, int ri
 }
 
 /* A grain covers about 4 π σ² = 13 pixels, so that 5000 pixels hold 400 of them. */
-static void speckle(void) {
+TEST(speckle) {
     g_autofree struct ratios *first = ratios_of("0.3", 0), *next = ratios_of("0.3", 0.01);
     g_autofree struct ratios *again = ratios_of("0.3", 0), *strong = ratios_of("0.9", 0);
     g_assert_cmpfloat_with_epsilon(first->mean, 1, 4 * 0.3 / sqrt(400));
@@ -418,7 +418,7 @@ static void speckle(void) {
 
 /* The line keeps its light, and its variance grows by that of exp(−r/scale), r < 5 scales:
  * ½ ∫ r³ exp(−r) / ∫ r exp(−r) = 2.298 scales². */
-static void bleeding(void) {
+TEST(bleeding) {
     static const char line[] = "[laser l]\ntheta_deg=45\nwidth_mm=2\n";
     g_autofree double *was = g_new(double, PIXELS), *is = g_new(double, PIXELS);
     const struct world_state state = laser_state(0, 0.4);
@@ -490,7 +490,7 @@ TEST(bleeding_at_a_step) {
 }
 
 /* Standard deviation over many frames, mean 1; each lamp and each time on its own. */
-static void flicker(void) {
+TEST(flicker) {
     enum { FRAMES = 4000 };
     g_autoptr(World) world = world_fixture_new(
         "[world]\nlamp_flicker=0.02\nwarm_up_s=0\n[camera c]\ntheta_deg=0\n[lamp a]\n"
@@ -519,15 +519,6 @@ static void flicker(void) {
     g_assert_cmpfloat_with_epsilon(follow / 4e-4, 0, 4 * error);
     world_snapshot(world, 1000000 + 50000 * (FRAMES - 1), 20000, &again);
     g_assert_cmpfloat(again.lamp_output[0], ==, state.lamp_output[0]);
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/effects/off", off);
-    g_test_add_func("/effects/glare", glare);
-    g_test_add_func("/effects/lateral-colour", lateral_colour);
-    g_test_add_func("/effects/speckle", speckle);
-    g_test_add_func("/effects/bleeding", bleeding);
-    g_test_add_func("/effects/flicker", flicker);
 }
 
 AFTER_TESTS {

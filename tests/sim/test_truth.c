@@ -39,7 +39,7 @@ TEST(view_centre) {
     g_assert_cmpfloat_with_epsilon(eye[2], 650 * cos(theta), 1e-9);
 }
 
-static void plane(void) {
+TEST(plane) {
     g_autoptr(World) world =
         world_fixture_new(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1.5\nwidth_mm=100\n"
                                         "height_mm=100\n");
@@ -76,7 +76,7 @@ static char *sphere(double z, double r) {
     return g_string_free(obj, FALSE);
 }
 
-static void ball(void) {
+TEST(ball) {
     g_autofree char *obj = sphere(2.4, 2.3);
     g_autofree char *path = world_fixture_write("ball.obj", obj);
     g_autoptr(World) world =
@@ -111,7 +111,7 @@ static void ball(void) {
 }
 
 /* A ramp from a picture of 16 bits: white at the right, z = 1 + 3 (x/40 + 1/2). */
-static void ramp(void) {
+TEST(ramp) {
     guint16 grey[256];
     for (int i = 0; i < 256; i++)
         grey[i] = (guint16)((i + 0.5) / 256 * 65535);
@@ -159,7 +159,7 @@ TEST(laser_seen) {
     }
 }
 
-static void reflectance(void) {
+TEST(reflectance) {
     g_autoptr(World) world = world_fixture_new(
         QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1\nalbedo=0.6;0.4;0.2\n"
                       "width_mm=100\nheight_mm=100\n");
@@ -256,7 +256,7 @@ static struct upright upright_at(const struct truth_surface *s, double x, double
 
 /* From above only outer faces are seen. Blades and pipes overhang, blocks and reliefs do not;
  * pieces that repeat are alike, across the seams between them as well. */
-static void overhangs(void) {
+TEST(overhangs) {
     static const struct {
         const char *kind;
         double least, most; /* lines that meet a face from below, of all */
@@ -357,14 +357,6 @@ TEST(shadow_of_a_post) {
             g_assert_cmpint(lit > 200, ==, side > 0);
         }
     }
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/truth/plane", plane);
-    g_test_add_func("/truth/ball", ball);
-    g_test_add_func("/truth/ramp", ramp);
-    g_test_add_func("/truth/reflectance", reflectance);
-    g_test_add_func("/truth/overhangs", overhangs);
 }
 
 AFTER_TESTS {

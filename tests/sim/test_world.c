@@ -213,7 +213,7 @@ TEST(laser_in_shadow) {
 
 /* What a sensor sees while the turntable turns past 0, against the mean of many pictures of a
  * standing one. */
-static void turning(void) {
+TEST(turning) {
     enum { STANDING = 101, PIXELS = 101 * 101 };
     g_autoptr(GString) obj = g_string_new(NULL);
     world_fixture_box(obj, 0, -15, 15, -6, 6, 2);
@@ -292,7 +292,7 @@ TEST(warm_up) {
     g_assert_true(output_at(world, 40, 1) == 0);
 }
 
-static void drift(void) {
+TEST(drift) {
     g_autoptr(World) world = world_fixture_new("[world]\ndrift_pct=2\ndrift_period_s=100\n" LAMP
                                                "[sample]\nkind=flat\ngrid=2\n");
     world_set_lamp(world, 0, TRUE, 0);
@@ -445,7 +445,7 @@ TEST(light_in_a_groove) {
     }
 }
 
-static void deviations(void) {
+TEST(deviations) {
     const char *line = "[sample]\nkind=flat\ngrid=8\nalbedo=1\n";
     guint16 pictures[3][101 * 101];
     const char *heads[3] = {"[world]\nnoise=no\nseed=1\ngather_rays=0\n",
@@ -511,7 +511,7 @@ static void refuse(const char *text, const char *words) {
         g_error("\"%s\" does not say \"%s\"", error->message, words);
 }
 
-static void refused(void) {
+TEST(refused) {
 #define SAMPLE "[sample]\nkind=flat\ngrid=2\n"
     refuse("[world]\nnoies=no\n" SAMPLE, "noies");
     refuse("[world]\nwarm_up_s=nan\n" SAMPLE, "warm_up_s");
@@ -567,13 +567,6 @@ TEST(refused_files) {
     g_assert_true(png_image_write_to_memory(&image, file, &size, 0, grey, 0, NULL));
     refuse_file("picture", (const char *)file, size / 2, "bad.file");
     refuse_file("picture", (const char *)file, 20, "bad.file");
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/world/turning", turning);
-    g_test_add_func("/world/drift", drift);
-    g_test_add_func("/world/deviations", deviations);
-    g_test_add_func("/world/refused", refused);
 }
 
 AFTER_TESTS {

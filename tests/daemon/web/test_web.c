@@ -27,7 +27,7 @@ static char *state_of(const struct site *site) {
     return g_strdup(json_object_get_string_member(object, "state"));
 }
 
-static void shows(void) {
+TEST(shows) {
     struct site *site = site_new(0, NULL);
     g_autofree char *page = NULL, *picture = NULL;
     g_assert_cmpuint(site_ask(site, "GET", "", NULL, &page), ==, 200);
@@ -104,7 +104,7 @@ TEST(comes_back) {
 }
 
 /* The stream begins with the state, and tells the capture's events, pictures and changes. */
-static void streams(void) {
+TEST(streams) {
     struct site *site = site_new(SITE_SHOWS, NULL);
     g_autofree char *uri = g_strconcat(site->uri, "api/v1/events", NULL);
     g_autoptr(SoupMessage) message = soup_message_new("GET", uri);
@@ -128,7 +128,7 @@ static void streams(void) {
     site_free(site);
 }
 
-static void refuses(void) {
+TEST(refuses) {
     static const struct {
         const char *method, *path, *header;
         guint status;
@@ -211,7 +211,7 @@ static GString *fuzzed(GRand *random, guint16 port) {
     return request;
 }
 
-static void survives(void) {
+TEST(survives) {
     const char *asked = g_getenv("MESORIG_WEB_REQUESTS");
     const int n = asked ? atoi(asked) : REQUESTS;
     struct site *site = site_new(SITE_SAFE_NEEDS_TOKEN, NULL);
@@ -306,7 +306,7 @@ TEST(in_browser) {
 }
 
 /* A camera goes: the page says which, and how to go on. */
-static void faults(void) {
+TEST(faults) {
     static const struct change gone[] = {{"[camera cam60]", "fault_disconnect_after = 9"},
                                          {"[camera cam60]", "fault_reconnect_s = 100000"},
                                          {0}};
@@ -375,9 +375,4 @@ TESTS_RUN_BY(operator_tests);
 BEFORE_TESTS {
     /* So that tests/lsan.supp knows libsoup's functions, which keep no frame pointers. */
     g_setenv("ASAN_OPTIONS", "fast_unwind_on_malloc=0", TRUE);
-    g_test_add_func("/web/shows", shows);
-    g_test_add_func("/web/streams", streams);
-    g_test_add_func("/web/refuses", refuses);
-    g_test_add_func("/web/survives", survives);
-    g_test_add_func("/web/faults", faults);
 }

@@ -81,7 +81,7 @@ static GSocket *begin(const struct site *site, const char *from, const char *req
 }
 
 /* Lengths that are none, or too large; and 64 MB that follow them. */
-static void lengths(void) {
+TEST(lengths) {
     static const struct {
         const char *headers, *body;
         guint status;
@@ -242,7 +242,7 @@ TEST(daemon_hangs) {
 }
 
 /* Requests of which a byte comes now and then end after their time. */
-static void slow(void) {
+TEST(slow) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autofree char *body =
         with_name(site, "POST /api/v1/none HTTP/1.1\r\nHost: $\r\nContent-Length: 4000\r\n\r\n");
@@ -287,7 +287,7 @@ static int open_streams(const struct site *site, const char *from, int n, GPtrAr
     return opened;
 }
 
-static void streams(void) {
+TEST(streams) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autoptr(GPtrArray) sockets = sockets_new(), own = sockets_new();
     g_assert_cmpint(open_streams(site, STRANGER, WEB_DOOR_STREAMS + 6, sockets), ==,
@@ -317,7 +317,7 @@ static void streams(void) {
     site_free(site);
 }
 
-static void names(void) {
+TEST(names) {
     static const struct {
         const char *head;
         guint status;
@@ -370,7 +370,7 @@ static void names(void) {
 
 /* Who sends wrong tokens has to wait, even with the right one, and nobody else has; the log tells
  * it, in few lines. */
-static void tokens(void) {
+TEST(tokens) {
     static const char wrong[] = "POST /api/v1/pause HTTP/1.1\r\nHost: $\r\nAuthorization: Bearer "
                                 "an-0123456789-tokem\r\nContent-Length: 0\r\n\r\n";
     static const char right[] =
@@ -425,9 +425,4 @@ BEFORE_TESTS {
     g_assert_cmpint(getrlimit(RLIMIT_NOFILE, &limit), ==, 0);
     limit.rlim_cur = MIN(limit.rlim_max, 4 * MANY);
     g_assert_cmpint(setrlimit(RLIMIT_NOFILE, &limit), ==, 0);
-    g_test_add_func("/web/hostile/lengths", lengths);
-    g_test_add_func("/web/hostile/slow", slow);
-    g_test_add_func("/web/hostile/streams", streams);
-    g_test_add_func("/web/hostile/names", names);
-    g_test_add_func("/web/hostile/tokens", tokens);
 }

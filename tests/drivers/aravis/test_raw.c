@@ -125,7 +125,7 @@ static GLogWriterOutput print_warning(GLogLevelFlags level, const GLogField *fie
 
 /* A range without 1, a register that can only be read, one that keeps its value, a choice without
  * Off: each is told with feature, value, cause and effect. */
-static void stubborn(void) {
+TEST(stubborn) {
     static const guint32 first[VIRTUAL_PROCESSING] = {45, 1, 1, 1};
     static const guint32 neutral[VIRTUAL_PROCESSING] = {100, 0, 0, 9};
     static const char *const said[] = {
@@ -156,7 +156,7 @@ static void stubborn(void) {
 }
 
 /* A camera that changes values from frame to frame cannot be measured with. */
-static void unsteady(void) {
+TEST(unsteady) {
     static const guint32 first[VIRTUAL_PROCESSING] = {1}, neutral[VIRTUAL_PROCESSING] = {9};
     struct styled styled;
     GError *error = NULL;
@@ -176,6 +176,4 @@ BEFORE_TESTS {
         g_autofree char *path = g_strdup_printf("/raw/%s", styles[i].file);
         g_test_add_data_func(path, &styles[i], switched_off);
     }
-    g_test_add_func("/raw/stubborn", stubborn);
-    g_test_add_func("/raw/unsteady", unsteady);
 }

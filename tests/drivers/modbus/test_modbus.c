@@ -311,7 +311,7 @@ static void other_settings(struct bench *bench, gconstpointer unused) {
 }
 
 /* Presets are sections to copy: every key of theirs is one of the driver's. */
-static void presets(void) {
+TEST(presets) {
     g_autoptr(GDir) dir = g_dir_open(SOURCE_DIR "/etc/devices", 0, NULL);
     int n = 0;
     g_assert_nonnull(dir);
@@ -364,5 +364,4 @@ BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(tests); i++)
         g_test_add(tests[i].name, struct bench, GINT_TO_POINTER(tests[i].rtu), bench_begin,
                    tests[i].run, bench_end);
-    g_test_add_func("/modbus/presets", presets);
 }

@@ -78,7 +78,7 @@ static gboolean fit_points(const struct rig *rig, const GArray *points, struct l
 }
 
 /* Exact points of a sheet that is off, and some that are nowhere near it. */
-static void exact(void) {
+TEST(exact) {
     struct rig rig;
     struct laser_result found;
     g_autoptr(GArray) points = new_points(&rig, 1.01, 50);
@@ -102,7 +102,7 @@ static void exact(void) {
 
 /* A bent sheet is found as bent as it is, whichever way it is bent, and a flat one is flat. Its
  * error is that of the sheet, although the position along the beam is hardly known. */
-static void bent(void) {
+TEST(bent) {
     static const double bends_rad[] = {0, 0.04, -0.01};
     for (gsize k = 0; k < G_N_ELEMENTS(bends_rad); k++) {
         struct rig rig;
@@ -142,7 +142,7 @@ static void bent(void) {
 
 /* Lines at one angle of the arc do not tell how the arc's axis stands: the laser's position and
  * zero are then known only as well as the axis was before, and are marked. The sheet is known. */
-static void prior(void) {
+TEST(prior) {
     struct rig rig;
     struct laser_result all, one;
     g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
@@ -197,7 +197,7 @@ TEST(wrong_turn) {
 
 /* Lines of the laser at 40° that are noted as those of another: one far from it is told by them
  * only, one next to it by where it is found. */
-static void exchanged(void) {
+TEST(exchanged) {
     static const struct {
         double other_deg;
         const char *what;
@@ -251,7 +251,7 @@ static void assert_height(const char *message, const char *words, double is_mm) 
 /* A plate of another height than was said is told with the true one if two cameras see it. One that
  * sees a laser from all sides tells that it or the other plate is wrong: (560 − 1) / (560 − 20) is
  * (560 − 4.11) / (560 − 23). If it sees each plate at one angle of the arc only, nothing tells. */
-static void heights(void) {
+TEST(heights) {
     static const struct {
         int cameras;
         gboolean one_angle;
@@ -287,14 +287,6 @@ static void heights(void) {
         }
         laser_result_clear(&found);
     }
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/laser-sheets/exact", exact);
-    g_test_add_func("/laser-sheets/bent", bent);
-    g_test_add_func("/laser-sheets/prior", prior);
-    g_test_add_func("/laser-sheets/exchanged", exchanged);
-    g_test_add_func("/laser-sheets/heights", heights);
 }
 
 AFTER_TESTS {

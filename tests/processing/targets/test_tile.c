@@ -8,7 +8,7 @@
 
 #include <sqlite3.h>
 
-static void tile(void) {
+TEST(tile) {
     struct grey_chi2 chi2 = {0};
     for (int seed = 1; seed <= 3; seed++) {
         g_autofree char *folder = grey_folder();
@@ -196,7 +196,7 @@ TEST(quick_check_asks_twice) {
 }
 
 /* Old calibrations are warned of, other rigs' and damaged ones refused. */
-static void policy(void) {
+TEST(policy) {
     g_autofree char *folder = grey_folder();
     g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL), *text = NULL;
     g_autoptr(GString) told = g_string_new(NULL);
@@ -276,11 +276,6 @@ TEST(lamp_outputs) {
     }
     g_clear_pointer(&session, session_close);
     radiometry_rig_remove(folder);
-}
-
-BEFORE_TESTS {
-    g_test_add_func("/tile/tile", tile);
-    g_test_add_func("/tile/policy", policy);
 }
 
 AFTER_TESTS {

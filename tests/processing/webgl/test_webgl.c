@@ -190,7 +190,7 @@ TEST(size) {
 }
 
 /* The file by the description in its header only: JSON by JSON-GLib, sections by zlib. */
-static void test_file(void) {
+TEST(file) {
     g_autofree char *material = g_strdup(in_folder("small.exr")), *text = NULL;
     g_autofree char *file = g_strdup(in_folder("small.mesoweb"));
     g_autoptr(BtfMatrix) btf =
@@ -396,7 +396,6 @@ TEST(cut) {
 
 BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-webgl-XXXXXX", NULL);
-    g_test_add_func("/webgl/file", test_file);
     g_test_add_data_func("/webgl/pictures/weave", GINT_TO_POINTER(RELIEF_WEAVE), test_pictures);
     g_test_add_data_func("/webgl/pictures/bumps", GINT_TO_POINTER(RELIEF_BUMPS), test_pictures);
     g_test_add_data_func("/webgl/pictures/grooves", GINT_TO_POINTER(RELIEF_GROOVES), test_pictures);
