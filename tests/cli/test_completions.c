@@ -12,6 +12,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #define MESORIG     BUILD_DIR "/bin/mesorig"
 #define COMPLETIONS SOURCE_DIR "/etc/completions/mesorig."
@@ -70,7 +71,7 @@ static const struct {
     {"nothing x", ""},
 };
 
-static void test_words(void) {
+TEST(words) {
     for (gsize i = 0; i < G_N_ELEMENTS(offers); i++) {
         g_auto(GStrv) typed = g_strsplit(offers[i].typed, " ", -1);
         g_autoptr(GPtrArray) argv = g_ptr_array_new();
@@ -181,10 +182,9 @@ static void test_shell(gconstpointer data) {
     waitpid(pid, NULL, 0);
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     static const char *const files[] = {"rig.conf",   "weave.conf",      "weave.exr",
                                         "report.txt", "rig.calibration", "report.html"};
-    g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-completions-XXXXXX", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         g_autofree char *path = g_build_filename(folder, files[i], NULL);
@@ -194,12 +194,12 @@ int main(int argc, char **argv) {
     g_autofree char *frames = g_build_filename(session, "frames", NULL);
     g_assert_cmpint(g_mkdir_with_parents(frames, 0700), ==, 0);
     g_assert_cmpint(g_chdir(folder), ==, 0);
-    g_test_add_func("/completions/words", test_words);
     for (gsize i = 0; i < G_N_ELEMENTS(shells); i++) {
         g_autofree char *path = g_strconcat("/completions/", shells[i].name, NULL);
         g_test_add_data_func(path, &shells[i], test_shell);
     }
-    const int rc = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
-    return rc;
 }

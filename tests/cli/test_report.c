@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "lib/text_file.h"
 #include "rig/devices.h"
 #include "session/made_with.h"
@@ -71,7 +72,7 @@ static void counted(GMarkupParseContext *context, const char *name, const char *
         }
 }
 
-static void page(void) {
+TEST(page) {
     struct operation *run = processed();
     g_autofree char *file = in_folder(run, "report.html");
     operator_does(run, 0, "report", run->session, "-o", file, NULL);
@@ -98,7 +99,7 @@ static void page(void) {
     operator_free(run);
 }
 
-static void crate(void) {
+TEST(crate) {
     struct operation *run = processed();
     g_autofree char *file = g_build_filename(run->session, "ro-crate-metadata.json", NULL);
     g_autoptr(JsonParser) parser = json_parser_new();
@@ -146,7 +147,7 @@ static void crate(void) {
     operator_free(run);
 }
 
-static void verdicts(void) {
+TEST(verdicts) {
     struct operation *run = processed();
     g_autofree char *file = in_folder(run, "report.html");
     g_autofree char *eigenmaps = g_build_filename(run->session, "products/eigenmaps.exr", NULL);
@@ -191,7 +192,7 @@ static char *calibration_of(const struct operation *run, const char *name) {
 }
 
 /* A session without lasers says nothing of an MDF; a file that compress replaces is told. */
-static void without_lasers(void) {
+TEST(without_lasers) {
     static const struct change change[] = {{"[lasers]", NULL}, {0}};
     struct operation *run = operator_new(NULL);
     small_rig_write(run->directory, "session.conf", change);
@@ -236,7 +237,7 @@ static int report_count_of(const char *text, const char *what) {
 }
 
 /* Capture and processing in one command say once that nothing is calibrated. */
-static void told_once(void) {
+TEST(told_once) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 0, "capture", run->rig, run->conf, "-o", run->session, "--process", NULL);
     g_assert_cmpint(report_count_of(run->out, "calibration: none"), ==, 1);
@@ -245,7 +246,7 @@ static void told_once(void) {
 }
 
 /* The statement about the products is about what they were made with, not the capture. */
-static void made_with(void) {
+TEST(made_with) {
     struct operation *run = operator_new(NULL);
     g_autofree char *path = calibration_of(run, "lab.calibration");
     g_autofree char *line = g_strdup_printf("%s (cameras, lights, laser, radiometry)", path);
@@ -279,21 +280,11 @@ static void made_with(void) {
     operator_free(run);
 }
 
-static void mistakes(void) {
+TEST(mistakes) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 2, "report", run->session, NULL);
     operator_does(run, 1, "report", run->session, "-o", "/nowhere/report.html", NULL);
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/report/page", page);
-    g_test_add_func("/report/crate", crate);
-    g_test_add_func("/report/verdicts", verdicts);
-    g_test_add_func("/report/told_once", told_once);
-    g_test_add_func("/report/made_with", made_with);
-    g_test_add_func("/report/without_lasers", without_lasers);
-    g_test_add_func("/report/mistakes", mistakes);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

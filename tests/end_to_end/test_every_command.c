@@ -24,6 +24,7 @@
 #include "lib/refusing.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
+#include "lib/test.h"
 #include "lib/trace_fixture.h"
 
 #define BIN BUILD_DIR "/bin/"
@@ -392,7 +393,7 @@ static void place_clear(struct place *place) {
 
 static struct place ordinary;
 
-static void test_ordinary(void) {
+TEST(ordinary) {
     ordinary = place_new("ordinary");
     place_run_all(&ordinary);
 }
@@ -410,12 +411,12 @@ static void note_missing(const struct command *const *commands) {
     }
 }
 
-static void test_all(void) {
+TEST(all) {
     note_missing(cli_commands());
 }
 
 /* bindfs is FUSE without RENAME_NOREPLACE and fallocate(). */
-static void test_fuse(void) {
+TEST(fuse) {
     g_autofree char *below = g_build_filename(top, "below", NULL);
     struct place place = place_new("fuse");
     const char *const mounts[] = {"bindfs", "--no-allow-other", below, place.folder, NULL};
@@ -443,7 +444,7 @@ static void test_fuse(void) {
     place_clear(&place);
 }
 
-static void test_comma(void) {
+TEST(comma) {
     g_autofree char *locale = g_build_filename(top, "locale", NULL);
     g_autofree char *german = g_build_filename(locale, "de_DE.UTF-8", NULL);
     const char *const makes[] = {"localedef", "-i", "de_DE", "-f", "UTF-8", german, NULL};
@@ -463,13 +464,7 @@ static void test_comma(void) {
     place_clear(&place);
 }
 
-int main(int argc, char **argv) {
-    if (argc > 2 && g_str_equal(argv[1], "--refusing")) {
-        refusing_begin(FALSE);
-        execv(argv[2], argv + 2);
-        return 127;
-    }
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     self = g_file_read_link("/proc/self/exe", NULL);
     top = g_dir_make_tmp("mesorig-every-XXXXXX", NULL);
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
@@ -478,14 +473,20 @@ int main(int argc, char **argv) {
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("XDG_RUNTIME_DIR", top, TRUE);
     g_unsetenv("MESORIG_ADDRESS");
-    g_test_add_func("/every_command/all", test_all);
-    g_test_add_func("/every_command/ordinary", test_ordinary);
-    g_test_add_func("/every_command/fuse", test_fuse);
-    g_test_add_func("/every_command/comma", test_comma);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     place_clear(&ordinary);
     remove_tree(top);
     g_free(top);
     g_free(self);
-    return result;
+}
+
+int main(int argc, char **argv) {
+    if (argc > 2 && g_str_equal(argv[1], "--refusing")) {
+        refusing_begin(FALSE);
+        execv(argv[2], argv + 2);
+        return 127;
+    }
+    return tests_run(argc, argv);
 }

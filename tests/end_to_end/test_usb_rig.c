@@ -4,6 +4,7 @@
  * noise. */
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/twin_sessions.h"
 
 #include "virtual/rig/rig.h"
@@ -66,7 +67,7 @@ static int count(const char *text, const char *words) {
 }
 
 /* USB relay boards have no watchdog: that is said once of each laser, and of none that has one. */
-static void test_warning(void) {
+TEST(warning) {
     const struct virtual_rig_kinds kinds = {.usb = (const char *[]){"all", NULL},
                                             .u3v = (const char *[]){"cam30", NULL}};
     for (int usb = 1; usb >= 0; usb--) {
@@ -83,19 +84,21 @@ static void test_warning(void) {
     }
 }
 
-static void test_session(void) {
+TEST(session) {
     capture_usb("usb.session");
     twin_assert_noise_alone("usb.session");
 }
 
-int main(int argc, char **argv) {
-    testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     twin_folder = g_dir_make_tmp("mesorig-usb-XXXXXX", NULL);
-    g_test_add_func("/usb-rig/warning", test_warning);
-    g_test_add_func("/usb-rig/session", test_session);
-    int failed = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(twin_folder);
     g_free(twin_folder);
-    return failed;
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    return tests_run(argc, argv);
 }

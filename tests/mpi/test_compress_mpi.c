@@ -5,6 +5,7 @@
 
 #include "lib/process.h"
 #include "lib/session_fixture.h"
+#include "lib/test.h"
 
 #define SIDE   40 /* 1600 texels: seven blocks of TEAM_ROWS */
 #define VIEWS  3
@@ -58,7 +59,7 @@ static int run(int ranks, const char *session, const char *output, char **ret_er
     return process_run(argv, NULL, ret_errors);
 }
 
-static void test_ranks(void) {
+TEST(ranks) {
     g_autofree char *session = make_session();
     g_autofree char *output = g_build_filename(session_fixture_folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -84,7 +85,7 @@ static void test_ranks(void) {
 }
 
 /* What one process cannot read ends all of them. */
-static void test_damaged(void) {
+TEST(damaged) {
     g_autofree char *session = make_session();
     g_autofree char *output = g_build_filename(session_fixture_folder, "none.exr", NULL);
     g_autofree char *view = g_build_filename(session, "products", "btf", "view_0001.exr", NULL);
@@ -101,7 +102,7 @@ static void test_damaged(void) {
 }
 
 /* While another process makes the file, this one does not begin; then the lock is gone. */
-static void test_locked(void) {
+TEST(locked) {
     g_autofree char *session = make_session(), *errors = NULL, *lock_path = NULL;
     g_autofree char *output = g_build_filename(session_fixture_folder, "locked.exr", NULL);
     const int lock = file_lock_take_output(output, &lock_path, NULL);
@@ -117,7 +118,7 @@ static void test_locked(void) {
 }
 
 /* Once, whatever the locale and the number of processes; without MPI's help as well. */
-static void test_help(void) {
+TEST(help) {
     static const char usage[] = "Compresses a BTF with several processes.";
     const char *const alone[] = {"env", "-i", "LC_ALL=C", COMPRESS_MPI, "--help", NULL};
     const char *const three[] = {MPIEXEC,      "--oversubscribe", "-n", "3",
@@ -131,7 +132,7 @@ static void test_help(void) {
     g_assert_cmpstr(number, ==, "mesorig-compress-mpi " MESORIG_VERSION "\n");
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     g_setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", TRUE);
     g_setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", TRUE);
     /* Ranks that wait on a machine with fewer processors should let the others work. */
@@ -139,10 +140,6 @@ int main(int argc, char **argv) {
     g_setenv("OMP_NUM_THREADS", "1", TRUE);
     /* Open MPI frees little when it ends. */
     g_setenv("ASAN_OPTIONS", "detect_leaks=0", TRUE);
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/compress-mpi/ranks", test_ranks);
-    g_test_add_func("/compress-mpi/damaged", test_damaged);
-    g_test_add_func("/compress-mpi/locked", test_locked);
-    g_test_add_func("/compress-mpi/help", test_help);
-    return session_fixture_run();
 }
+
+TESTS_RUN_BY(session_fixture_run);

@@ -4,6 +4,7 @@
 #include "lib/camera_open.h"
 
 #include "lib/ok.h"
+#include "lib/test.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
@@ -54,7 +55,7 @@ static void set_lamp(LampBank *bank, struct heard *heard, int index, gboolean on
     conformance_wait(bank->device.clock, &heard->n, 1, 10);
 }
 
-static void test_lamps(void) {
+TEST(lamps) {
     static const struct conformance with = {
         .section = "[lamps test]\ndriver = usb-relays\nserial = LAMPS\n"};
     g_autoptr(World) world = get_world();
@@ -87,7 +88,7 @@ static void test_lamps(void) {
     g_assert_cmpfloat(state_of(world).lamp_output[lamp60], ==, 0);
 }
 
-static void test_laser(void) {
+TEST(laser) {
     static const struct conformance with = {
         .section = "[laser test]\ndriver = usb-relay-laser\nserial = LASER\nrelay = 2\n"};
     g_autoptr(World) world = get_world();
@@ -108,7 +109,7 @@ static void test_laser(void) {
     g_assert_false(state_of(world).laser_on[index]);
 }
 
-static void test_motor(void) {
+TEST(motor) {
     static const struct conformance with = {
         .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nmin_deg = 0\n"
                    "max_deg = 38\nspeed_deg_s = 60\naccel_deg_s2 = 1200\npoll_ms = 10\n"};
@@ -161,7 +162,7 @@ static double look(Camera *camera, struct eye *eye, guint64 shot) {
 }
 
 /* What a world's camera sees by V4L2, with a lamp that hangs on a relay at USB. */
-static void test_lamp_seen(void) {
+TEST(lamp_seen) {
     static const struct conformance lamps_with = {.section = "[lamps test]\ndriver = usb-relays\n"};
     static const struct conformance camera_with = {
         .section = "[camera test]\ndriver = v4l2-camera\nblack_level = 64\nframe_rate = 50\n"};
@@ -202,7 +203,7 @@ static void test_lamp_seen(void) {
     g_clear_pointer(&eye.frame, frame_unref);
 }
 
-static void test_unknown(void) {
+TEST(unknown) {
     static const char *const wrong[] = {"", "lamp", "lamp ", "lamp nobody", "laser lamp30", "door"};
     g_autoptr(World) world = get_world();
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
@@ -217,11 +218,5 @@ static void test_unknown(void) {
 
 int main(int argc, char **argv) {
     testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/world-link/lamps", test_lamps);
-    g_test_add_func("/world-link/laser", test_laser);
-    g_test_add_func("/world-link/motor", test_motor);
-    g_test_add_func("/world-link/lamp-seen", test_lamp_seen);
-    g_test_add_func("/world-link/unknown", test_unknown);
-    return g_test_run();
+    return tests_run(argc, argv);
 }

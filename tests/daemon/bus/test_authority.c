@@ -13,11 +13,12 @@
 
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #define INTERFACE SOURCE_DIR "/etc/org.mesorig.Rig1.xml"
 #define POLICY    SOURCE_DIR "/etc/polkit/org.mesorig.Rig1.policy"
 
-static void test_table(void) {
+TEST(table) {
     static const char *const free[] = {"SafeState", "Renew", NULL};
     g_autofree char *xml = text_file_read(INTERFACE), *policy = text_file_read(POLICY);
     g_autoptr(GError) error = NULL;
@@ -40,7 +41,7 @@ static void test_table(void) {
     g_assert_nonnull(strstr(policy, "<action id=\"org.mesorig.rig.calibrate\">"));
 }
 
-static void test_rights(void) {
+TEST(rights) {
     static const struct {
         guint mode;
         gboolean owner, member, stranger;
@@ -277,16 +278,12 @@ static void test_alone(gconstpointer path) {
     g_test_trap_assert_passed();
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     bus_errors_register();
-    g_test_add_func("/authority/table", test_table);
-    g_test_add_func("/authority/rights", test_rights);
 #define ADD(name, func, polkit)                                                                    \
     g_test_add_data_func("/authority/" name, "/authority/" name "/subprocess", test_alone);        \
     g_test_add("/authority/" name "/subprocess", struct fixture, polkit, set_up, func, tear_down)
     ADD("asked", test_asked, "");
     ADD("hangs", test_hangs, "");
     ADD("absent", test_absent, NULL);
-    return g_test_run();
 }

@@ -15,6 +15,7 @@
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -543,7 +544,7 @@ static void test_late_client(struct fixture *fixture, gconstpointer data) {
     g_usleep(50000);                           /* they are let in */
 }
 
-static void test_addresses(void) {
+TEST(addresses) {
     TEMPORARY_FOLDER(folder);
     g_autofree char *file = g_build_filename(folder, "file", NULL);
     g_autofree char *to_file = g_strconcat("unix:path=", file, NULL);
@@ -572,8 +573,7 @@ static void test_addresses(void) {
     bus_unserve(bus, server);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     /* Faults of devices are told as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
 #define ADD(path, func) g_test_add(path, struct fixture, NULL, set_up, func, tear_down)
@@ -588,6 +588,4 @@ int main(int argc, char **argv) {
     ADD("/bus/garbage", test_garbage);
     ADD("/bus/other-user", test_other_user);
     ADD("/bus/late-client", test_late_client);
-    g_test_add_func("/bus/addresses", test_addresses);
-    return g_test_run();
 }

@@ -14,6 +14,7 @@
 #include "lib/long_session.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #define RIG      SOURCE_DIR "/tests/small/rig.conf"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
@@ -220,7 +221,7 @@ static void test_kill(struct fixture *fixture, gconstpointer data) {
     wait_for(fixture, "\nSTATUS=done", 1);
 }
 
-static void test_usage(void) {
+TEST(usage) {
     static const struct {
         int code;
         const char *words, *argv[5];
@@ -244,8 +245,7 @@ static void test_usage(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     bus_errors_register();
 #define ADD(path, func, data)                                                                      \
     g_test_add(path, struct fixture, GINT_TO_POINTER(data), set_up, func, tear_down)
@@ -256,6 +256,4 @@ int main(int argc, char **argv) {
     ADD("/service/follower-ends", test_follower, SIGTERM);
     ADD("/service/follower-ends-after-kill", test_follower, SIGKILL);
     ADD("/service/kill", test_kill, 0);
-    g_test_add_func("/service/usage", test_usage);
-    return g_test_run();
 }

@@ -12,6 +12,7 @@
 #include "lib/capture_steps.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 /* What a folder takes on disk, in blocks of 4 KiB. */
 static gint64 disk_bytes(const char *path) {
@@ -29,7 +30,7 @@ static gint64 disk_bytes(const char *path) {
 }
 
 /* The plan says what a session takes on disk. */
-static void test_disk_space(void) {
+TEST(disk_space) {
     static const struct change plain[] = {{0}},
                                lasers[] = {{"[capture]", "keep_laser_frames = yes"},
                                            {"[capture]", "laser_short_us = 250"},
@@ -91,17 +92,17 @@ static void compressed_space(const char *threshold, const char *exposure, gboole
     run_free(run);
 }
 
-static void test_compressed_space(void) {
+TEST(compressed_space) {
     compressed_space("laser_threshold_dn = 40", "laser_exposure_us = 4000", TRUE);
 }
 
-static void test_unseen_space(void) {
+TEST(unseen_space) {
     compressed_space("laser_threshold_dn = 4000", "laser_exposure_us = 100", FALSE);
 }
 
 /* Sessions of different shapes: time and disk space within 5 % of the plan's, and the time left
  * within a quarter of what it was, from a tenth of the time to 19 twentieths of it. */
-static void test_predictions(void) {
+TEST(predictions) {
     static const struct change small[] = {{0}}, lasers[] = {{"[lights]", NULL}, {0}},
                                lights[] = {{"[lasers]", NULL}, {0}},
                                one_view[] = {{"[views]", "rings = 30:1"},
@@ -148,7 +149,7 @@ static void test_predictions(void) {
 }
 
 /* Cameras that take longer than they say: the time left learns it from the shots taken. */
-static void test_left_learns(void) {
+TEST(left_learns) {
     static const struct change changes[] = {{"[camera cam30]", "fault_slow_ms = 400"},
                                             {"[camera cam60]", "fault_slow_ms = 400"},
                                             {"[lasers]", "rings = 30:3; 60:3"},
@@ -200,7 +201,7 @@ static void run_as_planned(struct run *run) {
     plan_free(plan);
 }
 
-static void test_whole(void) {
+TEST(whole) {
     struct run *run = run_new(NULL);
     run_as_planned(run);
     g_assert_cmpint(run->least_gap_us, >=, 95000);
@@ -223,7 +224,7 @@ static struct exr_part *radiance_of(const char *path, const struct session_shot 
 }
 
 /* The picture under each lamp is what the lamp's distance and angle say, within the sample's. */
-static void test_radiance(void) {
+TEST(radiance) {
     g_autoptr(GPtrArray) shots = run_shots(run_undisturbed());
     double mean[2] = {0};
     int n[2] = {0};
@@ -243,7 +244,7 @@ static void test_radiance(void) {
     g_assert_cmpfloat_with_epsilon(ratio, sqrt(3), 0.1);
 }
 
-static void test_pause(void) {
+TEST(pause) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     run_start(run);
@@ -267,7 +268,7 @@ static void test_pause(void) {
 
 /* What is left in a pause contains that the axes are homed again, and so does what is left from the
  * first moment after it, also in another process: it is as long as that takes. */
-static void test_left_after_pause(void) {
+TEST(left_after_pause) {
     for (int resumed = 0; resumed < 2; resumed++) {
         struct run *run = run_begin(NULL);
         /* Threads that work slowly on a loaded computer cost no simulated time. */
@@ -318,7 +319,7 @@ static void test_left_after_pause(void) {
     }
 }
 
-static void test_abort(void) {
+TEST(abort) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     run_start(run);
@@ -340,7 +341,7 @@ static void test_abort(void) {
 /* Killed at any moment: a new process finds what was committed and takes the rest. What it takes
  * first is stored at the same time, when the lasers are checked: the dark frames and a sweep of
  * each laser, 64 frames here. It comes that far again and again only if some lives are longer. */
-static void test_resume(void) {
+TEST(resume) {
     struct run *run = run_begin(NULL);
     gint64 frames = g_test_rand_int_range(1, 20);
     while (run_until(run, frames) < CAPTURE_PAUSED) {
@@ -364,7 +365,7 @@ static void test_resume(void) {
 }
 
 /* A frame's file that is gone is taken again; a dark frame's that cannot be read as well. */
-static void test_lost_files(void) {
+TEST(lost_files) {
     struct run *run = run_begin(NULL);
     run_to_end(run);
     g_autoptr(GPtrArray) frames = run_frames(run->session);
@@ -379,7 +380,7 @@ static void test_lost_files(void) {
     run_finish(run);
 }
 
-static void test_locked(void) {
+TEST(locked) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     run_start(run);
@@ -393,7 +394,7 @@ static void test_locked(void) {
 }
 
 /* The same from another process. */
-static void test_locked_elsewhere(void) {
+TEST(locked_elsewhere) {
     struct run *run = run_begin(NULL);
     run_until(run, 10);
     const char *const argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
@@ -416,7 +417,7 @@ static int resume_in_child(const char *directory) {
     return capture ? 0 : 1;
 }
 
-static void test_other_rig(void) {
+TEST(other_rig) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     run_start(run);
@@ -436,7 +437,7 @@ static void test_other_rig(void) {
     run_free(run);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     run->conf.exposures_us[1] = 70e6; /* more than any camera can */
@@ -451,7 +452,7 @@ static void test_refused(void) {
 
 /* A process may write no file beyond a kilobyte: no frame's file can be written, nor the database
  * much. */
-static void test_disk_full(void) {
+TEST(disk_full) {
     struct run *run = run_new(NULL);
     struct rlimit before, none;
     run_start(run);
@@ -495,7 +496,7 @@ static int check_laser_frames(struct run *run, const char *name, double exposure
 }
 
 /* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
-static void test_keep_laser_frames(void) {
+TEST(keep_laser_frames) {
     struct run *run =
         run_begin((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
     run_to_end(run);
@@ -505,7 +506,7 @@ static void test_keep_laser_frames(void) {
 }
 
 /* Two frames at each step of a sweep; the time is predicted as it comes. */
-static void test_short_laser(void) {
+TEST(short_laser) {
     struct run *run = run_new((const struct change[]){
         {"[capture]", "keep_laser_frames = yes"}, {"[capture]", "laser_short_us = 250"}, {0}});
     run_as_planned(run);
@@ -532,7 +533,7 @@ static double radiance_ratio(const char *a_path, const char *b_path,
 
 /* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
  * says the same as one that was well exposed at the same time. */
-static void test_too_bright(void) {
+TEST(too_bright) {
     struct run *run =
         run_begin((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
     run_to_end(run);
@@ -565,7 +566,7 @@ static void test_too_bright(void) {
 }
 
 /* Where retaking is not wanted, the picture is kept, and told of. */
-static void test_saturated(void) {
+TEST(saturated) {
     struct run *run = run_begin(
         (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});
     run_to_end(run);
@@ -614,38 +615,17 @@ static double lacks_of_bent_camera(gboolean known) {
     return lacks;
 }
 
-static void test_bent_camera(void) {
+TEST(bent_camera) {
     const double unknown = lacks_of_bent_camera(FALSE), known = lacks_of_bent_camera(TRUE);
     g_test_message("lacks %.4f, or %.4f when it is known", unknown, known);
     g_assert_cmpfloat(unknown, >, 0.02);
     g_assert_cmpfloat(known, <, 0.002);
 }
 
+TESTS_RUN_BY(run_tests);
+
 int main(int argc, char **argv) {
     if (argc == 3 && g_str_equal(argv[1], "--resume"))
         return resume_in_child(argv[2]);
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/capture/predictions", test_predictions);
-    g_test_add_func("/capture/left-learns", test_left_learns);
-    g_test_add_func("/capture/compressed-space", test_compressed_space);
-    g_test_add_func("/capture/unseen-space", test_unseen_space);
-    g_test_add_func("/capture/whole", test_whole);
-    g_test_add_func("/capture/radiance", test_radiance);
-    g_test_add_func("/capture/pause", test_pause);
-    g_test_add_func("/capture/left-after-pause", test_left_after_pause);
-    g_test_add_func("/capture/abort", test_abort);
-    g_test_add_func("/capture/resume", test_resume);
-    g_test_add_func("/capture/lost-files", test_lost_files);
-    g_test_add_func("/capture/locked", test_locked);
-    g_test_add_func("/capture/locked-elsewhere", test_locked_elsewhere);
-    g_test_add_func("/capture/other-rig", test_other_rig);
-    g_test_add_func("/capture/refused", test_refused);
-    g_test_add_func("/capture/disk-full", test_disk_full);
-    g_test_add_func("/capture/keep-laser-frames", test_keep_laser_frames);
-    g_test_add_func("/capture/disk-space", test_disk_space);
-    g_test_add_func("/capture/short-laser", test_short_laser);
-    g_test_add_func("/capture/too-bright", test_too_bright);
-    g_test_add_func("/capture/saturated", test_saturated);
-    g_test_add_func("/capture/bent-camera", test_bent_camera);
-    return run_tests();
+    return tests_run(argc, argv);
 }

@@ -5,6 +5,7 @@
 #include "lib/camera_open.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "modbus/devices.h"
 #include "rig/finder.h"
 #include "usb/relays.h"
@@ -52,7 +53,7 @@ static Config *paste(const struct found *found, const char *comment, const char 
     return config;
 }
 
-static void test_usb(void) {
+TEST(usb) {
     g_autoptr(VirtualTic) tic = virtual_tic_new("00123456", 1, 4000, 100);
     g_autoptr(VirtualTic) other_tic = virtual_tic_new("00777777", 4, 4000, 100);
     g_autoptr(VirtualRelays) board = virtual_relays_new("USBRelay4", "LAMPS", 2, FALSE);
@@ -84,7 +85,7 @@ static void test_usb(void) {
     g_assert_null(find(all, "usb", "1")); /* the hub */
 }
 
-static void test_video(void) {
+TEST(video) {
     g_autoptr(VirtualV4l2) good =
         virtual_v4l2_new(&(struct virtual_v4l2_config){.port = "2-1.1", .cfa = CFA_GRBG});
     g_autoptr(VirtualV4l2) webcam = virtual_v4l2_new(
@@ -118,7 +119,7 @@ static void test_video(void) {
     g_assert_null(find(all, "usb", "2-2")); /* told once, as video */
 }
 
-static void test_usb3_vision(void) {
+TEST(usb3_vision) {
     struct virtual_camera_options options = {
         .serial = "TOP", .width = 320, .height = 240, .bits = 12, .cfa = CFA_GBRG};
     g_autoptr(VirtualU3v) device = virtual_u3v_new(&options, 1);
@@ -141,7 +142,7 @@ static void test_usb3_vision(void) {
 }
 
 /* libgphoto2 knows a camera by its USB ids, and does not open it for that. */
-static void test_still_camera(void) {
+TEST(still_camera) {
     /* one interface of the class Still Image, with two bulk endpoints and one for interrupts */
     static const guint8 config[] = {9, 2, 39, 0, 1, 1, 0, 0xc0, 1,    9, 4, 0, 0,
                                     3, 6, 1,  1, 0, 7, 5, 0x81, 2,    0, 2, 0, 7,
@@ -165,7 +166,7 @@ static void test_still_camera(void) {
     virtual_usb_free(usb);
 }
 
-static void test_modbus(void) {
+TEST(modbus) {
     struct virtual_modbus_options options = {.unit = 7};
     GError *error = NULL;
     g_autoptr(VirtualModbus) device = virtual_modbus_new(&options, &error);
@@ -189,7 +190,7 @@ static void test_modbus(void) {
         g_assert_false(state.coils[i]);
 }
 
-static void test_modbus_not_there(void) {
+TEST(modbus_not_there) {
     g_autoptr(GPtrArray) problems = g_ptr_array_new_with_free_func(g_free);
     struct finder_modbus modbus = {.bus = "/dev/no-such-line", .first = 1, .last = 2};
     GError *error = NULL;
@@ -204,7 +205,7 @@ static void test_modbus_not_there(void) {
 }
 
 /* The devices answer from other threads of this process while it waits for the program. */
-static void test_command(void) {
+TEST(command) {
     g_autoptr(VirtualTic) tic = virtual_tic_new("00123456", 1, 4000, 100);
     g_autoptr(VirtualV4l2) camera = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_autofree char *people = NULL, *json = NULL, *none = NULL;
@@ -226,18 +227,16 @@ static void test_command(void) {
         ==, 2);
 }
 
+/* One for all: Aravis looks at the same USB as long as the process lives. */
+BEFORE_TESTS {
+    testbed_ref();
+}
+
+AFTER_TESTS {
+    testbed_unref();
+}
+
 int main(int argc, char **argv) {
     testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
-    testbed_ref(); /* one for all: Aravis looks at the same USB as long as the process lives */
-    g_test_add_func("/devices/usb", test_usb);
-    g_test_add_func("/devices/video", test_video);
-    g_test_add_func("/devices/usb3-vision", test_usb3_vision);
-    g_test_add_func("/devices/still-camera", test_still_camera);
-    g_test_add_func("/devices/modbus", test_modbus);
-    g_test_add_func("/devices/modbus-not-there", test_modbus_not_there);
-    g_test_add_func("/devices/command", test_command);
-    int failed = g_test_run();
-    testbed_unref();
-    return failed;
+    return tests_run(argc, argv);
 }

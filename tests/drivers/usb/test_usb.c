@@ -3,6 +3,7 @@
 #include "lib/lock_keeper.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "lib/wait.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
@@ -221,7 +222,7 @@ static void test_tic_slow_homing(struct rig *rig, gconstpointer unused) {
 }
 
 /* A motor left turning is braked by whoever opens it next. */
-static void test_tic_left_turning(void) {
+TEST(tic__left_turning) {
     static const struct conformance slow = {
         .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nspeed_deg_s = 10\n"
                    "homing = here\n"};
@@ -349,7 +350,7 @@ static void assert_not_opened(Clock *clock, const char *more, GQuark domain, int
     conformance_expect_error(&error, domain, code, text);
 }
 
-static void test_tic_settings(void) {
+TEST(tic__settings) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualTic) tic = virtual_tic_new("1", 1, TRAVEL, 100);
     virtual_tic_set_mode(tic, 1, 1000);
@@ -365,7 +366,7 @@ static void test_tic_settings(void) {
     assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "refused a request");
 }
 
-static void test_tic_units(void) {
+TEST(tic__units) {
     static const struct conformance fast = {
         .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 10000\nspeed_deg_s = 60\n"};
     const struct config_section *section;
@@ -376,7 +377,7 @@ static void test_tic_units(void) {
     conformance_expect_error(&error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "600000 microsteps/s");
 }
 
-static void test_tic_choice(void) {
+TEST(tic__choice) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualTic) one = virtual_tic_new("AAA", 1, TRAVEL, 100);
     g_autoptr(VirtualTic) two = virtual_tic_new("BBB", 2, TRAVEL, 700);
@@ -405,7 +406,7 @@ static void test_tic_choice(void) {
 /* One of two Tics cannot be opened, so that its serial number is not known. It may be the one that
  * is looked for. That the other Tic could be opened, and is not the right one, must not hide this,
  * whichever of them is found first. */
-static void test_tic_not_readable(void) {
+TEST(tic__not_readable) {
     static const char *const serials[] = {"AAA", "BBB"};
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualTic) one = virtual_tic_new(serials[0], 1, TRAVEL, 100);
@@ -428,7 +429,7 @@ static void test_tic_not_readable(void) {
 }
 
 /* The right ids on a device of another kind, as a Tic in its bootloader is. */
-static void test_no_interface(void) {
+TEST(no_interface) {
     static const guint8 no_vendor[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 2, 0, 0, 0};
     static const struct virtual_usb_class class = {
         0x1ffb, 0x00b3, "Tic Bootloader", "1", no_vendor, sizeof no_vendor, NULL};
@@ -453,7 +454,7 @@ static LampBank *open_bank(Clock *clock, const char *more, GError **error) {
     return lamps_open(&usb_relays_driver, section, NULL, clock, error);
 }
 
-static void test_nothing_plugged(void) {
+TEST(nothing_plugged) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualRelays) other = virtual_relays_new("Mouse7", "XXXXX", 1, FALSE);
     GError *error = NULL;
@@ -635,7 +636,7 @@ static void test_relays_unplug_lit(struct board *board, gconstpointer unused) {
     g_assert_cmpint(board->lamps.n, ==, 1);
 }
 
-static void test_relays_wrong_relay(void) {
+TEST(relays__wrong_relay) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "SMALL", 1, FALSE);
     GError *error = NULL;
@@ -652,7 +653,7 @@ static void test_relays_wrong_relay(void) {
 }
 
 /* Another process has the board's lock: the error names it, and the board is left as it is. */
-static void test_relays_held(void) {
+TEST(relays__held) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "HELD", 1, FALSE);
     g_autofree char *key = lock_key_of_node("usb", "/dev/bus/usb/001/002"); /* after the hub */
@@ -706,21 +707,14 @@ static const struct {
     {"/usb/relays/unplug-lit", test_relays_unplug_lit},
 };
 
-int main(int argc, char **argv) {
-    testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(tics); i++)
         g_test_add(tics[i].name, struct rig, tics[i].more, begin, tics[i].run, end);
     for (gsize i = 0; i < G_N_ELEMENTS(boards); i++)
         g_test_add(boards[i].name, struct board, NULL, begin_board, boards[i].run, end_board);
-    g_test_add_func("/usb/tic/left-turning", test_tic_left_turning);
-    g_test_add_func("/usb/tic/settings", test_tic_settings);
-    g_test_add_func("/usb/tic/units", test_tic_units);
-    g_test_add_func("/usb/tic/choice", test_tic_choice);
-    g_test_add_func("/usb/tic/not-readable", test_tic_not_readable);
-    g_test_add_func("/usb/nothing-plugged", test_nothing_plugged);
-    g_test_add_func("/usb/no-interface", test_no_interface);
-    g_test_add_func("/usb/relays/wrong-relay", test_relays_wrong_relay);
-    g_test_add_func("/usb/relays/held", test_relays_held);
-    return g_test_run();
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    return tests_run(argc, argv);
 }

@@ -3,6 +3,7 @@
 #include "lib/camera_open.h"
 #include "lib/lock_keeper.h"
 #include "lib/ok.h"
+#include "lib/test.h"
 #include "v4l2/formats.h"
 #include "v4l2/load.h"
 #include "v4l2/v4l2.h"
@@ -147,7 +148,7 @@ static void test_frozen(struct rig *rig, gconstpointer unused) {
 }
 
 /* Unplugged while a frame is waited for, then back at another number: found by where it is. */
-static void test_unplugged(void) {
+TEST(fault__unplugged) {
     struct rig rig;
     GError *error = NULL;
     begin(&rig, &(struct virtual_v4l2_config){.port = "2-1.4", .frame_rate = 10},
@@ -174,7 +175,7 @@ static void test_unplugged(void) {
 }
 
 /* Another daemon has it, named by its node; the kernel would let both set it up. */
-static void test_locked(void) {
+TEST(locked) {
     g_autoptr(Clock) clock = clock_new_real();
     VirtualV4l2 *device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     g_autofree char *key = lock_key_of_node("video", "/dev/video0");
@@ -189,7 +190,7 @@ static void test_locked(void) {
 }
 
 /* A program ends while its stream runs. As in the kernel, the stream ends with the program. */
-static void test_program_ends(void) {
+TEST(program_ends) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualV4l2) device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
@@ -315,7 +316,7 @@ static void test_trigger(gconstpointer stamp) {
 
 /* What the checks above are for: stamps that are taken for the start of exposures, but are not,
  * bring pictures from before the lamp, and settings that are not waited for older ones. */
-static void test_trigger_matters(void) {
+TEST(trigger__matters) {
     struct lamp lamp = {.on_us = G_MAXINT64};
     struct rig rig;
     int n_dark = 0, n_older = 0;
@@ -346,7 +347,7 @@ static void test_trigger_matters(void) {
 
 /* Buffers that were filled before the trigger and say that they are from after it, looked at so
  * late that they no longer lie in the future. */
-static void test_stale_from_future(void) {
+TEST(trigger__stale_from_future) {
     struct lamp lamp = {.on_us = G_MAXINT64};
     struct rig rig;
     g_mutex_init(&lamp.mutex);
@@ -368,7 +369,7 @@ static void test_stale_from_future(void) {
 }
 
 /* While nobody waits the buffers stay full: a camera that runs freely costs nothing. */
-static void test_idle(void) {
+TEST(idle) {
     struct rig rig;
     begin(&rig, &(struct virtual_v4l2_config){.frame_rate = 200}, "");
     shoot(&rig, 1, CAMERA_FRAME);
@@ -417,7 +418,7 @@ static void check_format(const char *format, enum cfa cfa, int sensor_bits, int 
     end(&rig, NULL);
 }
 
-static void test_formats(void) {
+TEST(formats) {
     check_format("RGGB", CFA_RGGB, 12, 8);
     check_format("BA81", CFA_BGGR, 12, 8);
     check_format("GB10", CFA_GBRG, 12, 10);
@@ -431,7 +432,7 @@ static void test_formats(void) {
 }
 
 /* Luma of limited range: 16 to 235, and black is 16. */
-static void test_luma(void) {
+TEST(luma) {
     int bits = 8;
     struct rig rig;
     for (int i = 0; i < 2; i++) {
@@ -466,7 +467,7 @@ static void check_unpack(const char *name, const guint8 *bytes, int width,
     g_assert_cmpstr(again, ==, name);
 }
 
-static void test_unpack(void) {
+TEST(unpack) {
     check_unpack("pRAA", (guint8[]){0x00, 0xff, 0x12, 0x80, 0xe4, 0x01, 0, 0, 0, 0x03}, 5,
                  (guint16[]){0x000, 0x3fd, 0x04a, 0x203, 0x007});
     check_unpack("pRCC", (guint8[]){0xab, 0x12, 0x3c, 0xff, 0x00, 0x0f}, 3,
@@ -487,7 +488,7 @@ static void expect_not_opened(const char *more, int code, const char *text) {
     expect_text(&error, code, text);
 }
 
-static void test_compressed(void) {
+TEST(compressed) {
     g_autoptr(VirtualV4l2) webcam =
         virtual_v4l2_new(&(struct virtual_v4l2_config){.only_compressed = TRUE});
     expect_not_opened("", DEVICE_ERROR_UNSUPPORTED, "offers only MJPG");
@@ -498,7 +499,7 @@ static void test_compressed(void) {
     expect_not_opened("format = nonsense\n", DEVICE_ERROR_UNSUPPORTED, "format nonsense");
 }
 
-static void test_not_opened(void) {
+TEST(not_opened) {
     expect_not_opened("", DEVICE_ERROR_DISCONNECTED, "no such camera");
     expect_not_opened("device = /dev/video0\n", DEVICE_ERROR_DISCONNECTED, "could not be opened");
     g_autoptr(VirtualV4l2) one = virtual_v4l2_new(&(struct virtual_v4l2_config){.number = 0});
@@ -524,7 +525,7 @@ static void test_not_opened(void) {
 }
 
 /* All that would change pictures by itself is off, from the start. */
-static void test_by_hand(void) {
+TEST(by_hand) {
     struct rig rig;
     GError *error = NULL;
     begin(&rig, &(struct virtual_v4l2_config){0},
@@ -578,7 +579,7 @@ static GLogWriterOutput print_warning(GLogLevelFlags level, const GLogField *fie
 }
 
 /* A gamma whose unit is not known is told; one that the rig file sets is its owner's. */
-static void test_gamma_told(void) {
+TEST(gamma_told) {
     const struct virtual_v4l2_config odd = {.odd_gamma = TRUE};
     struct rig rig;
     if (g_test_subprocess()) {
@@ -598,7 +599,7 @@ static void test_gamma_told(void) {
 }
 
 /* Controls that it lacks are told, and what needs them is refused. */
-static void test_lacking_told(void) {
+TEST(lacking_told) {
     if (g_test_subprocess()) {
         g_log_set_writer_func(count_lacking, NULL, NULL);
         struct rig rig;
@@ -615,7 +616,7 @@ static void test_lacking_told(void) {
     g_test_trap_assert_stdout("*told what is lacking*");
 }
 
-static void test_lacking(void) {
+TEST(lacking) {
     guint all = VIRTUAL_V4L2_NO_EXPOSURE | VIRTUAL_V4L2_NO_GAIN | VIRTUAL_V4L2_NO_WHITE_BALANCE;
     struct rig rig;
     GError *error = NULL;
@@ -665,7 +666,7 @@ static void open_eight(double mbit_s, const char *rate, int n_expected) {
     }
 }
 
-static void test_bandwidth(void) {
+TEST(bandwidth) {
     /* The USB 2.0 specification's bounds: 8192 packets of three times 1024 bytes in a second are
      * one endpoint's most, 80 % of 60 MB/s all endpoints'. */
     g_assert_cmpfloat(video_link_mb_s(480), >, 24.6);
@@ -687,34 +688,20 @@ static const struct {
     {"/v4l2/fault/disobeys", test_disobeys},
 };
 
-int main(int argc, char **argv) {
-    testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/v4l2/unpack", test_unpack);
-    g_test_add_func("/v4l2/formats", test_formats);
-    g_test_add_func("/v4l2/luma", test_luma);
-    g_test_add_func("/v4l2/compressed", test_compressed);
-    g_test_add_func("/v4l2/not-opened", test_not_opened);
-    g_test_add_func("/v4l2/by-hand", test_by_hand);
-    g_test_add_func("/v4l2/lacking", test_lacking);
-    g_test_add_func("/v4l2/gamma-told", test_gamma_told);
-    g_test_add_func("/v4l2/lacking-told", test_lacking_told);
-    g_test_add_func("/v4l2/bandwidth", test_bandwidth);
-    g_test_add_func("/v4l2/idle", test_idle);
+BEFORE_TESTS {
     g_test_add_data_func("/v4l2/trigger/start", GINT_TO_POINTER(VIRTUAL_V4L2_START), test_trigger);
     g_test_add_data_func("/v4l2/trigger/first-data", GINT_TO_POINTER(VIRTUAL_V4L2_FIRST_DATA),
                          test_trigger);
     g_test_add_data_func("/v4l2/trigger/end", GINT_TO_POINTER(VIRTUAL_V4L2_END), test_trigger);
-    g_test_add_func("/v4l2/trigger/matters", test_trigger_matters);
-    g_test_add_func("/v4l2/trigger/stale-from-future", test_stale_from_future);
-    g_test_add_func("/v4l2/fault/unplugged", test_unplugged);
-    g_test_add_func("/v4l2/locked", test_locked);
-    g_test_add_func("/v4l2/program-ends", test_program_ends);
     for (gsize i = 0; i < G_N_ELEMENTS(plain); i++)
         g_test_add(plain[i].name, struct rig, "", begin_plain, plain[i].run, end);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
         g_autofree char *path = g_strconcat("/v4l2/fault/", faults[i].name, NULL);
         g_test_add_data_func(path, &faults[i], test_fault);
     }
-    return g_test_run();
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    return tests_run(argc, argv);
 }

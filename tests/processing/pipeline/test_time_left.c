@@ -5,6 +5,7 @@
 #include <math.h>
 #include <time.h>
 
+#include "lib/test.h"
 #include "pipeline/course.h"
 
 #define MAX_VIEWS  120
@@ -90,7 +91,7 @@ static void add(struct course *course, enum time_left_work stage, double theta_d
             .stage = stage, .theta_deg = theta_deg, .units = units, .cpu_s = cpu_s};
 }
 
-static void test_recorded(void) {
+TEST(recorded) {
     static const int threads[] = {1, 2, 4, 8};
     static const double speeds[] = {1, 0.3};
     for (gsize t = 0; t < G_N_ELEMENTS(threads); t++)
@@ -115,7 +116,7 @@ static void test_recorded(void) {
 
 /* Five rings of twelve views, of which those from above take several times as long as grazing ones.
  */
-static void test_rings(void) {
+TEST(rings) {
     static const double costs_s[][2] = {{0.4, 0.9}, {0.4, 0.05}, {0.4, 0}, {0, 0.9}, {0.1, 4}};
     static const int threads[] = {1, 2, 4};
     g_autoptr(GRand) rand = g_rand_new_with_seed(5);
@@ -138,7 +139,7 @@ static void test_rings(void) {
         }
 }
 
-static void test_order(void) {
+TEST(order) {
     for (int n = 1; n < 200; n++) {
         g_autofree int *seen = g_new0(int, n);
         for (int k = 0; k < n; k++)
@@ -149,7 +150,7 @@ static void test_order(void) {
 }
 
 /* Two threads that got half a processor each: one alone gets a whole one. */
-static void test_speed(void) {
+TEST(speed) {
     struct time_left_speed speed = {0};
     g_assert_cmpfloat(time_left_speed_of(&speed, 2), ==, 1);
     for (int i = 0; i < 100; i++)
@@ -173,7 +174,7 @@ static void test_speed(void) {
 }
 
 /* What one run measured is there for the next; a damaged file is none. */
-static void test_rates(void) {
+TEST(rates) {
     struct time_left_rates rates, read;
     g_autofree char *path =
         g_build_filename(g_get_user_cache_dir(), "mesorig", "processing-rates", NULL);
@@ -199,7 +200,7 @@ static void test_rates(void) {
 
 /* A run that takes little of one kind of work mends that rate as well; a small run hardly changes
  * it, and what scatters from run to run is averaged. */
-static void test_learned(void) {
+TEST(learned) {
     struct time_left_rates rates = {.unit_s = {[TIME_LEFT_BTF] = 0.2, [TIME_LEFT_MDF_FILE] = 7.2}};
     struct time_left_made made[TIME_LEFT_WORKS] = {[TIME_LEFT_BTF] = {0.1, 0.1}};
     time_left_rates_learn(&rates, made);
@@ -220,7 +221,7 @@ static double time_left_spent_s(void) {
 
 /* What follows the views goes by its own pace as soon as that is known: of work that is said to
  * take 10 s nine tenths take 0.1 s, so that the rest of it and 5 s after it will take little. */
-static void test_pace(void) {
+TEST(pace) {
     const struct time_left_rates said = {
         .unit_s = {[TIME_LEFT_BTF] = 1, [TIME_LEFT_COLUMNS] = 10, [TIME_LEFT_FACTORS] = 5}};
     g_autofree char *path =
@@ -253,17 +254,8 @@ static void test_pace(void) {
     g_assert_cmpint(g_rmdir(g_get_user_cache_dir()), ==, 0);
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     g_autofree char *cache = g_dir_make_tmp("mesorig-cache-XXXXXX", NULL);
     g_assert_nonnull(cache);
     g_setenv("XDG_CACHE_HOME", cache, TRUE);
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/time-left/recorded", test_recorded);
-    g_test_add_func("/time-left/rings", test_rings);
-    g_test_add_func("/time-left/order", test_order);
-    g_test_add_func("/time-left/speed", test_speed);
-    g_test_add_func("/time-left/rates", test_rates);
-    g_test_add_func("/time-left/learned", test_learned);
-    g_test_add_func("/time-left/pace", test_pace);
-    return g_test_run();
 }

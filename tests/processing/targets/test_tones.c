@@ -7,6 +7,7 @@
 #include "lib/grey_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 #include <stdlib.h>
 
@@ -216,21 +217,21 @@ static struct figures run(const struct effect *effect, double halves, double gla
     return figures;
 }
 
-static void silent(void) {
+TEST(silent) {
     run(&none, 0, 0);
 }
 
-static void halves(void) {
+TEST(halves) {
     static const struct effect effect = {"halves", "", "half_gain_step=0.01"};
     run(&effect, 0.01, 0);
 }
 
-static void columns(void) {
+TEST(columns) {
     static const struct effect effect = {"columns", "", "column_offset=0.001"};
     run(&effect, 0, 0);
 }
 
-static void glare(void) {
+TEST(glare) {
     static const struct effect effect = {"glare", "", "veiling_glare=0.005"};
     run(&effect, 0, 0.005);
 }
@@ -241,7 +242,7 @@ static char *with_one_exposure(const char *conf) {
     return g_regex_replace_literal(exposures, conf, -1, 0, "exposures_us=4000", 0, NULL);
 }
 
-static void flicker(void) {
+TEST(flicker) {
     static const struct effect effect = {"flicker", "lamp_flicker=0.01", ""};
     struct tile_result result;
     g_autofree char *folder = grey_folder();
@@ -267,7 +268,7 @@ static void flicker(void) {
 }
 
 /* A tile with a dirty spot. */
-static void soiled(void) {
+TEST(soiled) {
     static const struct effect effect = {
         "soiled", "", "", "[mark spot]\nx_mm=12\ny_mm=5\nz_mm=4.01\nradius_mm=7\nalbedo=0.9\n"};
     struct tile_result result;
@@ -285,7 +286,7 @@ static void soiled(void) {
 }
 
 /* Nothing dark is visible around the tile: the glare is not known, and the command says so. */
-static void bright(void) {
+TEST(bright) {
     static const struct effect effect = {"bright", "", "veiling_glare=0.005", NULL, TRUE};
     struct tile_result result;
     g_autofree char *folder = grey_folder();
@@ -300,16 +301,4 @@ static void bright(void) {
     g_autofree char *told = process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, conf);
     assert_has(told, "for 3 of 3 cameras, the light that the lens scatters is not known");
     radiometry_rig_remove(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/tones/silent", silent);
-    g_test_add_func("/tones/halves", halves);
-    g_test_add_func("/tones/columns", columns);
-    g_test_add_func("/tones/glare", glare);
-    g_test_add_func("/tones/flicker", flicker);
-    g_test_add_func("/tones/soiled", soiled);
-    g_test_add_func("/tones/bright", bright);
-    return g_test_run();
 }
