@@ -3,6 +3,7 @@
 #include "lib/ok.h"
 #include "lib/painted.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/wait.h"
 
 #include <glib-unix.h>
@@ -34,7 +35,7 @@ static void formats(gconstpointer data) {
     eye_end(&eye, NULL);
 }
 
-static void settings(void) {
+TEST(settings) {
     struct eye eye = {.device = painter(CFA_GRBG)};
     struct virtual_camera_state state;
     ok(eye_open(&eye, EYE_PART "black_level_dn = 70\nfeatures = GevSCPD=1000\n", ERR));
@@ -47,7 +48,7 @@ static void settings(void) {
 }
 
 /* As large as gets through, which is found out. */
-static void packet_size(void) {
+TEST(packet_size) {
     struct eye eye = {.device = painter(CFA_MONO)};
     struct virtual_camera_state state;
     for (int mtu = 0; mtu <= 1500; mtu += 1500) {
@@ -76,7 +77,7 @@ static void times(struct eye *eye, gconstpointer unused) {
 }
 
 /* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
-static void stamps_of_the_end(void) {
+TEST(stamps_of_the_end) {
     struct eye eye;
     struct virtual_camera_state state;
     struct virtual_camera_faults faults = {.stamps_end = TRUE};
@@ -146,7 +147,7 @@ static gboolean on_line(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-static void hardware_trigger(void) {
+TEST(hardware_trigger) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_MONO)};
     struct line line = {.device = eye.device};
     TEMPORARY_FOLDER(dir);
@@ -169,7 +170,7 @@ static void hardware_trigger(void) {
 
 /* On plain sockets, all triggered at the same time, and nothing lost, not even of the first
  * pictures: what is asked for again does not come. */
-static void eight_at_once(void) {
+TEST(eight_at_once) {
     struct eye eyes[8] = {0};
     struct virtual_camera_faults faults = {.no_resend = TRUE};
     for (int i = 0; i < 8; i++) {
@@ -183,7 +184,7 @@ static void eight_at_once(void) {
         eye_end(&eyes[i], NULL);
 }
 
-static void scan(void) {
+TEST(scan) {
     g_autoptr(VirtualGige) device = eye_device("SCANNED", 320, 240, CFA_MONO);
     g_autoptr(GPtrArray) all = aravis_scan();
     gboolean found = FALSE;
@@ -200,7 +201,7 @@ static void scan(void) {
 }
 
 /* A section that names the serial number finds it wherever it is. */
-static void by_serial(void) {
+TEST(by_serial) {
     struct eye eye = {.device = eye_device("BYSERIAL", 320, 240, CFA_MONO)};
     const struct conformance with = {.section = "[camera eye]\ndriver = aravis\n"};
     const struct config_section *section;
@@ -220,7 +221,7 @@ static void by_serial(void) {
     eye_end(&eye, NULL);
 }
 
-static void refused_options(void) {
+TEST(refused_options) {
     static const struct {
         const char *keys, *said;
     } cases[] = {
@@ -262,7 +263,7 @@ static gboolean is_controlled(VirtualGige *device) {
 }
 
 /* Cameras that answer slowly are opened at the same time. */
-static void opened_at_once(void) {
+TEST(opened_at_once) {
     struct virtual_camera_faults slow = {.answer_us = 10000}, slowest = {.answer_us = 200000};
     VirtualGige *devices[8];
     Camera *cameras[8];
@@ -293,7 +294,7 @@ static void opened_at_once(void) {
 }
 
 /* Closed while it is still being opened. */
-static void closed_before_opened(void) {
+TEST(closed_before_opened) {
     VirtualGige *device = eye_device("SLOW", 64, 48, CFA_MONO);
     struct virtual_camera_faults slow = {.answer_us = 10000}, none = {0};
     struct eye eye = {.device = device};
@@ -319,29 +320,25 @@ static const struct {
     {"/gige/packet-socket", packet_socket, "packet_socket = yes"},
 };
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_autoptr(VirtualGige) camera = eye_device("CONFORMANCE", 640, 480, CFA_RGGB);
-    g_autofree char *section =
+static VirtualGige *conforming; /* the camera of the conformance suite */
+static char *section;
+
+BEFORE_TESTS {
+    static struct conformance with = {.name = "gige", .real_clock = TRUE};
+    conforming = eye_device("CONFORMANCE", 640, 480, CFA_RGGB);
+    with.section = section =
         g_strdup_printf("[camera test]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n",
-                        virtual_gige_address(camera));
-    struct conformance with = {.name = "gige", .section = section, .real_clock = TRUE};
+                        virtual_gige_address(conforming));
     conformance_camera(&aravis_camera_driver, &with);
     for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {
         g_autofree char *path = g_strdup_printf("/gige/formats/%s", cfa_name((enum cfa)cfa));
         g_test_add_data_func(path, GINT_TO_POINTER(cfa), formats);
     }
-    g_test_add_func("/gige/settings", settings);
-    g_test_add_func("/gige/packet-size", packet_size);
-    g_test_add_func("/gige/stamps-of-the-end", stamps_of_the_end);
-    g_test_add_func("/gige/hardware-trigger", hardware_trigger);
-    g_test_add_func("/gige/eight-at-once", eight_at_once);
-    g_test_add_func("/gige/opened-at-once", opened_at_once);
-    g_test_add_func("/gige/closed-before-opened", closed_before_opened);
-    g_test_add_func("/gige/scan", scan);
-    g_test_add_func("/gige/by-serial", by_serial);
-    g_test_add_func("/gige/refused-options", refused_options);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
         g_test_add(cases[i].name, struct eye, cases[i].keys, eye_begin, cases[i].run, eye_end);
-    return g_test_run();
+}
+
+AFTER_TESTS {
+    virtual_gige_free(conforming);
+    g_free(section);
 }

@@ -2,6 +2,7 @@
 #include "lib/gige_rig.h"
 #include "lib/ok.h"
 #include "lib/painted.h"
+#include "lib/test.h"
 
 #include "virtual/cameras/u3v.h"
 #include "virtual/testbed.h"
@@ -28,7 +29,7 @@ static VirtualU3v *begin(struct eye *eye, const char *keys) {
 }
 
 /* Every phase of every filter array, packed and plain. */
-static void formats(void) {
+TEST(formats) {
     static const struct eye_depth depths[] = {{"8", 8}, {"12p", 12}};
     for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {
         g_autoptr(VirtualU3v) device =
@@ -38,7 +39,7 @@ static void formats(void) {
     }
 }
 
-static void settings(void) {
+TEST(settings) {
     g_autoptr(VirtualU3v) device = plug_in("PAINTER", 1, PAINTED_WIDTH, PAINTED_HEIGHT, CFA_GRBG);
     struct eye eye = {.where = "PAINTER"};
     struct virtual_camera_state state;
@@ -50,7 +51,7 @@ static void settings(void) {
 }
 
 /* Larger than one transfer. */
-static void large(void) {
+TEST(large) {
     g_autoptr(VirtualU3v) device = plug_in("LARGE", 1, 1280, 960, CFA_RGGB);
     struct eye eye = {.where = "LARGE"};
     eye_start(&eye, "pixel_format = BayerRG12", 1000);
@@ -63,7 +64,7 @@ static void large(void) {
 }
 
 /* The camera's own time stamps are mapped to ours: checked against when it was triggered. */
-static void times(void) {
+TEST(times) {
     struct eye eye;
     g_autoptr(VirtualU3v) device = begin(&eye, "");
     for (guint64 shot = 1; shot <= 10; shot++) {
@@ -77,7 +78,7 @@ static void times(void) {
     eye_close(&eye);
 }
 
-static void several(void) {
+TEST(several) {
     VirtualU3v *devices[4];
     struct eye eyes[4] = {0};
     for (int i = 0; i < 4; i++) {
@@ -93,7 +94,7 @@ static void several(void) {
     }
 }
 
-static void scan(void) {
+TEST(scan) {
     g_autoptr(VirtualU3v) device = plug_in("SCANNED", 1, 320, 240, CFA_MONO);
     g_autoptr(GPtrArray) all = aravis_scan();
     gboolean found = FALSE;
@@ -125,7 +126,7 @@ static void assert_retaken(const char *keys, const struct virtual_camera_faults 
     eye_close(&eye);
 }
 
-static void incomplete(void) {
+TEST(incomplete) {
     static const struct {
         struct virtual_camera_faults faults;
         const char *said;
@@ -142,7 +143,7 @@ static void incomplete(void) {
         assert_retaken("", &cases[i].faults, cases[i].said);
 }
 
-static void stamp_in_the_future(void) {
+TEST(stamp_in_the_future) {
     struct eye eye;
     struct virtual_camera_faults faults = {.ahead_us = 500000}, none = {0};
     g_autoptr(VirtualU3v) device = begin(&eye, "");
@@ -155,7 +156,7 @@ static void stamp_in_the_future(void) {
 }
 
 /* In the middle of an exposure; plugged in again, it is set up as before. */
-static void unplugged(void) {
+TEST(unplugged) {
     struct eye eye;
     struct virtual_camera_state state;
     struct camera_settings settings = {.exposure_us = 500000};
@@ -181,7 +182,7 @@ static void unplugged(void) {
     eye_close(&eye);
 }
 
-static void unplugged_idle(void) {
+TEST(unplugged_idle) {
     struct eye eye;
     GError *error = NULL;
     g_autoptr(VirtualU3v) device = begin(&eye, "");
@@ -199,7 +200,7 @@ static void unplugged_idle(void) {
 }
 
 /* The stream's endpoint stalls, and goes on stalling until somebody clears it. */
-static void stream_stalls(void) {
+TEST(stream_stalls) {
     struct eye eye;
     g_autoptr(VirtualU3v) device = begin(&eye, "");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
@@ -234,7 +235,7 @@ static void bus_fails(gconstpointer data) {
     eye_close(&eye);
 }
 
-static void not_there(void) {
+TEST(not_there) {
     struct eye eye = {.where = "NOBODY"};
     g_autoptr(VirtualU3v) device = plug_in("EYE", 1, 320, 240, CFA_RGGB);
     GError *error = NULL;
@@ -244,29 +245,25 @@ static void not_there(void) {
     eye_close(&eye);
 }
 
-int main(int argc, char **argv) {
-    testbed_enter(argv);
-    g_test_init(&argc, &argv, NULL);
-    g_autoptr(VirtualU3v) camera = plug_in("CONFORMANCE", 9, 640, 480, CFA_RGGB);
-    const struct conformance with = {
+static VirtualU3v *conforming; /* the camera of the conformance suite */
+
+BEFORE_TESTS {
+    static const struct conformance with = {
         .name = "u3v",
         .section = "[camera test]\ndriver = aravis\ndevice = CONFORMANCE\nreadout_ms = 10\n",
         .real_clock = TRUE};
+    conforming = plug_in("CONFORMANCE", 9, 640, 480, CFA_RGGB);
     conformance_camera(&aravis_camera_driver, &with);
-    g_test_add_func("/u3v/formats", formats);
-    g_test_add_func("/u3v/settings", settings);
-    g_test_add_func("/u3v/large", large);
-    g_test_add_func("/u3v/times", times);
-    g_test_add_func("/u3v/several", several);
-    g_test_add_func("/u3v/scan", scan);
-    g_test_add_func("/u3v/incomplete", incomplete);
-    g_test_add_func("/u3v/stamp-in-the-future", stamp_in_the_future);
-    g_test_add_func("/u3v/unplugged", unplugged);
-    g_test_add_func("/u3v/unplugged-idle", unplugged_idle);
-    g_test_add_func("/u3v/stream-stalls", stream_stalls);
     g_test_add_data_func("/u3v/stalls", GINT_TO_POINTER(VIRTUAL_USB_STALLS), bus_fails);
     g_test_add_data_func("/u3v/silent", GINT_TO_POINTER(VIRTUAL_USB_SILENT), bus_fails);
     g_test_add_data_func("/u3v/short-answers", GINT_TO_POINTER(VIRTUAL_USB_SHORT), bus_fails);
-    g_test_add_func("/u3v/not-there", not_there);
-    return g_test_run();
+}
+
+AFTER_TESTS {
+    virtual_u3v_free(conforming);
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    return tests_run(argc, argv);
 }

@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #define SIDE   8
 #define PIXELS (SIDE * SIDE)
@@ -58,7 +59,7 @@ static void check_merged(const float *merged, double shortest_ms, double gain) {
     }
 }
 
-static void test_merge(void) {
+TEST(merge) {
     const gint64 us[] = {500, 2000, 8000};
     float dark[PIXELS], merged[PIXELS];
     for (int i = 0; i < PIXELS; i++)
@@ -84,7 +85,7 @@ static void test_merge(void) {
 }
 
 /* A dim pixel's error falls as the longest exposure says, a bright one's as the shortest. */
-static void test_merge_precision(void) {
+TEST(merge_precision) {
     float dark[PIXELS] = {0}, merged[PIXELS];
     g_autoptr(Frame) brief = flat_frame(0.3 * 1, 1000);
     g_autoptr(Frame) lengthy = flat_frame(0.3 * 100, 100000);
@@ -106,7 +107,7 @@ static double any_normal(GRand *rand) {
 /* Photon noise of a converter with 0.2 DN an electron, around the level at which the longest or the
  * middle one of three exposures saturates: the mean of many merged pixels is the truth within four
  * standard errors of it, and of what rounding a number of DN adds. */
-static void test_merge_bias(void) {
+TEST(merge_bias) {
     enum { ROUNDS = 1500 };
     const gint64 us[] = {1000, 4000, 16000};
     const double gain = 0.2, limit = 0.98 * 4095;
@@ -145,7 +146,7 @@ static void test_merge_bias(void) {
 }
 
 /* What a sensor that bends by a tenth at full scale shows, bent back, is what there was. */
-static void test_bend(void) {
+TEST(bend) {
     const double bends[] = {0.1 / 4095, -0.1 / 4095};
     float dark[PIXELS] = {0}, merged[PIXELS];
     const float *darks[] = {dark};
@@ -160,13 +161,13 @@ static void test_bend(void) {
     }
 }
 
-static void test_saturation(void) {
+TEST(saturation) {
     g_assert_cmpint(radiance_saturation(12), ==, 4014); /* 0.98 · 4095 = 4013.1 */
     g_assert_cmpint(radiance_saturation(8), ==, 250);
     g_assert_cmpint(radiance_saturation(16), ==, 64225);
 }
 
-static void test_mean(void) {
+TEST(mean) {
     guint32 sums[PIXELS] = {0};
     float mean[PIXELS];
     for (int k = 0; k < 3; k++) {
@@ -177,7 +178,7 @@ static void test_mean(void) {
     g_assert_cmpfloat_with_epsilon(mean[7], 65 + 2 / 3., 1e-5);
 }
 
-static void test_thumbnail(void) {
+TEST(thumbnail) {
     g_autoptr(Frame) frame = frame_new(640, 320);
     frame->cfa = CFA_RGGB;
     frame->bits = 12;
@@ -636,15 +637,7 @@ static void test_unwritable(struct bench *bench, gconstpointer data) {
     g_assert_true(bench->failed);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/radiance/merge", test_merge);
-    g_test_add_func("/radiance/precision", test_merge_precision);
-    g_test_add_func("/radiance/bias", test_merge_bias);
-    g_test_add_func("/radiance/bend", test_bend);
-    g_test_add_func("/radiance/saturation", test_saturation);
-    g_test_add_func("/radiance/mean", test_mean);
-    g_test_add_func("/thumbnail", test_thumbnail);
+BEFORE_TESTS {
 #define ADD(path, func) g_test_add(path, struct bench, NULL, set_up, func, tear_down)
     ADD("/intake/lamp", test_lamp);
     ADD("/intake/uneven", test_uneven);
@@ -658,5 +651,4 @@ int main(int argc, char **argv) {
     ADD("/intake/order", test_order);
     ADD("/intake/full", test_full);
     ADD("/intake/unwritable", test_unwritable);
-    return g_test_run();
 }
