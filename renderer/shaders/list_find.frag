@@ -1,5 +1,6 @@
 // Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
-// a pixel's list of faces. peel_back.frag and peel_front.frag find it layer by layer.
+// a pixel's list of faces. The list ends at the face that sure_front.frag has found. peel_back.frag
+// and peel_front.frag find the face layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 uniform bool straight;
@@ -34,7 +35,6 @@ vec4 find_front(uint head, float z, vec2 back) {
 
 void main() {
     uint head = imageLoad(first, ivec2(gl_FragCoord.xy)).r;
-    seen = vec4(0.0);
     float z = 0.0;
     for (int k = 0; head != 0u && k < layers && z < 1e30; k++) {
         vec2 back = find_back(head, z);
@@ -45,4 +45,5 @@ void main() {
         }
         z = back.x;
     }
+    discard;
 }

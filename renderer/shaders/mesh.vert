@@ -9,6 +9,8 @@ layout(location = 6) in vec4 stretch; // gradients of ln scale along tangent and
 uniform mat4 projection; // from world coordinates
 uniform vec2 tiles;
 
+invariant gl_Position; // sure_front.frag and list_add.frag compare depths
+
 out vec3 world;
 out vec3 frame_n;
 out vec4 frame_t;

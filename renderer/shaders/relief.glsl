@@ -3,10 +3,6 @@
 in vec2 tile_size;
 in vec3 bending;
 
-uniform vec4 sight; // w = 1: position of the eye; w = 0: unit vector towards a distant eye
-uniform float
-    reach; // for w = 0: distance from the origin to the plane from which distances are measured
-
 // Depths below the reference plane, with a layer per view, or with four maps per layer; see
 // mdf_factors.h.
 uniform sampler2DArray mdf_depths;
@@ -23,14 +19,6 @@ uniform bool straight; // the mesh is taken as flat under each ray, with the sam
 
 const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
-
-vec3 towards_eye() {
-    return sight.w > 0.5 ? normalize(sight.xyz - world) : sight.xyz;
-}
-
-float distance_from_eye() {
-    return sight.w > 0.5 ? length(sight.xyz - world) : reach - dot(sight.xyz, world);
-}
 
 #ifdef MDF_VOLUME
 uniform sampler3D mdf_volume; // distances of views, as shares of the deepest; see mdf_texture.h
@@ -127,26 +115,41 @@ vec2 texture_step(vec2 x, float depth) {
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
 }
 
-// Returns where a ray meets the structure and the base. v is the unit vector outwards along the
-// ray, in the frame of the mesh. Under a mesh of normal curvature bend, a straight ray is at depth
-// t v_z − ½ bend t² after a distance t. The MDF is tabulated only for straight rays over a flat
-// surface, so CHORDS chords of this parabola are tested. All start where the ray enters. The last
-// one ends where the ray is as deep as the deepest structure, or at the deepest point of the ray. A
-// chord lies above the parabola, so a structure that the chord meets before its end is also met by
-// the ray. Along the texture, a chord has the length that texture_step() returns for its far end,
-// at the depth chord · end.
-below below_mesh(vec3 v, float level) {
+// The size of a millimetre of the sample on the mesh: along u, along v, and along the normal.
+vec3 mesh_mm() {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
     if (straight)
         mm.xy = mm.zz;
-    float bend = straight
-                     ? 0.0
-                     : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y + bending.z * v.y * v.y;
-    float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mm.z;
-    float root = slope * slope - 2.0 * bend * deepest;
-    float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
-    float base = root > 0.0 ? middle : 2.0 * middle;
+    return mm;
+}
+
+// Returns the normal curvature of the mesh along v.
+float bend_along(vec3 v) {
+    return straight ? 0.0
+                    : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y + bending.z * v.y * v.y;
+}
+
+// Returns the distance after which a ray is as deep as the deepest structure, or 1e30 if the ray
+// never is. Under a mesh of normal curvature bend, a straight ray is at depth t v_z − ½ bend t²
+// after a distance t. v is the unit vector outwards along the ray, in the frame of the mesh.
+float way_to_base(vec3 v) {
+    float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mesh_mm().z;
+    float root = slope * slope - 2.0 * bend_along(v) * deepest;
+    return root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : 1e30;
+}
+
+// Returns where a ray meets the structure and the base. The ray is the parabola of way_to_base().
+// The MDF is tabulated only for straight rays over a flat surface, so CHORDS chords of this
+// parabola are tested. All start where the ray enters. The last one ends where the ray is as deep
+// as the deepest structure, or at the deepest point of the ray. A chord lies above the parabola, so
+// a structure that the chord meets before its end is also met by the ray. Along the texture, a
+// chord has the length that texture_step() returns for its far end, at the depth chord · end.
+below below_mesh(vec3 v, float level) {
+    vec3 mm = mesh_mm();
+    float bend = bend_along(v), slope = max(v.z, MIN_SLOPE), base = way_to_base(v);
+    float middle = base < 1e30 ? base : slope / bend;
+    base = base < 1e30 ? base : 2.0 * middle;
 #if PLACES == 2
     places at = nearest_place(texel);
 #else

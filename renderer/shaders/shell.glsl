@@ -40,11 +40,11 @@ vec2 shell_place(vec2 x) {
 }
 
 // Returns the distance after which a ray is at the depth d below a mesh of normal curvature k, or
-// −1 if the ray never is. slope is the cosine of the angle between ray and normal where the ray
+// 1e30 if the ray never is. slope is the cosine of the angle between ray and normal where the ray
 // enters.
 float distance_to_depth(float d, float slope, float k) {
     float c = 2.0 * d - k * d * d, root = slope * slope - k * c;
-    return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : -1.0;
+    return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : 1e30;
 }
 
 // The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
@@ -94,6 +94,19 @@ void march(inout marched m, mat2 b, vec3 mm, float dt) {
     m.down = next.z;
 }
 
+// Returns the normal curvature of the mesh along the tangent of v.
+float bend_along(vec3 v, mat2 b) {
+    return dot(v.xy, b * v.xy) / max(dot(v.xy, v.xy), 1e-6);
+}
+
+// Returns the distance after which a ray is as deep as the deepest structure, or 1e30 if the ray
+// never is. v is the unit vector outwards along the ray, in the frame of the mesh.
+float way_to_base(vec3 v) {
+    mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
+    float mm = sqrt(tile_size.x / mdf_size.x * tile_size.y / mdf_size.y);
+    return distance_to_depth(mdf_deepest * mm, max(v.z, MIN_SLOPE), bend_along(v, b));
+}
+
 // Returns where a ray meets the structure and the base. v is the unit vector outwards along the
 // ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. The other
 // half of a ray that leaves again is marched from its other end.
@@ -101,13 +114,12 @@ below below_mesh(vec3 v, float level) {
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
-    float slope = max(v.z, MIN_SLOPE), flat2 = max(dot(v.xy, v.xy), 1e-6);
-    float k = dot(v.xy, b * v.xy) / flat2, deepest = mdf_deepest * mm.z;
+    float slope = max(v.z, MIN_SLOPE), k = bend_along(v, b), deepest = mdf_deepest * mm.z;
     float base = distance_to_depth(deepest, slope, k);
-    float middle = base >= 0.0 ? base : k > 0.0 ? slope / k : 1e30;
-    base = base >= 0.0 ? base : 2.0 * middle;
+    float middle = base < 1e30 ? base : k > 0.0 ? slope / k : 1e30;
+    base = base < 1e30 ? base : 2.0 * middle;
     float from = distance_to_depth(mdf_top * mm.z, slope, k);
-    if (from < 0.0 || middle >= 1e30)
+    if (from >= 1e30 || middle >= 1e30)
         return below(1e30, base);
     vec3 size = vec3(textureSize(mdf_shell, 0));
     vec3 voxels = vec3(size.xy / tile_size * abs(v.xy), size.z / deepest * slope);

@@ -67,7 +67,8 @@ class Visibility {
   // four are 0 where nothing is seen.
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
-    const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "relief.glsl"];
+    const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "sight.glsl",
+      "relief.glsl"];
     const constants = "#define MDF_MAPS 1\n";
     const backs = gpu.program(constants, [...before, "peel_back.frag"]);
     const fronts = gpu.program(constants, [...before, "peel_front.frag"]);

@@ -203,7 +203,7 @@ static const struct {
                           {"plain", 0},
                           {"silhouettes", 1.5},
                           {"peeled_silhouettes", 0},
-                          {"silhouettes_shadows", 2.2},
+                          {"silhouettes_shadows", 2.0},
                           {"shadows", 0},
                           /* mesorig-view --mdf-shell */
                           {"shell_silhouettes", 0},

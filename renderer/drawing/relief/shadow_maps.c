@@ -285,6 +285,7 @@ static gboolean find_face(ShadowMaps *maps, Visibility *visibility,
     memcpy(seen_from.sight, lamp->place, sizeof lamp->place);
     seen_from.reach = (float)(REACH * scene->radius);
     seen_from.width = seen_from.height = maps->size;
+    seen_from.base_only = TRUE;
     if (!visibility_find(visibility, &seen_from, &seen, error))
         return FALSE;
     draw_map(maps, layer, lamp_range(lamp, scene->radius), seen);

@@ -11,14 +11,15 @@ enum form { VIEWS, MAPS, VOLUME, SHELL, N_FORMS };
 
 #define VARIANTS (N_FORMS * PLACES_KINDS) /* number of variants of the programs */
 
-enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
+enum { BACK, FRONT, SURE, ADD, N_PROGRAMS };
 
 struct Visibility {
     /* Programs by form of the MDF and kind of places. All variants but the first are compiled when
-     * they are first needed. ADD and FIND exist only with OpenGL 4.3. */
+     * they are first needed. SURE and ADD exist only with OpenGL 4.3, as do exits and find. */
     guint all_programs[VARIANTS][N_PROGRAMS];
+    guint exits, find;
     guint query;
-    struct gpu_target back[2], seen;
+    struct gpu_target back[2], exit, seen;
     guint stencil; /* stencil buffer of seen: the layer in which the surface of a pixel was found */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
@@ -31,10 +32,9 @@ static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
     g_autofree char *constants = g_strdup_printf(
         "#define MDF_MAPS %d\n%s%s%s", form == MAPS, form == VOLUME ? "#define MDF_VOLUME 1\n" : "",
         form == SHELL ? "#define MDF_SHELL 1\n" : "", of_places);
-    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    const char *names[9] = {"mesh.vert", "frame.glsl", "places.glsl", "directions.glsl",
-                            "relief.glsl"};
-    int n = 5;
+    const char *names[10] = {"mesh.vert",       "frame.glsl", "places.glsl",
+                             "directions.glsl", "sight.glsl", "relief.glsl"};
+    int n = 6;
     if (form == SHELL)
         names[n++] = "shell.glsl";
     names[n] = "peel_back.frag";
@@ -43,16 +43,25 @@ static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
     names[n] = "peel_front.frag";
     if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
         return FALSE;
+    if (!gpu_has_43())
+        return TRUE;
+    names[n] = "sure_front.frag";
+    if ((programs[SURE] = gpu_program_43(constants, names, error)) == 0)
+        return FALSE;
     names[n] = "list_nodes.glsl";
     names[n + 1] = "list_add.frag";
-    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
-                             (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
+    return (programs[ADD] = gpu_program_43(constants, names, error)) != 0;
 }
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
     const struct places_source repeated = {NULL, NULL};
-    if (!make_programs(v->all_programs[0], VIEWS, &repeated, error))
+    static const char *const exits[] = {"mesh.vert", "frame.glsl", "sight.glsl", "exits.frag",
+                                        NULL};
+    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    if (!make_programs(v->all_programs[0], VIEWS, &repeated, error) ||
+        (gpu_has_43() && ((v->exits = gpu_program_43("", exits, error)) == 0 ||
+                          (v->find = gpu_program_43("", find, error)) == 0)))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -63,9 +72,12 @@ void visibility_free(Visibility *v) {
         return;
     for (int k = 0; k < VARIANTS * N_PROGRAMS; k++)
         glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
+    glDeleteProgram(v->exits);
+    glDeleteProgram(v->find);
     glDeleteQueries(1, &v->query);
     gpu_target_clear(&v->back[0]);
     gpu_target_clear(&v->back[1]);
+    gpu_target_clear(&v->exit);
     gpu_target_clear(&v->seen);
     glDeleteTextures(1, &v->stencil);
     glDeleteTextures(1, &v->first);
@@ -111,6 +123,7 @@ static void draw_parts(const Visibility *v, const struct visibility_scene *s,
         visibility_set_sight(program, s);
         mdf_texture_bind(part->mdf, program);
         glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
+        glUniform1i(glGetUniformLocation(program, "base_only"), s->base_only);
         places_bind(&part->places, part->tiles, program);
         for (int t = 0; t < 2; t++)
             if (pass->names[t] != NULL)
@@ -201,8 +214,29 @@ static gboolean make_room(Visibility *v, guint32 faces) {
     return FALSE;
 }
 
-/* Adds all faces to the lists of their pixels. Returns the number of faces. If it is larger than
- * v->room, the lists are incomplete. */
+/* Draws the nearest back faces, and then the front faces behind which the ray meets the structure
+ * for certain. They hide all other faces behind them. */
+static void find_sure(Visibility *v, const struct visibility_scene *s) {
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);
+    clear(v->exit.framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    glUseProgram(v->exits);
+    visibility_set_sight(v->exits, s);
+    glEnable(GL_CULL_FACE);
+    glCullFace(GL_FRONT);
+    glBindVertexArray(s->array);
+    for (int k = 0; k < s->n_parts; k++)
+        glDrawElements(GL_TRIANGLES, (GLsizei)s->parts[k].n_indices, GL_UNSIGNED_INT,
+                       (const char *)NULL + sizeof(guint32) * (gsize)s->parts[k].first_index);
+    glBindVertexArray(0);
+    glStencilMask(0xff);
+    glClearStencil(0);
+    clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    draw_culled(v, s, GL_BACK, &(struct pass){SURE, {"exits", NULL}, {v->exit.colour, 0}});
+}
+
+/* Adds all faces that are not hidden by find_sure() to the lists of their pixels. Returns the
+ * number of faces. If it is larger than v->room, the lists are incomplete. */
 static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     const GLuint none[4] = {0, 0, 0, 0};
     guint32 n_faces = 0;
@@ -214,8 +248,15 @@ static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof none, none);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, v->faces);
     glBindImageTexture(0, v->first, 0, GL_FALSE, 0, GL_READ_WRITE, GL_R32UI);
-    glDisable(GL_DEPTH_TEST);
+    glEnable(GL_DEPTH_TEST);
+    glDepthMask(GL_FALSE);
+    glEnable(GL_STENCIL_TEST);
+    glStencilFunc(GL_ALWAYS, 1, 0xff);
+    glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
     draw_parts(v, s, &(struct pass){.program = ADD});
+    glDisable(GL_STENCIL_TEST);
+    glDepthMask(GL_TRUE);
+    glDisable(GL_DEPTH_TEST);
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT |
                     GL_BUFFER_UPDATE_BARRIER_BIT | GL_FRAMEBUFFER_BARRIER_BIT);
@@ -245,16 +286,22 @@ static gboolean list(Visibility *v, const struct visibility_scene *s, GError **e
         if (!gpu_check("making lists of faces", error))
             return FALSE;
     }
+    if (!gpu_target_resize(&v->exit, s->width, s->height, GL_R32F, TRUE, error))
+        return FALSE;
+    find_sure(v, s);
     if (v->room == 0 && (!fits(start) || !make_room(v, start)))
         return FALSE;
     while ((n_faces = add_faces(v, s)) > v->room)
         if (!fits(n_faces + n_faces / 4) || !make_room(v, n_faces + n_faces / 4))
             return FALSE;
-    const guint find = v->all_programs[0][FIND]; /* all variants use this program */
-    glUseProgram(find);
-    glUniform1i(glGetUniformLocation(find, "layers"), s->options.layers);
-    glUniform1i(glGetUniformLocation(find, "straight"), s->options.straight);
+    glUseProgram(v->find);
+    glUniform1i(glGetUniformLocation(v->find, "layers"), s->options.layers);
+    glUniform1i(glGetUniformLocation(v->find, "straight"), s->options.straight);
+    glEnable(GL_STENCIL_TEST);
+    glStencilFunc(GL_EQUAL, 1, 0xff);
+    glStencilOp(GL_KEEP, GL_KEEP, GL_KEEP);
     gpu_fill_screen();
+    glDisable(GL_STENCIL_TEST);
     return gpu_check("finding silhouettes in lists", error);
 }
 

@@ -16,8 +16,8 @@ enum visibility_way {
     /* Lists if OpenGL 4.3 is available, otherwise peeling; the pictures are the same. */
     VISIBILITY_AUTO,
     VISIBILITY_PEEL, /* Wang et al. 2005 fig. 7: the mesh is drawn twice per layer */
-    /* The mesh is drawn once, and all its faces are kept in a list for each pixel. Needs OpenGL
-     * 4.3. */
+    /* Front faces behind which the structure is certain are drawn first. All faces that they do not
+     * hide are then kept in a list for each pixel. Needs OpenGL 4.3. */
     VISIBILITY_LISTS,
 };
 
@@ -58,6 +58,8 @@ struct visibility_scene {
     float sight[4];
     float reach; /* for an eye infinitely far away: a length larger than any in the scene */
     int width, height;
+    /* The caller only needs the distances to the mesh and to the base. */
+    gboolean base_only;
     struct visibility_options options;
 };
 
@@ -69,9 +71,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 
 /* Finds the visible surface. *ret_texture is RGBA32F of width × height with the distance from the
  * eye to the mesh (for a distant eye: from a plane at the distance reach), from there along the ray
- * to the structure, from there to the base of the structure or the far side of the mesh, and 1. All
- * four are 0 where nothing is seen. The texture belongs to the object and is valid until the next
- * call. */
+ * to the structure (to the base or nearer with base_only), from the mesh to the base of the
+ * structure or the far side of the mesh, and 1. All four are 0 where nothing is seen. The texture
+ * belongs to the object and is valid until the next call. */
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 

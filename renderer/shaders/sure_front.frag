@@ -1,0 +1,18 @@
+// Finds front faces behind which the ray meets the structure for certain: it reaches the base of
+// the structure in the first half of its way to the nearest back face.
+uniform sampler2D exits; // result of exits.frag; 0 where there is no back face
+uniform bool base_only;  // the distance to the structure is not needed
+
+void main() {
+    float z = distance_from_eye(), level = level_of_detail();
+    float exit = texelFetch(exits, ivec2(gl_FragCoord.xy), 0).r;
+    float way = exit > 0.0 ? exit - z : 1e30;
+    vec3 v = local_frame() * towards_eye();
+    float base = way_to_base(v);
+    if (straight || base > 0.5 * way)
+        discard;
+    below ray = below(base, mdf_deepest > 0.0 ? base : 1e30);
+    if (!base_only)
+        ray = below_mesh(v, level);
+    colour = vec4(z, min(ray.hit, way), min(ray.base, way), 1.0);
+}
