@@ -187,14 +187,18 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
 }
 
 /* Computes the column-major matrix of a perspective view from the lamp through one face of its
- * maps. Everything nearer than a hundredth of the radius is cut off. */
+ * maps. Everything nearer than a hundredth of the radius is cut off. The nearest plane lies close to
+ * the mesh, because depths behind a near plane have few bits. */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
     shadow_maps_right(back, right);
     cross(back, right, up);
     const double distance = place_distance(lamp), tangent = lamp_tangent(lamp, radius);
-    const double near = 0.01 * radius, far = distance + 1.05 * radius;
+    const double ahead = (double)back[0] * lamp->place[0] + (double)back[1] * lamp->place[1] +
+                         (double)back[2] * lamp->place[2]; /* of the origin */
+    const double near = MAX(0.01 * radius, ahead - 1.05 * radius);
+    const double far = distance + 1.05 * radius;
     const double scale = (far + near) / (far - near), shift = 2.0 * far * near / (far - near);
     double moved[3] = {0.0};
     for (int k = 0; k < 3; k++) {
