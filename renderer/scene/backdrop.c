@@ -130,7 +130,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
         glUniform1f(glGetUniformLocation(program, "corner"), backdrop->corner);
         glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);
         glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
-        relief_bind(relief, program);
+        relief_bind(relief, 0, program);
         programs_set_lamps(program, s, (double)backdrop->radius);
     }
     glDepthFunc(GL_LEQUAL); /* only where nothing was drawn yet */

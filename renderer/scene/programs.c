@@ -7,7 +7,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define OTHERS 11 /* maximum number of shaders in addition to the shaders of the method */
+#define OTHERS 12 /* maximum number of shaders in addition to the shaders of the method */
 
 struct Programs {
     const struct method *method;
@@ -37,9 +37,10 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
                    GError **error) {
     static const char *const before[] = {"mesh.vert", "frame.glsl", "places.glsl", NULL};
     static const char *const before_flat[] = {"screen.vert", "flat.glsl", "places.glsl", NULL};
-    static const char *const after[][6] = {
+    static const char *const after[][7] = {
         {"further.glsl", "lamps.glsl", "surface.frag", NULL},
-        {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag", NULL},
+        {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl",
+         "surface_relief.frag", NULL},
         {"flat.frag", NULL},
     };
     static const char no_first[] = "#define NO_FIRST_LAMP\n";
@@ -47,9 +48,11 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *of_places = places_constants(places, s->style.nearest);
     g_autofree char *constants =
-        g_strdup_printf("#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s%s%s%s",
-                        s->n_lamps > 0, kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0,
-                        s->ambient > 0, s->lamp > 0 || s->ambient > 0 ? "" : no_first,
+        g_strdup_printf("#define CURVED %d\n#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define "
+                        "AMBIENT %d\n%s%s%s%s",
+                        kind == PROGRAM_RELIEF, s->n_lamps > 0,
+                        kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0,
+                        s->lamp > 0 || s->ambient > 0 ? "" : no_first,
                         lamp_any_near(s) ? "#define NEAR_LAMPS\n" : "", of_places, own ? own : "");
     g_autofree char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));

@@ -92,13 +92,13 @@ static void make_array(Viewer *viewer) {
 
 /* Returns the program, which is compiled when it is first used. Returns 0 on error. */
 static guint geometry_program(Viewer *viewer, int which, GError **error) {
-    static const char *const names[] = {"mesh.vert",   "frame.glsl",   "visible.glsl",
-                                        "shadow.glsl", "further.glsl", "geometry.frag",
-                                        NULL};
+    static const char *const names[] = {
+        "mesh.vert",    "frame.glsl",  "visible.glsl",  "shadow.glsl",
+        "further.glsl", "curved.glsl", "geometry.frag", NULL};
     static const char *const constants[GEOMETRIES] = {
-        "#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
-        "#define FURTHER 1\n#define LAMP_SHADOWS 0\n#define NEAR_LAMPS\n",
-        "#define FURTHER 1\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n"};
+        "#define CURVED 1\n#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
+        "#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS 0\n#define NEAR_LAMPS\n",
+        "#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n"};
     guint *program = &viewer->geometry_programs[which];
     if (*program == 0)
         *program = gpu_program(constants[which], names, error);
@@ -427,7 +427,7 @@ static void draw_part(Viewer *viewer, guint program, const struct viewer_setting
     const struct viewer_material *m = &viewer->materials[drawn->material];
     glUseProgram(program);
     m->method->bind(m->material, program, &s->style);
-    relief_bind(viewer->relief, program);
+    relief_bind(viewer->relief, drawn->material, program);
     places_bind(&drawn->places, drawn->tiles, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE,
                        scene->seen.projection);

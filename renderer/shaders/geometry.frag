@@ -16,9 +16,10 @@ void main() {
     vec3 l = light;
     float lit = lamp_at(p);
 #endif
-    vec3 shown = which == 0   ? vec3(texel, gl_FrontFacing ? material : 0.0)
-                 : which == 1 ? frame * v
-                 : which == 2 ? frame * l
+    ray_end end = find_end(frame * v, way);
+    vec3 shown = which == 0   ? vec3(end.texel, gl_FrontFacing ? material : 0.0)
+                 : which == 1 ? end.v
+                 : which == 2 ? end.turn * frame * l
                               : vec3(lit, way, length(eye - world));
     colour = vec4(shown, 1.0);
 }

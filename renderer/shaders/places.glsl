@@ -10,9 +10,9 @@ struct places {
     int mean;       // index of the place that stands for the sample's mean; −1 if there is none
 };
 
-#if PLACES
-// Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so their derivatives
-// would be meaningless.
+#if PLACES || CURVED
+// Derivatives of the surface point, in tiles. Places and the ends of rays (curved.glsl) jump from
+// pixel to pixel, so their derivatives would be meaningless.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x) place_dx
 #define PLACE_DY(x) place_dy
@@ -218,13 +218,13 @@ places find_places(vec2 x, float level) {
 }
 #endif
 
-#if PLACES
+#if PLACES || CURVED
 // Sets place_dx and place_dy, and returns the mip level of the index map. Call this function before
 // branches, because it takes derivatives.
 float prepare_places(vec2 x) {
     place_dx = dFdx(x);
     place_dy = dFdy(x);
-#if PLACES == 2
+#if PLACES != 1
     return 0.0;
 #else
     vec2 dx = place_dx * index_sample, dy = place_dy * index_sample;

@@ -1,8 +1,5 @@
 // The distance that a viewing ray travels below the mesh until it meets the material's structure,
 // from the mesostructure distance function (Wang et al. 2005 §3 and §4.1).
-in vec2 tile_size;
-in vec3 bending;
-
 // Depths below the reference plane, with a layer per view, or with four maps per layer; see
 // mdf_factors.h.
 uniform sampler2DArray mdf_depths;
@@ -13,7 +10,6 @@ uniform sampler2DArray
 uniform usampler2D
     mdf_indices; // indices of measured views over the hemisphere; see direction_table.h
 uniform sampler2D mdf_weights;
-uniform vec2 mdf_size;     // size of a tile, mm
 uniform float mdf_deepest; // depth of the deepest structure, mm
 uniform bool straight; // the mesh is taken as flat under each ray, with the same scale for all axes
 
@@ -115,15 +111,6 @@ vec2 texture_step(vec2 x, float depth) {
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
 }
 
-// The size of a millimetre of the sample on the mesh: along u, along v, and along the normal.
-vec3 mesh_mm() {
-    vec3 mm = vec3(tile_size / mdf_size, 0.0);
-    mm.z = sqrt(mm.x * mm.y);
-    if (straight)
-        mm.xy = mm.zz;
-    return mm;
-}
-
 // Returns the normal curvature of the mesh along v.
 float bend_along(vec3 v) {
     return straight ? 0.0
@@ -147,6 +134,7 @@ float way_to_base(vec3 v) {
 // chord has the length that texture_step() returns for its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = mesh_mm();
+    mm.xy = straight ? mm.zz : mm.xy;
     float bend = bend_along(v), slope = max(v.z, MIN_SLOPE), base = way_to_base(v);
     float middle = base < 1e30 ? base : slope / bend;
     base = base < 1e30 ? base : 2.0 * middle;

@@ -4,13 +4,11 @@ uniform sampler2DArray mdf_shell; // g (mdf/mdf_shell.h); layer 0 is at the refe
                                   // further layers lie below
 uniform float mdf_most_per_mm;    // σ = mdf_most_per_mm · g⁴
 uniform float mdf_top;            // depth above which σ is 0, mm
-in vec4 stretching;
 
 const float OPAQUE = 0.69314718; // ln 2
 const float STEP = 1.5;          // length of a step, in voxels along the texture or in layers
 const float BACK_STEP = 3.0;
 const int MIN_STEPS = 4, MAX_STEPS = 96;
-const float MIN_GROWN = 0.25, MAX_GROWN = 4.0;
 
 // Returns the mip level for that axis of the texture which is less compressed, as in relief.glsl.
 float level_of_detail() {
@@ -47,53 +45,6 @@ float distance_to_depth(float d, float slope, float k) {
     return root >= 0.0 && k * d < 1.0 ? c / (slope + sqrt(root)) : 1e30;
 }
 
-// The state of a ray that is marched. The frame of tangent, bitangent and normal goes along with
-// the foot, which is the nearest point of the mesh.
-struct marched {
-    vec2 along;  // direction of the ray in the tangent plane
-    float down;  // component of the direction towards greater depth
-    float depth; // depth below the mesh
-    vec2 foot;   // vector on the mesh from the point where the ray entered to the foot
-    vec2 x;      // texture coordinates of the foot, in tiles
-    float mm;    // length of the last step in the flat sample, mm
-};
-
-// Returns the velocity of the foot if the ray moves with velocity w parallel to the tangent plane:
-// (1 − depth · B)⁻¹ w, with the second fundamental form B of the mesh (parallel surfaces).
-vec2 foot_step(mat2 b, vec2 w, float depth) {
-    float trace = b[0][0] + b[1][1];
-    float det = 1.0 - depth * trace + depth * depth * (b[0][0] * b[1][1] - b[0][1] * b[1][0]);
-    return det > 0.05 ? ((1.0 - depth * trace) * w + depth * (b * w)) / det : w;
-}
-
-vec2 grown_at(vec2 foot) {
-    return clamp(1.0 + vec2(dot(stretching.xy, foot), dot(stretching.zw, foot)), MIN_GROWN,
-                 MAX_GROWN);
-}
-
-// Moves the ray further by dt, by the midpoint rule. The direction in the frame changes because the
-// frame turns: about an axis in the tangent plane by B, and about the normal because the lines of
-// the texture bend.
-void march(inout marched m, mat2 b, vec3 mm, float dt) {
-    vec2 turn = b * foot_step(b, m.along, m.depth);
-    vec2 along = m.along + 0.5 * dt * m.down * turn;
-    float down = m.down - 0.5 * dt * dot(m.along, turn);
-    vec2 foot = foot_step(b, along, m.depth + 0.5 * dt * m.down);
-    vec2 grown = grown_at(m.foot + 0.5 * dt * foot), way = dt * foot / (tile_size * grown);
-    float scale = mm.z * sqrt(grown.x * grown.y);
-    turn = b * foot;
-    m.foot += dt * foot;
-    m.x += vec2(way.x, -way.y);
-    m.depth += dt * down;
-    m.mm = length(vec3(way * mdf_size, dt * down / scale));
-    float about = dt * (foot.y * stretching.z / grown.y - foot.x * stretching.y / grown.x);
-    vec3 next = vec3(m.along + dt * down * turn, m.down - dt * dot(along, turn));
-    next.xy += about * vec2(next.y, -next.x);
-    next *= inversesqrt(dot(next, next));
-    m.along = next.xy;
-    m.down = next.z;
-}
-
 // Returns the normal curvature of the mesh along the tangent of v.
 float bend_along(vec3 v, mat2 b) {
     return dot(v.xy, b * v.xy) / max(dot(v.xy, v.xy), 1e-6);
@@ -103,8 +54,7 @@ float bend_along(vec3 v, mat2 b) {
 // never is. v is the unit vector outwards along the ray, in the frame of the mesh.
 float way_to_base(vec3 v) {
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
-    float mm = sqrt(tile_size.x / mdf_size.x * tile_size.y / mdf_size.y);
-    return distance_to_depth(mdf_deepest * mm, max(v.z, MIN_SLOPE), bend_along(v, b));
+    return distance_to_depth(mdf_deepest * mesh_mm().z, max(v.z, MIN_SLOPE), bend_along(v, b));
 }
 
 // Returns where a ray meets the structure and the base. v is the unit vector outwards along the
@@ -112,8 +62,7 @@ float way_to_base(vec3 v) {
 // half of a ray that leaves again is marched from its other end.
 below below_mesh(vec3 v, float level) {
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
-    vec3 mm = vec3(tile_size / mdf_size, 0.0);
-    mm.z = sqrt(mm.x * mm.y);
+    vec3 mm = mesh_mm();
     float slope = max(v.z, MIN_SLOPE), k = bend_along(v, b), deepest = mdf_deepest * mm.z;
     float base = distance_to_depth(deepest, slope, k);
     float middle = base < 1e30 ? base : k > 0.0 ? slope / k : 1e30;

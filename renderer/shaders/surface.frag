@@ -4,5 +4,5 @@ void main() {
         return;
     }
     mat3 frame = local_frame();
-    colour = vec4(shade(frame, frame * normalize(eye - world), world, 1.0), 1.0);
+    colour = vec4(shade(frame, texel, frame * normalize(eye - world), world, 1.0), 1.0);
 }

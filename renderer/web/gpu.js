@@ -14,6 +14,7 @@ precision highp usampler2D;
 precision highp sampler2DShadow;
 precision highp sampler2DArrayShadow;
 #define PLACES 0
+#define CURVED 0
 `;
 
 // Returns the text of a vertex or fragment shader that consists of these files. constants has lines

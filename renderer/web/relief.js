@@ -68,7 +68,7 @@ class Visibility {
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
     const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "sight.glsl",
-      "relief.glsl"];
+      "curved.glsl", "relief.glsl"];
     const constants = "#define MDF_MAPS 1\n";
     const backs = gpu.program(constants, [...before, "peel_back.frag"]);
     const fronts = gpu.program(constants, [...before, "peel_front.frag"]);

@@ -44,9 +44,9 @@ const struct setting settings_table[SETTINGS] = {
              "Silhouettes as if the shape were flat under each ray, for comparison"),
     [SETTING_MDF_VOLUME] = FLAG("mdf-volume", NULL, settings.visibility.volume,
                                 "Distances with 8 bits in a 3D texture, for comparison"),
-    [SETTING_MDF_SHELL] = FLAG("mdf-shell", NULL, settings.visibility.shell,
-                               "Silhouettes through a volume made from the distances, "
-                               "with overhangs"),
+    [SETTING_MDF_VIEWS] = FLAG("mdf-views", NULL, settings.visibility.views,
+                               "Distances mixed from the nearest views, without overhangs, for "
+                               "comparison"),
     [SETTING_SHADOW_MAP] = {"shadow-map", NULL, SETTING_WHOLE, AT(settings.shadow_size), 16.0,
                             16384.0, "%.0f", "PIXELS",
                             "Size of the shadow map of the first lamp, 16 … 16384, default 1024"},

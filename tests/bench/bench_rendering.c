@@ -190,8 +190,8 @@ enum {
     PEELED,
     SHADOWS,
     SHADOWS_ONLY,
-    SHELL,
-    SHELL_SHADOWS,
+    VIEWS,
+    VIEWS_SHADOWS,
     PUBLISHED,
     PUBLISHED_SHADOWS,
     N_VARIANTS
@@ -205,9 +205,9 @@ static const struct {
                           {"peeled_silhouettes", 0},
                           {"silhouettes_shadows", 2.0},
                           {"shadows", 0},
-                          /* mesorig-view --mdf-shell */
-                          {"shell_silhouettes", 0},
-                          {"shell_silhouettes_shadows", 2.0},
+                          /* mesorig-view --mdf-views */
+                          {"views_silhouettes", 0},
+                          {"views_silhouettes_shadows", 2.0},
                           /* Peeling in a number of passes that the user says, straight rays and
                            * distances in a volume: Wang et al. 2005, table 2. */
                           {"published_silhouettes", 0},
@@ -229,8 +229,8 @@ static gboolean measure(Viewer *viewer, const char *shape, int frames, GError **
         const gboolean published = v >= PUBLISHED;
         s.silhouettes = v >= SILHOUETTES && v != SHADOWS_ONLY;
         s.shadows =
-            v == SHADOWS || v == SHADOWS_ONLY || v == SHELL_SHADOWS || v == PUBLISHED_SHADOWS;
-        s.visibility.shell = v == SHELL || v == SHELL_SHADOWS;
+            v == SHADOWS || v == SHADOWS_ONLY || v == VIEWS_SHADOWS || v == PUBLISHED_SHADOWS;
+        s.visibility.views = v == VIEWS || v == VIEWS_SHADOWS;
         s.visibility.way = v == PEELED || published ? VISIBILITY_PEEL : VISIBILITY_AUTO;
         s.visibility.straight = s.visibility.volume = published;
         if (published)

@@ -6,10 +6,10 @@
  *   btf        the BTF only
  *   published  the test of straight rays, with the measured views in a volume of 8 bits
  *   straight   that test, over views that include grazing ones
- *   volume     the viewer's test over a volume of 8 bits
- *   shell      the viewer's with --mdf-shell: rays are marched through a volume made from the MDF
- *   ours       the viewer's; the relief of grazing views is raised as the MDF says
- *   true       with --true-grazing: the viewer's test, grazing views traced over the true surface
+ *   volume     the test of --mdf-views over a volume of 8 bits
+ *   shell      the viewer's: rays are marched through a volume made from the MDF
+ *   views      the viewer's with --mdf-views; the relief of grazing views is raised as the MDF says
+ *   true       with --true-grazing: as views, with grazing views traced over the true surface
  */
 #include "bench.h"
 #include "lib/mdf_copy.h"
@@ -84,7 +84,7 @@ static void show(const struct scene *s, const char *way, double value,
     one.silhouettes = table != NULL;
     one.visibility.straight = options.straight;
     one.visibility.volume = options.volume;
-    one.visibility.shell = options.shell;
+    one.visibility.views = options.views;
     viewer_set_mdf(s->view, table ? &(struct mdf_source){.table = table} : NULL, &error);
     bench_check(error);
     g_autofree float *seen =
@@ -101,18 +101,18 @@ static void show(const struct scene *s, const char *way, double value,
 
 static void measure(struct scene *s, const struct mdf_table *table,
                     const struct mdf_table *grazing) {
-    const struct visibility_options ours = {0}, volume = {.volume = TRUE};
-    show(s, "btf", 0, NULL, ours);
+    const struct visibility_options views = {.views = TRUE}, volume = {.volume = TRUE};
+    show(s, "btf", 0, NULL, views);
     show(s, "published", 0, table, (struct visibility_options){.straight = TRUE, .volume = TRUE});
-    show(s, "shell", 0, table, (struct visibility_options){.shell = TRUE});
+    show(s, "shell", 0, table, (struct visibility_options){0});
     const double own = mdf_table_raised(table);
     g_autoptr(MdfTable) all = mdf_copy(table);
     mdf_table_add_grazing(all);
     show(s, "straight", own, all, (struct visibility_options){.straight = TRUE});
     show(s, "volume", own, all, volume);
-    show(s, "ours", own, all, ours);
+    show(s, "views", own, all, views);
     if (grazing)
-        show(s, "true", 0, grazing, ours);
+        show(s, "true", 0, grazing, views);
 }
 
 static void measure_scene(const struct material *m, const struct silhouettes_shape *shape, int u,

@@ -3,9 +3,12 @@
  * mesorig-view draws them from the products of its session, against the same scene with the
  * sample's true surface, ray traced. Also makes that scene's picture.
  */
+#include "base/srgb.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/methods.h"
 #include "lib/silhouettes.h"
+#include "metrics/flip.h"
+#include "metrics/psnr.h"
 #include "scene/picture.h"
 
 #include <locale.h>
@@ -58,27 +61,12 @@ static gboolean compare(const struct options *o, Viewer *view, const struct view
     return TRUE;
 }
 
-enum { BTF, STRAIGHT, MDF, N_WAYS };
+enum { BTF, STRAIGHT, VIEWS, MDF, N_WAYS };
 
-static gboolean measure(const struct options *o, Displaced *displaced, Viewer *view,
-                        const struct viewer_settings *s, struct scores ret[N_WAYS],
-                        GError **error) {
-    g_autofree struct displaced_pixel *truth =
-        silhouettes_trace(o->shape, displaced, s, o->width, o->height);
-    for (int way = 0; way < N_WAYS; way++) {
-        struct viewer_settings one = *s;
-        one.shadows = TRUE;
-        one.silhouettes = way != BTF;
-        one.visibility.straight = way == STRAIGHT;
-        if (!compare(o, view, &one, truth, &ret[way], error))
-            return FALSE;
-    }
-    return TRUE;
-}
-
-/* Diffuse: direct light, and ambient as the viewer adds it. */
-static gboolean make_picture(const struct options *o, Displaced *displaced, Viewer *view,
-                             const struct viewer_settings *s, GError **error) {
+/* The scene as diffuse surfaces: direct light, and ambient light as the viewer adds it. Returns the
+ * picture as the viewer shows it, width × height × 3 bytes. */
+static guint8 *traced_picture(const struct options *o, Displaced *displaced, Viewer *view,
+                              const struct viewer_settings *s, GError **error) {
     int w = o->width * s->samples, h = o->height * s->samples;
     g_autofree struct displaced_pixel *pixels = silhouettes_trace(o->shape, displaced, s, w, h);
     g_autofree float *linear = g_new0(float, 4 * (gsize)w * h);
@@ -91,7 +79,56 @@ static gboolean make_picture(const struct options *o, Displaced *displaced, View
                         ? 0.03f
                         : p->albedo[c] * ((p->dark ? 0 : p->cosine) + (float)s->ambient);
     }
-    g_autofree guint8 *rgb = viewer_resolve(view, s, linear, o->width, o->height, error);
+    return viewer_resolve(view, s, linear, o->width, o->height, error);
+}
+
+/* The scores of a way: shares of outline and shadow, and FLIP and PSNR of the whole picture. */
+struct way_scores {
+    struct scores shares;
+    double flip, psnr;
+};
+
+/* Returns the picture as linear sRGB, n values. */
+static float *linear_picture(const guint8 *rgb, gsize n) {
+    float *linear = g_new(float, n);
+    for (gsize k = 0; k < n; k++)
+        linear[k] = (float)srgb_decode((double)rgb[k] / 255.0);
+    return linear;
+}
+
+static gboolean measure(const struct options *o, Displaced *displaced, Viewer *view,
+                        const struct viewer_settings *s, struct way_scores ret[N_WAYS],
+                        GError **error) {
+    const gsize n = 3 * (gsize)o->width * o->height;
+    g_autofree struct displaced_pixel *truth =
+        silhouettes_trace(o->shape, displaced, s, o->width, o->height);
+    g_autofree guint8 *traced = traced_picture(o, displaced, view, s, error);
+    if (traced == NULL)
+        return FALSE;
+    g_autofree float *reference = linear_picture(traced, n);
+    for (int way = 0; way < N_WAYS; way++) {
+        struct viewer_settings one = *s;
+        one.shadows = TRUE;
+        one.silhouettes = way != BTF;
+        one.visibility.straight = way == STRAIGHT;
+        one.visibility.views = way == VIEWS;
+        g_autofree float *light =
+            viewer_render_linear(view, &one, o->width * s->samples, o->height * s->samples, error);
+        g_autofree guint8 *drawn =
+            light != NULL ? viewer_resolve(view, s, light, o->width, o->height, error) : NULL;
+        if (drawn == NULL || !compare(o, view, &one, truth, &ret[way].shares, error))
+            return FALSE;
+        g_autofree float *test = linear_picture(drawn, n);
+        ret[way].flip =
+            flip_ldr(reference, test, o->width, o->height, FLIP_PIXELS_PER_DEGREE, NULL);
+        ret[way].psnr = psnr(reference, test, o->width, o->height);
+    }
+    return TRUE;
+}
+
+static gboolean make_picture(const struct options *o, Displaced *displaced, Viewer *view,
+                             const struct viewer_settings *s, GError **error) {
+    g_autofree guint8 *rgb = traced_picture(o, displaced, view, s, error);
     g_autofree char *world = g_path_get_basename(o->world); /* nobody's business where it lies */
     const char *texts[] = {"Software", "silhouettes_report", "World", world, NULL};
     return rgb != NULL && picture_write_png(o->picture, rgb, o->width, o->height, texts, error);
@@ -118,18 +155,20 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
     viewer_fit(view, &s, (double)o->width / o->height);
     if (o->picture != NULL)
         return make_picture(o, displaced, view, &s, error);
-    struct scores scores[N_WAYS];
+    struct way_scores scores[N_WAYS];
     if (!measure(o, displaced, view, &s, scores, error))
         return FALSE;
-    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "mdf"};
+    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "views", "mdf"};
     if (o->json)
         printf("{\"tiles\": \"%dx%d\"", u, v);
     else
         printf("%dx%d\n", u, v);
     for (int way = 0; way < N_WAYS; way++)
-        printf(o->json ? ", \"%s\": {\"outline\": %.4f, \"shadow\": %.4f}"
-                       : "  %-10s outline %.4f  shadow on the floor %.4f\n",
-               names[way], overlap_share(&scores[way].outline), overlap_share(&scores[way].shadow));
+        printf(o->json ? ", \"%s\": {\"outline\": %.4f, \"shadow\": %.4f, \"flip\": %.4f, "
+                         "\"psnr\": %.2f}"
+                       : "  %-10s outline %.4f  shadow on the floor %.4f  FLIP %.4f  PSNR %.2f\n",
+               names[way], overlap_share(&scores[way].shares.outline),
+               overlap_share(&scores[way].shares.shadow), scores[way].flip, scores[way].psnr);
     printf(o->json ? "}" : "");
     return TRUE;
 }

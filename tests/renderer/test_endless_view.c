@@ -177,6 +177,7 @@ GPU_TEST(depth) {
     s.camera_elevation_deg = 80;
     s.camera_distance = 0;
     s.silhouettes = s.endless = TRUE;
+    s.visibility.views = TRUE; /* as the library */
     g_autofree float *texel =
         viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, width, height, &error);
     g_autofree float *to_view =

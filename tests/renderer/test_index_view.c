@@ -186,6 +186,7 @@ GPU_TEST(relief) {
                       laid = silhouettes_view(mesh, whole);
     struct viewer_settings s = settings_of(map, 2), t = settings_of(NULL, 2);
     s.silhouettes = t.silhouettes = s.shadows = t.shadows = TRUE;
+    s.visibility.views = t.visibility.views = TRUE;
     s.shadow_size = t.shadow_size = 128;
     g_autofree float *c = view_fixture_linear(through, &s, 120, 90);
     for (int way = VISIBILITY_AUTO; way <= VISIBILITY_PEEL; way++) {

@@ -237,8 +237,9 @@ GPU_TEST(lit_structure) {
 
 #define FINS_MM    20.0 /* depth of the ground between fins, one in each tile of 50 mm */
 #define FINS_TILES 7
+#define FIN_HALF   0.04 /* half the thickness of a fin, in tiles */
 
-/* Thin fins across u, in the middle of each tile, which stand on a deep ground up to the mesh. */
+/* Fins across u, in the middle of each tile, which stand on a deep ground up to the mesh. */
 static struct mdf_table *fins_mdf(void) {
     enum { WIDTH = 64, HEIGHT = 64, RINGS = 17, ROUND = 12 };
     struct mdf_table *t = g_new0(struct mdf_table, 1);
@@ -256,27 +257,40 @@ static struct mdf_table *fins_mdf(void) {
         for (int i = 0; i < WIDTH * HEIGHT; i++) {
             /* The next fin in the direction in which the ray descends. */
             double way = 50.0 * (i % WIDTH + 0.5) / WIDTH - 25.0;
+            const gboolean fin = fabs(way) < 50.0 * FIN_HALF;
             way = slope > 0.0 ? way : -way;
-            way = way > 0.0 ? way : way + 50.0;
+            way = (way > 0.0 ? way : way + 50.0) - 50.0 * FIN_HALF;
             t->depth_mm[k * WIDTH * HEIGHT + i] =
-                (float)fmin(FINS_MM, way / fmax(fabs(slope), 1e-6));
+                fin ? 0.0F : (float)fmin(FINS_MM, way / fmax(fabs(slope), 1e-6));
         }
     }
     return t;
 }
 
 /* The distance along a ray into a cylinder with such fins, which point to its axis. The ray enters
- * at u (in tiles); v is the unit vector outwards along it. −1: it meets the ground, or nothing. */
+ * at u (in tiles); v is the unit vector outwards along it. −1: it meets the ground, a fin's top,
+ * nothing, or a fin behind the ray's deepest point. */
 static double ray_to_fin(double radius, double ground, double u, const float *v) {
     const double turn = u + 0.5 - floor(u + 0.5); /* from the fin below u */
-    const double angle = 2.0 * G_PI / FINS_TILES * (v[0] > 0.0F ? -turn : 1.0 - turn);
+    const double side = v[0] > 0.0F ? FIN_HALF - turn : 1.0 - FIN_HALF - turn;
+    const double angle = 2.0 * G_PI / FINS_TILES * side;
     const double t = radius * sin(angle) / ((double)v[2] * sin(angle) - (double)v[0] * cos(angle));
     const double r = hypot(t * (double)v[0], radius - t * (double)v[2]); /* of the fin's point */
-    return t > 0.0 && r > ground && r < radius ? t : -1.0;
+    const gboolean top = turn < FIN_HALF || turn > 1.0 - FIN_HALF;
+    const double deepest = radius * (double)v[2] / hypot((double)v[0], (double)v[2]);
+    return !top && t > 0.0 && t < deepest && r > ground ? t : -1.0;
 }
 
-/* Deep below a cylinder, a step to the side turns further around its axis than on the mesh. */
-GPU_TEST(fins) {
+/* Returns the distance in mm by which a ray into the flat sample misses the point (u, depth_mm).
+ * The ray enters at texel, opposite to v. u is in tiles. */
+static double flat_miss_mm(const float *texel, const float *v, double u, double depth_mm) {
+    const double at = (double)texel[0] - depth_mm * (double)v[0] / (double)v[2] / 50.0 - u;
+    return 50.0 * fabs(at - rint(at));
+}
+
+/* Deep below a cylinder, a step to the side turns further around its axis than on the mesh. With
+ * the shell, the BTF is looked up where the ray ends, with the light as it arrives there. */
+static void check_fins(gboolean views) {
     const double radius = 0.6;
     const struct scene_options scene = {FINS_TILES, 3, SCENE_Z_UP, FALSE};
     g_autoptr(Mesh) mesh = ok(scene_make("cylinder", &scene, ERR));
@@ -285,11 +299,18 @@ GPU_TEST(fins) {
     struct viewer_settings s = viewer_settings_default;
     s.camera_elevation_deg = 0.0;
     s.silhouettes = TRUE;
+    s.visibility.views = views;
     g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *end = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, ERR));
+    g_autofree float *end_v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
+    g_autofree float *end_l =
+        ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIGHT, W, H, ERR));
+    s.visibility.views = TRUE;
     g_autofree float *at = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, ERR));
     g_autofree float *v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
+    g_autofree float *l = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIGHT, W, H, ERR));
     const double mm = sqrt(2.0 * G_PI * radius / FINS_TILES * 1.6 / 3.0) / 50.0;
-    double sum = 0.0, way = 0.0;
+    double sum = 0.0, way = 0.0, miss_mm = 0.0, turned = 0.0;
     int n = 0;
     for (int k = 0; k < 4 * W * H; k += 4) {
         if (seen[k + 3] < 0.5F || at[k + 2] < 0.5F || v[k + 2] < 0.4F)
@@ -300,25 +321,47 @@ GPU_TEST(fins) {
         sum += fabs((double)seen[k + 1] - hit);
         way += hit;
         n++;
+        const double r = hypot(hit * (double)v[k], radius - hit * (double)v[k + 2]);
+        const double side = v[k] > 0.0F ? 0.5 + FIN_HALF : 0.5 - FIN_HALF;
+        miss_mm += flat_miss_mm(end + k, end_v + k, side, (radius - r) / mm);
+        /* Here the frame turns about the axis of the cylinder. */
+        const double angle = asin(-hit * (double)v[k] / r);
+        const double x = cos(angle) * (double)l[k] - sin(angle) * (double)l[k + 2];
+        turned += fabs((double)end_l[k] - x) + fabs((double)end_l[k + 1] - (double)l[k + 1]);
+    }
+    g_test_message("the BTF is looked up %.3f mm beside the fins, light %.4f off",
+                   miss_mm / MAX(n, 1), turned / MAX(n, 1));
+    if (!views) {
+        g_assert_cmpfloat(miss_mm, <, 0.4 * n);
+        g_assert_cmpfloat(turned, <, 0.01 * n);
     }
     g_test_message("%d rays meet fins, after %.4f on average; error %.4f", n, way / MAX(n, 1),
                    sum / MAX(n, 1));
     g_assert_cmpint(n, >, 5000);
-    g_assert_cmpfloat(sum, <, 0.12 * way);
+    g_assert_cmpfloat(sum, <, (views ? 0.12 : 0.04) * way);
 }
 
-/* Texels much smaller than pixels are averaged, along both axes of the texture. */
-GPU_TEST(level_of_detail) {
+GPU_TEST(fins) {
+    check_fins(TRUE);
+    check_fins(FALSE);
+}
+
+/* Texels much smaller than pixels are averaged, along both axes of the texture. A share of them is
+ * 6 mm deep, and the others are 0 mm deep. */
+static void check_level_of_detail(gboolean views, double share, double least_mm, double most_mm) {
     const struct scene_options scene = {40, 40, SCENE_Z_UP, FALSE};
     g_autoptr(Mesh) mesh = ok(scene_make("plane", &scene, ERR));
     g_autoptr(MdfTable) mdf = flat_mdf(64, 6.0);
     g_autoptr(GRand) random = g_rand_new_with_seed(5);
+    for (int k = 0; k < 24; k++)
+        mdf->theta_deg[k] *= 0.05F; /* no ray passes through other texels */
     for (int i = 0; i < 64 * 64; i++)
-        for (int k = 0, deep = g_rand_boolean(random); k < 24; k++)
+        for (int k = 0, deep = g_rand_double(random) < share; k < 24; k++)
             mdf->depth_mm[k * 64 * 64 + i] = deep ? 6.0F : 0.0F;
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
     struct viewer_settings s = viewer_settings_default;
     s.silhouettes = TRUE;
+    s.visibility.views = views;
     g_autofree float *seen = see(view, &s, W, H);
     g_autofree float *v = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, W, H, ERR));
     double sum = 0.0, squares = 0.0;
@@ -333,8 +376,16 @@ GPU_TEST(level_of_detail) {
     const double mean = sum / MAX(n, 1), deviation = sqrt(squares / MAX(n, 1) - mean * mean);
     g_test_message("%d points, %.2f mm deep, standard deviation %.2f mm", n, mean, deviation);
     g_assert_cmpint(n, >, 10000);
-    g_assert_cmpfloat(fabs(mean - 3.0), <, 0.2);
+    g_assert_cmpfloat(mean, >, least_mm);
+    g_assert_cmpfloat(mean, <, most_mm);
     g_assert_cmpfloat(deviation, <, 0.8);
+}
+
+/* Distances are averaged. In a shell opacity is averaged, and the ray of a pixel stops at the depth
+ * that half of all rays in it reach. */
+GPU_TEST(level_of_detail) {
+    check_level_of_detail(TRUE, 0.5, 2.8, 3.2);
+    check_level_of_detail(FALSE, 0.2, 0.0, 1.0);
 }
 
 /* Without structure, silhouettes change nothing. */
@@ -424,6 +475,7 @@ GPU_TEST(volume) {
     s.tiles_u = 2; /* texels are larger than pixels */
     s.tiles_v = 1;
     s.silhouettes = TRUE;
+    s.visibility.views = TRUE;
     g_autofree float *layers = see(view, &s, W, H);
     s.visibility.volume = TRUE;
     g_autofree float *volume = see(view, &s, W, H);
@@ -486,7 +538,7 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     double distances[3];
     for (int way = 0; way < 3; way++) {
         s.silhouettes = way > 0;
-        s.visibility.shell = way == 2;
+        s.visibility.views = way == 1;
         g_autofree float *seen = see(view, &s, W, H);
         scores[way] = silhouettes_score(&silhouettes_torus, seen, truth, &s, W, H, TRUE);
         distances[way] = distance_error(seen, truth);

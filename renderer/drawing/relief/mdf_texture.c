@@ -22,7 +22,7 @@ struct MdfTexture {
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
-    struct mdf_table *measured; /* copy of the measured views, for the shell; no mip levels */
+    struct mdf_table *measured; /* copy of the measured views; NULL when there is a shell */
     guint shell;                /* 0 before it is first used */
     double most_per_mm, top_mm; /* as in mdf_shell.h */
     guint volume;               /* 0 before it is first used */
@@ -168,12 +168,13 @@ gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error) {
     GLint most = 0;
     if (texture->shell != 0)
         return TRUE;
-    g_autoptr(MdfShell) shell = mdf_shell_new(texture->measured);
+    g_autoptr(MdfTable) measured = g_steal_pointer(&texture->measured);
+    g_autoptr(MdfShell) shell = mdf_shell_new(measured);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     if (MAX(shell->width, shell->height) > most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
                     "the shell of an MDF has %d × %d voxels in a layer: %s supports %d in each "
-                    "direction; leave --mdf-shell out",
+                    "direction; use --mdf-views",
                     shell->width, shell->height, gpu_renderer(), most);
         return FALSE;
     }
@@ -364,6 +365,11 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
     }
     upload_volume(texture);
     return gpu_check("uploading the MDF as a volume", error);
+}
+
+void mdf_texture_size_mm(const MdfTexture *texture, float ret[2]) {
+    ret[0] = (float)texture->width_mm;
+    ret[1] = (float)texture->height_mm;
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {

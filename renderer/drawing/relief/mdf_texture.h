@@ -34,9 +34,13 @@ gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL *
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
- * makes the shell, which takes about a second for 60 views of 64² texels. Shaders are compiled with
- * MDF_SHELL 1. The function fails if the shell is too large for the card. */
+ * takes about a second for 60 views of 64² texels. Shaders are compiled with
+ * MDF_SHELL 1. After an error, the texture must be freed: the shell
+ * is too large for the card. */
 gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
+
+/* Returns the width and height of the sample in mm. */
+void mdf_texture_size_mm(const MdfTexture *texture, float ret[2]);
 
 /* Sets textures and uniforms of a program in use. */
 void mdf_texture_bind(const MdfTexture *texture, guint program);

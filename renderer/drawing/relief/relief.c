@@ -14,6 +14,7 @@ struct Relief {
     ShadowMaps *first, *further;
     /* Values that relief_prepare() has set for relief_bind(). */
     gboolean silhouettes, shadows; /* shadows: of the first lamp */
+    gboolean curved[RELIEF_MAX_MATERIALS];
     int n_further;
     guint seen;
     float light[3], radius;
@@ -90,6 +91,8 @@ static void parts_casting(struct visibility_scene *scene, guint n_casting) {
 
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = from->seen;
+    const struct visibility_options *o = &from->seen.options;
+    const gboolean marched = !o->views && !o->straight && !o->volume;
     gboolean any = FALSE;
     for (int k = 0; k < scene.n_parts; k++) {
         struct visibility_part *part = &scene.parts[k];
@@ -97,8 +100,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
         any |= mdf != NULL;
         part->mdf = from->silhouettes && mdf != NULL ? mdf : relief->smooth;
         part->volume = scene.options.volume && part->mdf == mdf;
-        part->shell =
-            scene.options.shell && !scene.options.straight && !part->volume && part->mdf == mdf;
+        part->shell = marched && part->mdf == mdf;
+        relief->curved[part->material] = part->shell;
         if ((part->volume && !mdf_texture_make_volume(mdf, error)) ||
             (part->shell && !mdf_texture_make_shell(mdf, error)))
             return FALSE;
@@ -138,8 +141,12 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     return TRUE;
 }
 
-void relief_bind(const Relief *relief, guint program) {
-    float right[3] = {0.0f}, range[3] = {0.0f};
+void relief_bind(const Relief *relief, int material, guint program) {
+    float right[3] = {0.0f}, range[3] = {0.0f}, size_mm[2] = {1.0f, 1.0f};
+    if (relief->curved[material])
+        mdf_texture_size_mm(relief->mdfs[material], size_mm);
+    glUniform1i(glGetUniformLocation(program, "curved"), relief->curved[material]);
+    glUniform2fv(glGetUniformLocation(program, "mdf_size"), 1, size_mm);
     if (relief->shadows) {
         shadow_maps_right(relief->light, right);
         shadow_maps_range(relief->first, relief->radius, range);

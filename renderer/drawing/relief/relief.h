@@ -55,5 +55,6 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError
 
 #define RELIEF_FURTHER_UNIT 14 /* unit of the shadow maps of further lamps */
 
-/* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use. */
-void relief_bind(const Relief *relief, guint program);
+/* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use, for parts with
+ * this material. */
+void relief_bind(const Relief *relief, int material, guint program);

@@ -187,8 +187,8 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
 }
 
 /* Computes the column-major matrix of a perspective view from the lamp through one face of its
- * maps. Everything nearer than a hundredth of the radius is cut off. The nearest plane lies close to
- * the mesh, because depths behind a near plane have few bits. */
+ * maps. Everything nearer than a hundredth of the radius is cut off. The nearest plane lies close
+ * to the mesh, because depths behind a near plane have few bits. */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
@@ -251,7 +251,7 @@ static gboolean same_key(const struct key *a, const struct key *b) {
     return a->parts == b->parts && a->serial == b->serial && same_lamp(&a->lamp, &b->lamp) &&
            a->options.way == b->options.way && a->options.layers == b->options.layers &&
            a->options.straight == b->options.straight && a->options.volume == b->options.volume &&
-           a->options.shell == b->options.shell;
+           a->options.views == b->options.views;
 }
 
 /* Returns an FNV-1a hash of the parts that cast shadows. The hash is never 0. */

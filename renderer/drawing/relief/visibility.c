@@ -29,12 +29,13 @@ struct Visibility {
 static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
                               const struct places_source *places, GError **error) {
     g_autofree char *of_places = places_constants(places, FALSE);
-    g_autofree char *constants = g_strdup_printf(
-        "#define MDF_MAPS %d\n%s%s%s", form == MAPS, form == VOLUME ? "#define MDF_VOLUME 1\n" : "",
-        form == SHELL ? "#define MDF_SHELL 1\n" : "", of_places);
-    const char *names[10] = {"mesh.vert",       "frame.glsl", "places.glsl",
-                             "directions.glsl", "sight.glsl", "relief.glsl"};
-    int n = 6;
+    g_autofree char *constants =
+        g_strdup_printf("#define CURVED 0\n#define MDF_MAPS %d\n%s%s%s", form == MAPS,
+                        form == VOLUME ? "#define MDF_VOLUME 1\n" : "",
+                        form == SHELL ? "#define MDF_SHELL 1\n" : "", of_places);
+    const char *names[11] = {"mesh.vert",  "frame.glsl",  "places.glsl", "directions.glsl",
+                             "sight.glsl", "curved.glsl", "relief.glsl"};
+    int n = 7;
     if (form == SHELL)
         names[n++] = "shell.glsl";
     names[n] = "peel_back.frag";

@@ -32,7 +32,9 @@ struct visibility_options {
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
     /* Distances are read from volumes, as in that paper, for each part that has a volume. */
     gboolean volume;
-    gboolean shell; /* rays are marched through the shell of the MDF; not with straight or volume */
+    /* Distances are mixed from those of the nearest views. Without straight, volume and views, rays
+     * are marched through the shell of the MDF. */
+    gboolean views;
 };
 
 #define VISIBILITY_MAX_PARTS 64

@@ -92,6 +92,7 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     settings.light_phi_deg = v->phi_deg;
     settings.samples = SAMPLES;
     settings.silhouettes = settings.shadows = TRUE;
+    settings.visibility.views = TRUE; /* as the page */
     settings.shadow_size = SHADOW_MAP;
     g_autofree guint8 *rgb = ok(view_picture(viewer, &settings, WIDTH, HEIGHT, ERR));
     ok(picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, ERR));
