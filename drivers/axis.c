@@ -46,7 +46,8 @@ struct axis_state {
     /* The axis was stopped on the way, so the next move takes up backlash in either direction. */
     gboolean slack_unknown;
     gboolean another_leg;
-    double target_deg; /* target of the whole move, as the driver counts angles */
+    double target_deg;  /* target of the whole move, as the driver counts angles */
+    double predicted_s; /* duration that the deadline is made from */
     guint deadline, settle;
     guint retry;       /* timer of the pause before the next attempt to stop */
     gint64 pause_us;   /* length of that pause */
@@ -55,6 +56,7 @@ struct axis_state {
     gboolean turning;
     double turned_from_deg, turn_speed_deg_s;
     gint64 steady_us;               /* time from which the axis turns at constant speed */
+    gint64 ramp_us;                 /* time from the start of the turn to steady_us */
     struct passed passed[N_PASSED]; /* ring buffer */
     guint n_passed;
 };
@@ -223,6 +225,7 @@ static void on_deadline(gpointer data) {
 static void set_deadline(Axis *axis, double predicted_s) {
     struct axis_state *state = axis->state;
     clock_cancel(axis->device.clock, &state->deadline);
+    state->predicted_s = predicted_s;
     state->deadline =
         clock_call_in(axis->device.clock, to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
                       on_deadline, axis);
@@ -374,8 +377,8 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     state->turned_from_deg = from;
     state->turn_speed_deg_s = speed_deg_s;
     state->n_passed = 0;
-    state->steady_us = clock_now_us(axis->device.clock) +
-                       to_us(speed_deg_s / motion->accel_deg_s2 + 1e-3 * motion->report_ms);
+    state->ramp_us = to_us(speed_deg_s / motion->accel_deg_s2 + 1e-3 * motion->report_ms);
+    state->steady_us = clock_now_us(axis->device.clock) + state->ramp_us;
     state->driver_moves = TRUE;
     if (!axis->driver->turn(axis, state->target_deg, speed_deg_s, error)) {
         state->activity = IDLE;
@@ -434,6 +437,14 @@ void axis_report_position(Axis *axis, double deg, gint64 at_us) {
     state->passed[state->n_passed++ % N_PASSED] = (struct passed){at_us, deg};
     if (state->func)
         state->func(axis, AXIS_PASSING, NULL, state->data);
+}
+
+void axis_report_waiting(Axis *axis) {
+    struct axis_state *state = axis->state;
+    if (!state->driver_moves || state->stopping)
+        return;
+    set_deadline(axis, state->predicted_s);
+    state->steady_us = clock_now_us(axis->device.clock) + state->ramp_us;
 }
 
 void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us) {

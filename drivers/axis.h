@@ -171,6 +171,10 @@ double axis_position_deg(Axis *axis);
  * stood. The listener may close the axis, so do not use it after this call. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
+/* For drivers whose controller moves one axis after another: says that the motion that was started
+ * last has not begun yet. Its deadline, and the ramp of a turn, count from the last such report. */
+void axis_report_waiting(Axis *axis);
+
 /* For drivers, during a turn: reports the position of the axis at a time of the Clock. Reports out
  * of order are ignored. The listener may stop the axis during the call, but does not close it. */
 void axis_report_position(Axis *axis, double deg, gint64 at_us);
