@@ -5,6 +5,7 @@
 #include "gphoto2/gphoto2.h"
 #include "modbus/devices.h"
 #include "program/devices.h"
+#include "serial/devices.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
@@ -12,8 +13,9 @@
 #include "base/json.h"
 
 /* All drivers. Add a new driver in drivers/ and name it here. */
-static const struct axis_driver *const axis_drivers[] = {
-    &sim_axis_driver, &modbus_axis_driver, &tic_axis_driver, &program_axis_driver, NULL};
+static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver,     &modbus_axis_driver,
+                                                         &tic_axis_driver,     &gcode_axis_driver,
+                                                         &program_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {
     &sim_lamps_driver, &modbus_relays_driver, &usb_relays_driver, &program_lamps_driver, NULL};
 static const struct camera_driver *const camera_drivers[] = {

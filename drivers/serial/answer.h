@@ -1,0 +1,80 @@
+/*
+ * The lines that a G-code board sends: GRBL 1.1 (also FluidNC and grblHAL) and Marlin. Plain data.
+ * Any thread may call these functions.
+ *
+ * GRBL: https://github.com/gnea/grbl/wiki/Grbl-v1.1-Interface. A status report is
+ * "<Idle|MPos:0.000,0.000,0.000|FS:0,0>". Its fields come in any order, and most are optional.
+ * Marlin: https://marlinfw.org/meta/gcode.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* Letters of the axes, in the order in which GRBL reports their positions. */
+#define GCODE_LETTERS  "XYZABC"
+#define GCODE_MAX_AXES 6
+
+enum gcode_state {
+    GCODE_IDLE,
+    GCODE_RUN,
+    GCODE_HOLD, /* sub state 0: stands; 1: still brakes */
+    GCODE_JOG,
+    GCODE_ALARM,
+    GCODE_DOOR, /* sub state 0: closed; 1: open; both stand. 2 and 3: still moves */
+    GCODE_CHECK,
+    GCODE_HOME,
+    GCODE_SLEEP,
+    GCODE_OTHER, /* a state of a newer firmware */
+};
+
+struct gcode_report {
+    enum gcode_state state;
+    int sub;          /* number after the state's colon; −1 if there is none */
+    int n_at;         /* number of positions, above 0 */
+    int n_wco;        /* number of offsets; 0 if the report has none */
+    gboolean is_work; /* at is in work coordinates; the machine position is at + wco */
+    double at[GCODE_MAX_AXES], wco[GCODE_MAX_AXES];
+    char name[16];   /* of the state, as the board writes it */
+    char inputs[16]; /* letters of the inputs that are active ("X" is the limit switch of X) */
+};
+
+enum gcode_kind {
+    GCODE_NONE, /* nothing that the driver uses, or noise */
+    GCODE_OK,
+    GCODE_ERROR,     /* error:NUMBER of GRBL */
+    GCODE_ALARM_NOW, /* ALARM:NUMBER of GRBL */
+    GCODE_REPORT,
+    GCODE_BANNER,   /* the board has been reset */
+    GCODE_SETTING,  /* $NUMBER=VALUE of GRBL */
+    GCODE_VERSION,  /* text has the version of the firmware */
+    GCODE_BUSY,     /* Marlin works on a long command */
+    GCODE_RESEND,   /* Marlin wants line NUMBER again */
+    GCODE_POSITION, /* Marlin's answer to M114 */
+    GCODE_FAILURE,  /* Marlin: "Error:TEXT" */
+    GCODE_KILLED,   /* Marlin has stopped for good, until it is reset */
+    GCODE_SCALE,    /* Marlin's M92 (steps per unit), M201 or M203 (NUMBER) */
+    GCODE_UNKNOWN,  /* Marlin does not know the command "L" and NUMBER */
+};
+
+struct gcode_answer {
+    enum gcode_kind kind;
+    int number;
+    double value;
+    struct gcode_report report;
+    /* POSITION: at is where the axes are sent, steps where the motors are. SCALE: at. */
+    gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
+    double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
+    char text[64]; /* VERSION, FAILURE: printable ASCII */
+};
+
+/* Parses a line without its end. A line that is damaged so that it shows is GCODE_NONE. */
+void gcode_grbl_read(const char *line, struct gcode_answer *ret);
+void gcode_marlin_read(const char *line, struct gcode_answer *ret);
+
+/* Returns whether no axis moves in the reported state. */
+gboolean gcode_report_stands(const struct gcode_report *report);
+
+/* Say what an alarm or an error of GRBL means, and what to do, with ERROR_ADVICE
+ * (base/error_details.h). NULL if the number is not known. */
+const char *gcode_alarm_text(int number);
+const char *gcode_error_text(int number);

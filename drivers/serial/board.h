@@ -1,0 +1,122 @@
+/*
+ * A controller for several axes that speaks G-code on a serial port: GRBL 1.1, FluidNC, grblHAL or
+ * Marlin. All sections that name the port share the board and its connection.
+ *
+ * A board carries out one motion after another. The requests of its axes therefore take turns: a
+ * request that waits is told so, and only the motion under way is known to the board. A program
+ * that dies leaves at most one motion behind.
+ *
+ * A stop brakes the motion under way, whichever axis it belongs to. The stop of an axis that stands
+ * while another axis moves is confirmed by the positions that the board reports.
+ *
+ * Opening the port resets most boards. The board counts as connected when it has answered, which
+ * takes boot_ms at most. A board that was lost is searched for again by the next request to home or
+ * to stop.
+ *
+ * All functions belong to the main loop's thread. Callbacks come from the main loop, never from
+ * within a function of this header. Errors are DEVICE_ERROR and name the port, not the axis.
+ */
+#pragma once
+
+#include "answer.h"
+
+#include "drivers/device.h"
+
+enum gcode_dialect { GCODE_GRBL, GCODE_MARLIN };
+
+/* The options of a board in the section of an axis; the first member of the driver's struct. */
+struct gcode_link {
+    char *port;
+    int baud, dialect;
+    double answer_ms, boot_ms;
+};
+
+extern const char *const gcode_dialects[];
+
+#define GCODE_LINK(name) G_STRUCT_OFFSET(struct gcode_link, name)
+/* clang-format off */
+#define GCODE_LINK_OPTIONS                                                                         \
+    {"port", OPTION_STRING, .offset = GCODE_LINK(port),                                            \
+     .help = "Serial port of the board, such as a link in /dev/serial/by-id"},                     \
+    {"baud", OPTION_INT, NULL, 300, 4000000, "115200", NULL, GCODE_LINK(baud),                     \
+     "Speed of the port"},                                                                         \
+    {"dialect", OPTION_CHOICE, NULL, 0, 0, "grbl", gcode_dialects, GCODE_LINK(dialect),            \
+     "Language of the board; grbl also stands for FluidNC and grblHAL"},                           \
+    {"answer_ms", OPTION_DOUBLE, "ms", 50, 2000, "1000", NULL, GCODE_LINK(answer_ms),              \
+     "How long an answer may take"},                                                               \
+    {"boot_ms", OPTION_DOUBLE, "ms", 100, 60000, "5000", NULL, GCODE_LINK(boot_ms),                \
+     "How long the board may take to answer after its port was opened"}
+/* clang-format on */
+
+/* For a driver's check(): adds a mistake if a section further up in the file names the same port
+ * with other settings. */
+void gcode_link_check(const struct gcode_link *link, const struct config_section *section,
+                      Mistakes *mistakes);
+
+/* An axis on a board. */
+typedef struct GcodeClient GcodeClient;
+
+struct gcode_listener {
+    /* The board has reported the position of the axis, in units of the board. The board read it
+     * between the two times. */
+    void (*at)(gpointer data, double units, gint64 asked_us, gint64 answered_us);
+    /* A request has ended. error is NULL if it succeeded. The client may leave the board. */
+    void (*ended)(gpointer data, const GError *error);
+    /* A request has not begun yet, because another axis of the board moves. */
+    void (*waits)(gpointer data);
+    /* The position of a watched axis without a request has become unknown. The client may leave the
+     * board. */
+    void (*lost)(gpointer data, const GError *error);
+};
+
+/* Settings of an axis that the board has reported. Each is 0 if it is not known. */
+struct gcode_limits {
+    double steps;    /* motor steps in a unit */
+    double units_s;  /* top speed */
+    double units_s2; /* acceleration */
+    double homing;   /* 1: homing is switched on in the board, -1: it is off */
+    double inches;   /* 1: the board reports inches, -1: it reports millimetres */
+};
+
+/* For a device's open(): connects to the board, or joins the board that is open. letter is an index
+ * into GCODE_LETTERS. Waits until the board has answered, boot_ms at most. A motion that another
+ * program has left is stopped. poll_ms is the time between two reports while an axis moves. */
+GcodeClient *gcode_client_new(const struct gcode_link *link, int letter, double poll_ms,
+                              const struct device *device, const struct gcode_listener *listener,
+                              gpointer data, GError **error);
+void gcode_client_free(GcodeClient *client); /* NULL is ignored */
+
+void gcode_client_limits(const GcodeClient *client, struct gcode_limits *ret);
+/* Returns whether the board has fewer axes. */
+gboolean gcode_client_is_missing(const GcodeClient *client);
+/* Returns whether another axis homes the whole board now. */
+gboolean gcode_client_is_dragged(const GcodeClient *client);
+const char *gcode_client_firmware(const GcodeClient *client);
+
+/* Starts a motion to a position. It ends when the board has reported that the axis stands. The
+ * caller compares the position that at() has got last. */
+gboolean gcode_client_move(GcodeClient *client, double units, double units_s, GError **error);
+
+enum gcode_homing {
+    GCODE_HOME_ALL,  /* all axes of the board together */
+    GCODE_HOME_AXIS, /* this axis */
+    GCODE_HOME_HERE, /* nothing moves; the board is only made ready for a motion */
+};
+
+/* Starts homing. Watched axes that GCODE_HOME_ALL moves without their request are moved back before
+ * the request ends. */
+gboolean gcode_client_home(GcodeClient *client, enum gcode_homing homing, GError **error);
+
+/* Stops the axis and forgets its request. brake_s is the longest time that it takes to brake. It
+ * ends with an error if the axis is watched and its position is lost. */
+gboolean gcode_client_stop(GcodeClient *client, double brake_s, GError **error);
+
+/* Stops the axis and waits until it stands, answer_ms four times at most. Only for close() of a
+ * device. */
+void gcode_client_stop_now(GcodeClient *client, double brake_s);
+
+/* Sets whether the position of the axis is known and must stay so. */
+void gcode_client_watch(GcodeClient *client, gboolean watched);
+
+/* Calls lost() soon, if the axis is watched. Takes ownership of error. */
+void gcode_client_report_lost(GcodeClient *client, GError *error);

@@ -1,0 +1,144 @@
+/* Shared by board.c, which has the connection and the requests, and by the dialects. */
+#pragma once
+
+#include "board.h"
+
+typedef struct GcodeBoard GcodeBoard;
+
+enum phase {
+    CLOSED,
+    GREETING, /* the port is open; the board has not answered yet */
+    READY,
+    RUNNING,  /* the request of board->active is under way */
+    STOPPING, /* for all clients that have stops */
+};
+
+enum request { NO_REQUEST, MOVE, HOME_ALL, HOME_AXIS, HOME_HERE };
+
+struct GcodeClient {
+    GcodeBoard *board;
+    int letter;
+    double poll_ms;
+    const struct gcode_listener *listener;
+    gpointer data;
+    enum request request;
+    double target, units_s; /* MOVE */
+    double last_units_s;    /* speed of the last move */
+    double brake_s;
+    gboolean watched, stops;
+    int n_still; /* reports in a row with the same position, during a stop */
+    double still_at;
+    gboolean has_ended, has_lost; /* a callback is due */
+    GError *error;                /* of that callback */
+};
+
+struct dialect {
+    /* Starts to talk to a board whose port has just been opened. */
+    void (*greet)(GcodeBoard *board);
+    /* Takes a line that the board has sent. */
+    void (*take)(GcodeBoard *board, const struct gcode_answer *answer);
+    void (*read)(const char *line, struct gcode_answer *ret);
+    /* Polls and looks at deadlines. */
+    void (*tick)(GcodeBoard *board, gint64 now_us);
+    /* Starts the request of board->active. */
+    void (*start)(GcodeBoard *board);
+    /* Begins to stop all motion. */
+    void (*stop)(GcodeBoard *board);
+    /* Bytes of lines that may be unanswered, and whether only one line may be. */
+    int window;
+    gboolean one_line;
+};
+
+extern const struct dialect gcode_grbl, gcode_marlin;
+
+struct gcode_line {
+    char *text; /* with its end */
+    gint64 sent_us;
+    gboolean alone;   /* no other line may be unanswered */
+    gboolean is_long; /* its answer comes when a motion has ended */
+};
+
+struct GcodeBoard {
+    int ref_count;
+    struct gcode_link link; /* a copy */
+    char *key;
+    const struct dialect *dialect;
+    Clock *clock;
+    GPtrArray *clients;
+    int fd;
+    guint source, timer;
+    gpointer lock; /* Lock of the port */
+    GString *input;
+    gboolean skips; /* the rest of an endless line is discarded */
+    int n_noise;    /* lines that were not understood since the port was opened */
+
+    enum phase phase;
+    GcodeClient *active; /* NULL unless RUNNING */
+    GQueue unsent, sent; /* of struct gcode_line */
+    int n_unanswered;    /* bytes in sent */
+    gint64 heard_us;     /* time of the last line that was understood */
+    GError *failure;     /* why the last greeting has failed */
+
+    /* The position that was reported last; n_at is 0 if none is known. */
+    int n_at;
+    double at[GCODE_MAX_AXES];
+    gint64 asked_us; /* time of the question that has no answer yet, or of the last one */
+    gboolean asked;
+    struct gcode_limits limits[GCODE_MAX_AXES];
+    char firmware[64];
+
+    /* Of the dialect. */
+    int stage;
+    gint64 stage_us, until_us; /* beginning and deadline of the stage */
+    int n_wco;
+    double wco[GCODE_MAX_AXES];
+    int alarm;           /* number of the last alarm since the last reset */
+    gboolean held;       /* held_at is where the axes stood in a finished hold */
+    gboolean reset_once; /* GREETING: Ctrl-X was sent to a silent board */
+    char other[16];      /* name of the state that was reported last and is not known */
+    int n_other;
+    int n_resets; /* number of Ctrl-X of the stage */
+    int n_owed;   /* number of Ctrl-X without a banner yet */
+    int n_final;  /* final reports of a request */
+    double held_at[GCODE_MAX_AXES], before[GCODE_MAX_AXES], final_at[GCODE_MAX_AXES];
+    int n_before;
+    int token, n_line; /* Marlin */
+    GQueue history;    /* of char *: the last lines, up to number n_line */
+    int resends;       /* number of the line that the board wants again; 0: none */
+    gboolean synced, echoed, nudged, killed;
+    double steps[GCODE_MAX_AXES];
+    int n_steps_same;
+    gint64 same_us;
+};
+
+/* Closes the port. The next request to home or to stop opens it again, which resets most boards. */
+void gcode_board_close(GcodeBoard *board);
+/* Queues a line, without its end. */
+void gcode_board_send(GcodeBoard *board, const char *text, gboolean is_long);
+/* Sends bytes now, before all lines that wait. */
+void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n);
+/* Takes the answer to the oldest unanswered line. Returns FALSE if there is none. */
+gboolean gcode_board_answered(GcodeBoard *board);
+void gcode_board_forget_lines(GcodeBoard *board);
+gboolean gcode_board_is_answered(const GcodeBoard *board);
+
+/* Stores the position and tells the clients. */
+void gcode_board_moved(GcodeBoard *board, const double *at, int n);
+
+/* Ends the greeting or the stop. */
+void gcode_board_ready(GcodeBoard *board);
+/* Ends the active request, and for HOME_ALL those of all clients that want the same. Takes
+ * ownership of error. */
+void gcode_board_end_request(GcodeBoard *board, GError *error);
+/* Ends the stop or the greeting with an error. Takes ownership of error. */
+void gcode_board_fail(GcodeBoard *board, GError *error);
+/* Says that the positions of all axes are unknown. Ends all requests but stops. Takes ownership of
+ * error. */
+void gcode_board_lose(GcodeBoard *board, GError *error);
+/* Ends the stop of clients whose axes stand while another axis moves. Call it after each report. */
+void gcode_board_check_still(GcodeBoard *board);
+
+void gcode_board_begin(GcodeBoard *board, int stage, double ms);
+double gcode_board_brake_s(const GcodeBoard *board);
+gboolean gcode_board_is_watched(const GcodeBoard *board);
+GError *gcode_board_silence(const GcodeBoard *board, double ms);
