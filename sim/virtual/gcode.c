@@ -1,0 +1,469 @@
+#include "gcode_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <gio/gio.h>
+#include <glib-unix.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <poll.h>
+#include <pty.h>
+#include <string.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define MIN_HOMING_US 20000
+
+struct gcode_out {
+    gint64 at_us;
+    char *text;
+};
+
+static void out_free(gpointer data) {
+    struct gcode_out *out = data;
+    g_free(out->text);
+    g_free(out);
+}
+
+void gcode_say(VirtualGcode *board, const char *format, ...) {
+    va_list args;
+    struct gcode_out *out = g_new0(struct gcode_out, 1);
+    va_start(args, format);
+    g_autofree char *text = g_strdup_vprintf(format, args);
+    va_end(args);
+    out->text =
+        g_strconcat(board->faults.noise ? "\x7f\xffzz<Idle|MPos:1.2\r\n" : "", text, "\r\n", NULL);
+    out->at_us = g_get_monotonic_time() + board->faults.late_ms * (gint64)1000;
+    if (board->faults.late_ok_ms > 0 && g_str_has_prefix(text, "ok")) {
+        board->late_until_us = out->at_us + board->faults.late_ok_ms * (gint64)1000;
+        board->faults.late_ok_ms = 0;
+    }
+    out->at_us = MAX(out->at_us, board->late_until_us);
+    g_queue_push_tail(&board->out, out);
+}
+
+/* Sends what is due, with the faults. */
+static void flush_out(VirtualGcode *board) {
+    struct gcode_out *out;
+    while ((out = g_queue_peek_head(&board->out)) && out->at_us <= g_get_monotonic_time()) {
+        g_autoptr(GString) bytes = g_string_new(NULL);
+        g_queue_pop_head(&board->out);
+        for (const char *at = out->text; *at; at++) {
+            board->n_sent++;
+            if (board->faults.lose_sent > 0 && board->n_sent % (guint)board->faults.lose_sent == 0)
+                continue;
+            const gboolean damaged = board->faults.damage_sent > 0 &&
+                                     board->n_sent % (guint)board->faults.damage_sent == 0;
+            g_string_append_c(bytes, damaged ? (char)(*at ^ 0x15) : *at);
+        }
+        if (!board->faults.cut && !board->faults.silent && board->wire >= 0 &&
+            write(board->wire, bytes->str, bytes->len) < 0)
+            tcflush(board->wire, TCIOFLUSH);
+        out_free(out);
+    }
+}
+
+static double travelled(double way, double v, double a, double t) {
+    v = MIN(v, sqrt(a * way));
+    const double ramp = v / a, left = MAX(0, way / v + ramp - t);
+    if (t <= ramp)
+        return a * t * t / 2;
+    return left <= ramp ? way - a * left * left / 2 : v * (t - ramp / 2);
+}
+
+/* Returns the way travelled since the motion began. */
+static double travelled_at(const VirtualGcode *board, gint64 now_us) {
+    const double t = (double)(now_us - board->start_us) * 1e-6;
+    if (now_us >= board->end_us)
+        return board->way;
+    return board->motion == GCODE_BRAKING
+               ? board->units_s * t - board->units_s2 * t * t / 2
+               : travelled(board->way, board->units_s, board->units_s2, t);
+}
+
+double gcode_speed(const VirtualGcode *board, gint64 now_us) {
+    if (board->motion != GCODE_MOVING && board->motion != GCODE_BRAKING &&
+        board->motion != GCODE_HOMING)
+        return 0;
+    return (travelled_at(board, now_us + 500) - travelled_at(board, now_us - 500)) * 1e3;
+}
+
+static void begin_block(VirtualGcode *board, gint64 start_us) {
+    const struct gcode_block *block = &board->blocks[0];
+    double square = 0;
+    for (int i = 0; i < board->options.n_axes; i++) {
+        board->from[i] = board->state.at[i];
+        board->to[i] = block->to[i];
+        square += pow(board->to[i] - board->from[i], 2);
+    }
+    const double v = MIN(block->units_s, board->options.units_s), a = board->options.units_s2;
+    board->way = sqrt(square);
+    board->units_s = v;
+    board->units_s2 = a;
+    board->motion = GCODE_MOVING;
+    board->start_us = start_us;
+    const double s = board->way >= v * v / a ? board->way / v + v / a : 2 * sqrt(board->way / a);
+    board->end_us = start_us + (gint64)(s * 1e6);
+}
+
+static void pop_block(VirtualGcode *board) {
+    board->n_blocks--;
+    memmove(board->blocks, board->blocks + 1, (gsize)board->n_blocks * sizeof *board->blocks);
+}
+
+/* Brings the position up to date, and begins the next block when one has ended. */
+static void advance(VirtualGcode *board) {
+    const gint64 now = g_get_monotonic_time();
+    for (;;) {
+        if (board->motion == GCODE_STANDING && board->n_blocks > 0)
+            begin_block(board, now);
+        if (board->motion == GCODE_STANDING || board->motion == GCODE_HELD)
+            return;
+        const double part = board->way > 0 ? travelled_at(board, now) / board->way : 1;
+        for (int i = 0; i < board->options.n_axes; i++)
+            board->state.at[i] = board->from[i] + part * (board->to[i] - board->from[i]);
+        if (now < board->end_us)
+            return;
+        const enum gcode_motion ended = board->motion;
+        board->motion = GCODE_STANDING;
+        if (ended == GCODE_BRAKING)
+            board->motion = GCODE_HELD;
+        else if (ended == GCODE_MOVING)
+            pop_block(board);
+        else if (board->options.marlin)
+            marlin_homing_ended(board);
+        else
+            grbl_homing_ended(board);
+    }
+}
+
+void gcode_planned(const VirtualGcode *board, double *ret) {
+    const gsize size = sizeof board->state.at;
+    memcpy(ret, board->n_blocks > 0 ? board->blocks[board->n_blocks - 1].to : board->state.at,
+           size);
+}
+
+void gcode_add_block(VirtualGcode *board, const double *to, double units_s) {
+    g_return_if_fail(board->n_blocks < GCODE_BLOCKS);
+    struct gcode_block *block = &board->blocks[board->n_blocks++];
+    memcpy(block->to, to, sizeof block->to);
+    /* The motor turns in steps. */
+    for (int i = 0; i < board->options.n_axes; i++)
+        block->to[i] = round(to[i] * board->options.steps) / board->options.steps;
+    block->units_s = units_s;
+    advance(board);
+}
+
+void gcode_brake(VirtualGcode *board) {
+    const gint64 now = g_get_monotonic_time();
+    advance(board);
+    if (board->motion != GCODE_MOVING) {
+        if (board->motion == GCODE_STANDING)
+            board->motion = GCODE_HELD;
+        return;
+    }
+    const double v = MAX(gcode_speed(board, now), 0), a = board->options.units_s2;
+    double left = 0;
+    for (int i = 0; i < board->options.n_axes; i++)
+        left += pow(board->to[i] - board->state.at[i], 2);
+    left = sqrt(left);
+    const double way = MIN(v * v / (2 * a), left);
+    for (int i = 0; i < board->options.n_axes; i++) {
+        board->from[i] = board->state.at[i];
+        board->to[i] = left > 0 ? board->from[i] + way / left * (board->to[i] - board->from[i])
+                                : board->from[i];
+    }
+    board->way = way;
+    board->units_s = v;
+    board->units_s2 = way > 0 ? v * v / (2 * way) : a;
+    board->motion = GCODE_BRAKING;
+    board->start_us = now;
+    board->end_us = now + (v > 0 ? (gint64)(v / board->units_s2 * 1e6) : 0);
+}
+
+void gcode_resume(VirtualGcode *board) {
+    if (board->motion == GCODE_HELD)
+        board->motion = GCODE_STANDING; /* advance() begins the rest of the block */
+}
+
+gboolean gcode_abort(VirtualGcode *board) {
+    advance(board);
+    const gboolean moved = board->motion == GCODE_MOVING || board->motion == GCODE_BRAKING ||
+                           board->motion == GCODE_HOMING;
+    board->motion = GCODE_STANDING;
+    board->n_blocks = 0;
+    board->state.n_aborted += moved;
+    return moved;
+}
+
+void gcode_begin_homing(VirtualGcode *board, guint axes) {
+    const gint64 now = g_get_monotonic_time();
+    const double v = board->options.units_s, a = board->options.units_s2;
+    double square = 0;
+    for (int i = 0; i < board->options.n_axes; i++) {
+        board->from[i] = board->state.at[i];
+        board->to[i] = axes >> i & 1 ? board->options.home_at : board->from[i];
+        square += pow(board->to[i] - board->from[i], 2);
+    }
+    const double way = MAX(sqrt(square), board->options.switch_way);
+    const double s = way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
+    board->way = sqrt(square);
+    board->units_s = v;
+    board->units_s2 = a;
+    board->motion = GCODE_HOMING;
+    board->homing_axes = axes;
+    board->start_us = now;
+    board->end_us = now + MAX((gint64)(s * 1e6), MIN_HOMING_US);
+    board->state.n_homings++;
+}
+
+/* Takes a complete line that was received. Returns FALSE if there is none. */
+gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size) {
+    const char *end = strpbrk(board->rx->str, "\r\n");
+    if (!end)
+        return FALSE;
+    const gsize n = (gsize)(end - board->rx->str);
+    g_autofree char *line = g_strndup(board->rx->str, n);
+    g_string_erase(board->rx, 0, (gssize)n + 1);
+    g_strlcpy(ret, line, size);
+    return TRUE;
+}
+
+static void boot(VirtualGcode *board, gboolean power) {
+    gcode_abort(board);
+    g_string_truncate(board->rx, 0);
+    board->waits = FALSE;
+    board->n_unanswered = 0;
+    board->deaf_until_us = g_get_monotonic_time() + board->options.boot_ms * (gint64)1000;
+    g_queue_clear_full(&board->out, out_free);
+    if (board->options.marlin)
+        marlin_boot(board);
+    else
+        grbl_boot(board, power);
+    for (GList *item = board->out.head; item; item = item->next)
+        ((struct gcode_out *)item->data)->at_us = board->deaf_until_us;
+}
+
+static void receive(VirtualGcode *board, const char *bytes, gssize n) {
+    for (gssize i = 0; i < n; i++) {
+        board->n_received++;
+        if (board->faults.cut || g_get_monotonic_time() < board->deaf_until_us ||
+            (board->faults.lose_received > 0 &&
+             board->n_received % (guint)board->faults.lose_received == 0))
+            continue;
+        if (board->options.marlin)
+            marlin_receive(board, bytes[i]);
+        else
+            grbl_receive(board, bytes[i]);
+    }
+}
+
+static void close_wire(VirtualGcode *board) {
+    if (board->wire >= 0)
+        close(board->wire);
+    if (board->slave >= 0)
+        close(board->slave);
+    board->wire = board->slave = -1;
+}
+
+static gboolean open_wire(VirtualGcode *board) {
+    struct termios raw = {0};
+    char name[64];
+    cfmakeraw(&raw);
+    raw.c_cflag |= CS8 | CREAD | CLOCAL;
+    if (openpty(&board->wire, &board->slave, name, &raw, NULL) != 0)
+        return FALSE;
+    fcntl(board->wire, F_SETFL, O_NONBLOCK);
+    fcntl(board->wire, F_SETFD, FD_CLOEXEC);
+    fcntl(board->slave, F_SETFD, FD_CLOEXEC);
+    /* Without the slave, the wire reports whether a program has the port open. */
+    if (board->options.resets_on_open) {
+        close(board->slave);
+        board->slave = -1;
+    }
+    board->was_open = FALSE;
+    g_unlink(board->port);
+    return symlink(name, board->port) == 0;
+}
+
+/* A program has opened the port. */
+static void watch_opening(VirtualGcode *board, short events) {
+    const gboolean is_open = !(events & POLLHUP);
+    if (board->options.resets_on_open && is_open && !board->was_open)
+        boot(board, TRUE);
+    board->was_open = is_open;
+}
+
+static void serve(VirtualGcode *board, short events) {
+    char bytes[512];
+    watch_opening(board, events);
+    advance(board);
+    for (gssize n; board->wire >= 0 && (n = read(board->wire, bytes, sizeof bytes)) > 0;)
+        receive(board, bytes, n);
+    advance(board);
+    if (g_get_monotonic_time() >= board->deaf_until_us) {
+        if (board->options.marlin)
+            marlin_work(board);
+        else
+            grbl_work(board);
+    }
+    flush_out(board);
+}
+
+static gpointer gcode_run(gpointer data) {
+    VirtualGcode *board = data;
+    gboolean quit = FALSE;
+    while (!quit) {
+        char byte;
+        g_mutex_lock(&board->mutex);
+        const gboolean busy = board->motion != GCODE_STANDING || board->waits ||
+                              !g_queue_is_empty(&board->out) || board->options.resets_on_open;
+        struct pollfd fds[] = {{board->wake[0], POLLIN, 0}, {board->wire, POLLIN, 0}};
+        g_mutex_unlock(&board->mutex);
+        if (poll(fds, G_N_ELEMENTS(fds), busy ? 1 : 20) < 0 && errno != EINTR)
+            return NULL;
+        if (fds[0].revents && read(board->wake[0], &byte, 1) < 0)
+            return NULL;
+        /* A wire whose slave is closed is always ready. */
+        if (fds[1].revents & POLLHUP)
+            g_usleep(1000);
+        g_mutex_lock(&board->mutex);
+        serve(board, fds[1].revents);
+        quit = board->quit;
+        g_mutex_unlock(&board->mutex);
+    }
+    return NULL;
+}
+
+static void wake(VirtualGcode *board) {
+    if (write(board->wake[1], "", 1) < 0)
+        g_warning("virtual G-code board: %s", g_strerror(errno));
+}
+
+VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GError **error) {
+    VirtualGcode *board = g_new0(VirtualGcode, 1);
+    board->options = *options;
+    board->wire = board->slave = board->wake[0] = board->wake[1] = -1;
+    board->rx = g_string_new(NULL);
+    g_mutex_init(&board->mutex);
+    board->folder = g_dir_make_tmp("mesorig-gcode-XXXXXX", error);
+    board->port = board->folder ? g_build_filename(board->folder, "port", NULL) : NULL;
+    if (!board->folder || !g_unix_open_pipe(board->wake, FD_CLOEXEC, error)) {
+        virtual_gcode_free(board);
+        return NULL;
+    }
+    if (!open_wire(board)) {
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual G-code board: %s",
+                    g_strerror(errno));
+        virtual_gcode_free(board);
+        return NULL;
+    }
+    boot(board, TRUE);
+    board->deaf_until_us = 0;
+    g_queue_clear_full(&board->out, out_free); /* nobody has heard its banner */
+    board->thread = g_thread_new("virtual-gcode", gcode_run, board);
+    return board;
+}
+
+void virtual_gcode_free(VirtualGcode *board) {
+    if (!board)
+        return;
+    if (board->thread) {
+        g_mutex_lock(&board->mutex);
+        board->quit = TRUE;
+        g_mutex_unlock(&board->mutex);
+        wake(board);
+        g_thread_join(board->thread);
+    }
+    close_wire(board);
+    for (int i = 0; i < 2; i++)
+        if (board->wake[i] >= 0)
+            close(board->wake[i]);
+    if (board->port)
+        g_unlink(board->port);
+    if (board->folder)
+        g_rmdir(board->folder);
+    g_queue_clear_full(&board->out, out_free);
+    g_string_free(board->rx, TRUE);
+    g_mutex_clear(&board->mutex);
+    g_free(board->folder);
+    g_free(board->port);
+    g_free(board);
+}
+
+const char *virtual_gcode_port(const VirtualGcode *board) {
+    return board->port;
+}
+
+void virtual_gcode_fail(VirtualGcode *board, const struct virtual_gcode_faults *faults) {
+    g_mutex_lock(&board->mutex);
+    board->faults = *faults;
+    g_mutex_unlock(&board->mutex);
+}
+
+void virtual_gcode_press(VirtualGcode *board, int axis, gboolean pressed) {
+    g_mutex_lock(&board->mutex);
+    board->pressed[axis] = pressed;
+    if (pressed && !board->options.marlin)
+        grbl_press(board);
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_set_door(VirtualGcode *board, gboolean open) {
+    g_mutex_lock(&board->mutex);
+    board->door = open;
+    grbl_set_door(board);
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_press_hold(VirtualGcode *board) {
+    virtual_gcode_receive(board, "!");
+}
+
+void virtual_gcode_reset(VirtualGcode *board) {
+    g_mutex_lock(&board->mutex);
+    boot(board, TRUE);
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_unplug(VirtualGcode *board) {
+    g_mutex_lock(&board->mutex);
+    close_wire(board);
+    g_unlink(board->port);
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_plug(VirtualGcode *board) {
+    g_mutex_lock(&board->mutex);
+    close_wire(board);
+    if (!open_wire(board))
+        g_warning("virtual G-code board: %s", g_strerror(errno));
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_push(VirtualGcode *board, int axis, double units) {
+    g_mutex_lock(&board->mutex);
+    board->state.at[axis] += units;
+    g_mutex_unlock(&board->mutex);
+}
+
+void virtual_gcode_receive(VirtualGcode *board, const char *bytes) {
+    g_mutex_lock(&board->mutex);
+    receive(board, bytes, (gssize)strlen(bytes));
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
+void virtual_gcode_state(VirtualGcode *board, struct virtual_gcode_state *ret) {
+    g_mutex_lock(&board->mutex);
+    advance(board);
+    board->state.moving = board->motion != GCODE_STANDING && board->motion != GCODE_HELD;
+    board->state.alarm = board->alarm != 0;
+    *ret = board->state;
+    g_mutex_unlock(&board->mutex);
+}

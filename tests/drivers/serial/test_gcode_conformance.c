@@ -1,0 +1,67 @@
+/* What every axis must do, on virtual boards with each language. */
+#include "conformance/conformance.h"
+#include "lib/ok.h"
+#include "lib/test.h"
+#include "serial/devices.h"
+#include "virtual/gcode.h"
+
+#include <string.h>
+
+static const struct board {
+    const char *name, *keys;
+    struct virtual_gcode_options options;
+} boards[] = {
+    {"grbl", "", {0}},
+    {"fluidnc",
+     "homing = axis\nletter = A\nunits_per_deg = -0.5\n",
+     {.n_axes = 6, .single_homing = TRUE, .work_positions = TRUE}},
+    {"here", "homing = here\nbacklash_deg = 0.2\n", {.homing_off = TRUE}},
+    {"marlin",
+     "dialect = marlin\nletter = Y\nhoming = axis\n",
+     {.marlin = TRUE, .emergency_parser = TRUE, .resets_on_open = TRUE, .boot_ms = 50}},
+    {"marlin-simple",
+     "dialect = marlin\nhoming = axis\n",
+     {.marlin = TRUE, .resets_on_open = TRUE}},
+};
+
+static VirtualGcode *models[G_N_ELEMENTS(boards)];
+static struct conformance tested[G_N_ELEMENTS(boards)];
+
+static void fail(gpointer board, enum conformance_fault fault) {
+    const struct virtual_gcode_faults faults = {.silent = fault == CONFORMANCE_UNANSWERED,
+                                                .cut = fault == CONFORMANCE_CUT};
+    virtual_gcode_fail(board, &faults);
+}
+
+BEFORE_TESTS {
+    for (gsize i = 0; i < G_N_ELEMENTS(boards); i++) {
+        struct virtual_gcode_options options = boards[i].options;
+        options.n_axes = MAX(options.n_axes, 3);
+        options.units_s = 500;
+        options.units_s2 = 5000;
+        options.steps = 1000;
+        options.home_at = 1;
+        models[i] = ok(virtual_gcode_new(&options, ERR));
+        tested[i] = (struct conformance){
+            .name = boards[i].name, .real_clock = TRUE, .fail = fail, .fail_data = models[i]};
+        tested[i].section = g_strdup_printf(
+            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 200\nboot_ms = 1000\n"
+            "min_deg = -90\nmax_deg = 90\nspeed_deg_s = 400\naccel_deg_s2 = 4000\npoll_ms = 5\n"
+            "%s%s",
+            virtual_gcode_port(models[i]),
+            strstr(boards[i].keys, "units_per_deg") ? "" : "units_per_deg = 1\n", boards[i].keys);
+        conformance_axis(&gcode_axis_driver, &tested[i]);
+    }
+}
+
+AFTER_TESTS {
+    for (gsize i = 0; i < G_N_ELEMENTS(boards); i++) {
+        struct virtual_gcode_state state;
+        virtual_gcode_state(models[i], &state);
+        g_assert_cmpint(state.max_unanswered, <=, 127);
+        g_assert_cmpint(state.n_overflows, ==, 0);
+        g_assert_false(state.moving);
+        virtual_gcode_free(models[i]);
+        g_free((gpointer)tested[i].section);
+    }
+}
