@@ -98,7 +98,7 @@ static gboolean read_field(const char *field, struct gcode_report *ret) {
 
 static gboolean read_report(const char *line, struct gcode_report *ret) {
     const gsize n = strlen(line);
-    if (n < 2 || line[0] != '<' || line[n - 1] != '>')
+    if (n < 2 || line[0] != '<' || strpbrk(line + 1, "<>") != line + n - 1)
         return FALSE;
     g_autofree char *inside = g_strndup(line + 1, n - 2);
     g_auto(GStrv) fields = g_strsplit(inside, "|", -1);
