@@ -62,11 +62,13 @@ static void capture_virtual(const char *name) {
     g_autofree char *rig = twin_path("virtual.conf"), *socket = twin_path("bus");
     g_autofree char *session = twin_path(name);
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
-    GSubprocess *devices = starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"), "--virtual",
-                                  SMALL "rig.conf", "-o", rig, "--loss", "0.01", "--json", NULL);
+    GSubprocess *devices =
+        starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"), "--virtual", SMALL "rig.conf",
+               "-o", rig, "--loss", "0.01", "--gcode", "turntable", "--json", NULL);
     g_autofree char *said = first_line(devices);
     g_assert_nonnull(strstr(said, "{\"section\":\"camera cam30\",\"driver\":\"aravis\""));
     g_assert_nonnull(strstr(said, "{\"section\":\"axis arc\",\"driver\":\"modbus-axis\""));
+    g_assert_nonnull(strstr(said, "{\"section\":\"axis turntable\",\"driver\":\"gcode-axis\""));
     GSubprocess *daemon = starts_daemon(rig, address);
     runs(BIN("mesorig"), "capture", "--address", address, rig, SMALL "session.conf", "-o", session,
          NULL);

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static char *virtual_path, *out_path, **usb, **u3v, **still;
+static char *virtual_path, *out_path, **usb, **u3v, **still, **gcode;
 static gboolean json, force;
 static double loss;
 
@@ -28,6 +28,8 @@ static const GOptionEntry entries[] = {
      "Make this camera a USB3 Vision camera; all: every camera", "NAME"},
     {"still", 0, 0, G_OPTION_ARG_STRING_ARRAY, &still,
      "Make this camera a still camera on PTP/IP, for libgphoto2; all: every camera", "NAME"},
+    {"gcode", 0, 0, G_OPTION_ARG_STRING_ARRAY, &gcode,
+     "Put this axis on a board that speaks G-code; all: every axis", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss, "Share of the cameras' packets that is lost, 0 to 1",
      "PART"},
     {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
@@ -188,7 +190,7 @@ static int virtual_rig_main_run(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) to = out_path ? virtual_rig_main_output(&error) : NULL;
     const struct virtual_rig_kinds kinds = {(const char *const *)usb, (const char *const *)u3v,
-                                            (const char *const *)still};
+                                            (const char *const *)still, (const char *const *)gcode};
     g_autoptr(VirtualRig) rig = error ? NULL : virtual_rig_new(virtual_path, &kinds, &error);
     /* A program that has noticed the file may end this program, which then removes the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
@@ -216,7 +218,8 @@ static const struct command_line command_line = {
         "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see and "
         "change "
         "the world of a simulated rig. With --usb: Pololu Tics, USB relay boards and V4L2 cameras. "
-        "With --u3v: USB3 Vision cameras. With --still: still cameras on PTP/IP.",
+        "With --u3v: USB3 Vision cameras. With --still: still cameras on PTP/IP. "
+        "With --gcode: axes on boards that speak GRBL.",
     .options = entries,
 };
 

@@ -273,6 +273,7 @@ static void couple(VirtualRig *rig) {
         drive->was_deg = deg;
         drive->was_us = now;
     }
+    rig_couple_gcode(rig);
     for (int i = 0; i < rig->n_boards; i++) {
         struct board *board = &rig->boards[i];
         virtual_modbus_state(board->device, &state);
@@ -389,6 +390,8 @@ static gboolean virtual_rig_add_section(VirtualRig *rig, const struct config_sec
         rig_copy_section(rig, section, NULL, NULL);
         return TRUE;
     }
+    if (rig_is_gcode(rig, section))
+        return rig_add_gcode(rig, section, error);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (g_str_equal(kinds[i].driver, driver))
             return (rig_is_usb(rig, section) ? kinds[i].add_usb : kinds[i].add)(rig, section,
@@ -414,6 +417,7 @@ VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *ki
     rig->usb = g_strdupv(kinds ? (char **)kinds->usb : NULL);
     rig->u3v = g_strdupv(kinds ? (char **)kinds->u3v : NULL);
     rig->still = g_strdupv(kinds ? (char **)kinds->still : NULL);
+    rig->gcode = g_strdupv(kinds ? (char **)kinds->gcode : NULL);
     rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
@@ -452,6 +456,7 @@ void virtual_rig_free(VirtualRig *rig) {
         virtual_ptpip_free(rig->cameras[i].still);
     }
     rig_free_usb(rig);
+    rig_free_gcode(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
         virtual_modbus_free(rig->drives[i].device);
         world_part_clear(&rig->drives[i].part);
@@ -464,6 +469,7 @@ void virtual_rig_free(VirtualRig *rig) {
     g_strfreev(rig->usb);
     g_strfreev(rig->u3v);
     g_strfreev(rig->still);
+    g_strfreev(rig->gcode);
     g_string_free(rig->text, TRUE);
     g_array_unref(rig->devices);
     g_mutex_clear(&rig->coupling);
@@ -514,4 +520,5 @@ void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret) {
             ret->n_lit += state.coils[k];
     }
     rig_add_usb_state(rig, ret);
+    rig_add_gcode_state(rig, ret);
 }

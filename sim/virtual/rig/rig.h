@@ -4,8 +4,9 @@
  * RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and
  * inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev
  * emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and
- * cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on PTP/IP. All devices
- * act on the world of that rig or look at it, so the cameras see a lamp that a relay switches.
+ * cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on PTP/IP, and axes
+ * may be on boards that speak G-code, on pseudo-terminals. All devices act on the world of that rig
+ * or look at it, so the cameras see a lamp that a relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
  * to the world. So does the thread of any camera but V4L2 before it renders a frame.
@@ -31,6 +32,7 @@ struct virtual_rig_kinds {
     const char *const *usb;   /* devices on USB */
     const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
     const char *const *still; /* still cameras on PTP/IP, also if usb or u3v has them */
+    const char *const *gcode; /* axes on boards that speak GRBL, also if usb has them */
 };
 
 /* Makes a rig. path is a rig file whose drivers are all simulated. kinds may be NULL. If usb or u3v

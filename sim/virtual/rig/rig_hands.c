@@ -52,12 +52,13 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
         g_string_append_printf(names, "%s%s", names->len ? ", " : "", own);
         if (!g_str_equal(own, name) && !g_str_equal(device->section, name))
             continue;
-        if (modbus ? set_cut(modbus, !plugged) : plug_camera(rig, own, plugged))
+        if (modbus ? set_cut(modbus, !plugged)
+                   : rig_plug_gcode(rig, device->where, plugged) || plug_camera(rig, own, plugged))
             return TRUE;
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "%s (%s) cannot be unplugged here; only devices on Modbus, GigE Vision, USB3 Vision "
-            "and PTP/IP can be unplugged",
+            "%s (%s) cannot be unplugged here; only devices on Modbus, G-code boards, GigE Vision, "
+            "USB3 Vision and PTP/IP can be unplugged",
             own, device->driver);
         return FALSE;
     }
@@ -124,6 +125,8 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
     g_mutex_lock(&rig->coupling);
     for (int i = 0; i < rig->n_drives; i++)
         replace(&rig->drives[i].part, world);
+    for (int i = 0; i < rig->n_gcode_axes; i++)
+        replace(&rig->gcode_drives[i].part, world);
     for (int i = 0; i < rig->n_boards; i++) {
         struct board *board = &rig->boards[i];
         for (int k = 0; k < board->n_coils; k++) {

@@ -1,11 +1,13 @@
 /* Shared by the parts of a virtual rig. rig.c has the GigE Vision, USB3 Vision and still cameras
- * and the Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. */
+ * and the Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. rig_gcode.c has
+ * the axes on G-code boards. */
 #pragma once
 
 #include "rig.h"
 #include "virtual/cameras/ptpip.h"
 #include "virtual/cameras/u3v.h"
 #include "virtual/cameras/v4l2.h"
+#include "virtual/gcode.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
 #include "virtual/world_link.h"
@@ -24,6 +26,17 @@ struct drive {
     double home_deg, error_deg;
     int error_seed;
     double was_deg; /* position at the time was_us; before the first measurement, was_us is 0 */
+    gint64 was_us;
+};
+
+struct gcode_drive {
+    VirtualGcode *board; /* shared with the next letters */
+    int axis;
+    struct world_part part;
+    gboolean wraps;
+    double home_deg, error_deg;
+    int error_seed;
+    double was_deg; /* as in struct drive */
     gint64 was_us;
 };
 
@@ -48,11 +61,15 @@ struct VirtualRig {
     char **usb;   /* names of the devices on USB */
     char **u3v;   /* names of the USB3 Vision cameras */
     char **still; /* names of the still cameras */
+    char **gcode; /* names of the axes on G-code boards */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */
     struct drive drives[MAX_DEVICES];
     struct board boards[MAX_DEVICES];
+    struct gcode_drive gcode_drives[MAX_DEVICES];
+    VirtualGcode *gcode_boards[MAX_DEVICES / VIRTUAL_GCODE_AXES + 1];
+    int n_gcode_axes;
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
     /* Boards of USB relays. switches is the board of all lasers, which is also in relays. */
@@ -95,6 +112,13 @@ gboolean rig_is_still(const VirtualRig *rig, const struct config_section *sectio
 gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_check_usb(const VirtualRig *rig, GError **error);
+gboolean rig_is_gcode(const VirtualRig *rig, const struct config_section *section);
+gboolean rig_add_gcode(VirtualRig *rig, const struct config_section *section, GError **error);
+void rig_couple_gcode(VirtualRig *rig);
+/* Returns FALSE if no board is at this place. */
+gboolean rig_plug_gcode(VirtualRig *rig, const char *where, gboolean plugged);
+void rig_add_gcode_state(VirtualRig *rig, struct virtual_rig_state *to);
+void rig_free_gcode(VirtualRig *rig);
 gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);
 gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section, GError **error);
 gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section, GError **error);
