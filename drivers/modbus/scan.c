@@ -55,8 +55,10 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
                 ? g_strdup_printf("this user may not open it: join the group that “ls -l %s” "
                                   "shows, often dialout",
                                   path)
-                : g_strdup_printf(
-                      "for Modbus; “mesorig devices --modbus %s” searches it for devices", path);
+                : g_strdup_printf("for Modbus, which “mesorig devices --modbus %s” searches for "
+                                  "devices, or for a "
+                                  "G-code board (gcode-axis)",
+                                  path);
     }
     return TRUE;
 }

@@ -427,6 +427,42 @@ TEST(refuses__second_section) {
     end(&bench);
 }
 
+/* So do two sections of a rig file, before anything is opened. */
+TEST(refuses__other_settings) {
+    struct bench bench;
+    GError *error = NULL;
+    gsize n;
+    begin_board(&bench, &grbl);
+    const char *port = virtual_gcode_port(bench.board);
+    g_autofree char *text =
+        g_strdup_printf("[axis a]\ndriver = gcode-axis\nport = %s\n" FAST
+                        "[axis b]\ndriver = gcode-axis\nport = %s\nletter = Y\nbaud = 9600\n" FAST,
+                        port, port);
+    g_autoptr(Config) config = ok(config_parse(text, "./test.conf", ERR));
+    const struct config_section *sections = config_sections(config, &n);
+    g_assert_null(axis_open(&gcode_axis_driver, &sections[1], NULL, bench.clock, &error));
+    conformance_expect_error(&error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                             "port: [axis a], in line 1, opens");
+    end(&bench);
+}
+
+/* Presets are sections to copy: every key of theirs is one of the driver's. */
+TEST(presets) {
+    static const char *const names[] = {"grbl.conf", "marlin.conf"};
+    static const char *const also[] = {"driver", NULL};
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
+        const struct driver_info *info = &gcode_axis_driver.info;
+        g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/devices", names[i], NULL);
+        g_autoptr(Config) config = ok(config_load(path, ERR));
+        g_autofree gpointer priv = g_malloc0(info->priv_size);
+        gsize n;
+        const struct config_section *section = config_sections(config, &n);
+        g_assert_cmpuint(n, ==, 1);
+        ok(options_parse(info->options, section, also, priv, ERR));
+        options_clear(info->options, priv);
+    }
+}
+
 /* Each fault comes during a move, or before it. Afterwards the axis stands, its position is not
  * known, and after homing it works again. */
 enum when { MOVING, BEFORE, HOMING, STANDING };
