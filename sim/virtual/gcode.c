@@ -317,7 +317,8 @@ static gpointer gcode_run(gpointer data) {
         char byte;
         g_mutex_lock(&board->mutex);
         const gboolean busy = board->motion != GCODE_STANDING || board->waits ||
-                              !g_queue_is_empty(&board->out) || board->options.resets_on_open;
+                              board->rx->len > 0 || !g_queue_is_empty(&board->out) ||
+                              board->options.resets_on_open;
         struct pollfd fds[] = {{board->wake[0], POLLIN, 0}, {board->wire, POLLIN, 0}};
         g_mutex_unlock(&board->mutex);
         if (poll(fds, G_N_ELEMENTS(fds), busy ? 1 : 20) < 0 && errno != EINTR)

@@ -55,6 +55,7 @@ struct virtual_gcode_faults {
     int lose_received;          /* bytes from the program to the board */
     gboolean noise;             /* sends a line of noise before each line */
     int error;                  /* GRBL: the next line is refused with this error; 0 afterwards */
+    gboolean no_hold;           /* GRBL: "!" has no effect */
     gboolean no_switch;         /* homing does not find its switch */
 };
 void virtual_gcode_fail(VirtualGcode *board, const struct virtual_gcode_faults *faults);

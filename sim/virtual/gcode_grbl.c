@@ -127,8 +127,8 @@ static gboolean act(VirtualGcode *board, char byte) {
             report(board);
         return TRUE;
     case '!':
-        if (!board->alarm && !board->check && board->motion != GCODE_HOMING &&
-            board->motion != GCODE_HELD) {
+        if (!board->faults.no_hold && !board->alarm && !board->check &&
+            board->motion != GCODE_HOMING && board->motion != GCODE_HELD) {
             board->state.n_holds++;
             gcode_brake(board);
         }
@@ -222,7 +222,8 @@ static int command(VirtualGcode *board, const char *line) {
     if (board->motion != GCODE_STANDING)
         return 8;
     board->waits = TRUE;
-    gcode_begin_homing(board, line[2] ? 1u << (letter - letters) : (1u << 3) - 1);
+    gcode_begin_homing(board,
+                       line[2] ? 1u << (letter - letters) : (1u << board->options.n_axes) - 1);
     return -1;
 }
 
@@ -279,9 +280,10 @@ void grbl_work(VirtualGcode *board) {
         board->waits = FALSE;
         gcode_say(board, "ok");
     }
-    while (!board->waits && !board->locked_up && !board->door && board->motion != GCODE_HELD &&
-           board->motion != GCODE_BRAKING && board->n_blocks < GCODE_BLOCKS &&
-           gcode_take_line(board, line, sizeof line)) {
+    /* A line takes about a millisecond. */
+    if (!board->waits && !board->locked_up && !board->door && board->motion != GCODE_HELD &&
+        board->motion != GCODE_BRAKING && board->n_blocks < GCODE_BLOCKS &&
+        gcode_take_line(board, line, sizeof line)) {
         const int length = (int)strlen(line) + 1;
         int error = 0;
         if (board->faults.error) {

@@ -47,7 +47,7 @@ static Axis *open_axis(struct bench *bench, struct part *part, const char *keys,
     const struct config_section *section;
     const gboolean marlin = strstr(keys, "dialect = marlin") != NULL;
     g_autofree char *text =
-        g_strdup_printf("[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 250\nboot_ms = "
+        g_strdup_printf("[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 500\nboot_ms = "
                         "1200\npoll_ms = 5\n%s%s",
                         virtual_gcode_port(bench->board), marlin ? "homing = axis\n" : "", keys);
     const struct conformance with = {.section = text};
@@ -222,6 +222,52 @@ TEST(stops_simple_marlin) {
     stops(&simple_marlin, MARLIN, FALSE);
 }
 
+/* The oks of lines before the stop come after it, and count for no later line. */
+TEST(stops_late_marlin) {
+    struct bench bench;
+    begin(&bench, &marlin, MARLIN MOTION, NULL);
+    home(&bench, &bench.a);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.late_ms = 60});
+    for (int i = 0; i < 5; i++) {
+        ok(axis_move(bench.a.axis, i & 1 ? -300 : 300, ERR));
+        wait_moving(&bench);
+        conformance_pass(bench.clock, 0.01 * i);
+        ok(axis_stop(bench.a.axis, ERR));
+        expect(&bench, &bench.a, AXIS_STOPPED);
+        g_assert_false(state_of(&bench).moving);
+        assert_at(&bench, 0, HOME_AT + 2 * axis_position_deg(bench.a.axis));
+    }
+    move(&bench, &bench.a, 2);
+    assert_at(&bench, 0, HOME_AT + 4);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+    end(&bench);
+}
+
+/* A board that does not brake is reset in its motion. Its position is lost, and that is said. */
+TEST(stops_by_reset) {
+    struct bench bench;
+    begin(&bench, &grbl, MOTION, MOTION "letter = Y\n");
+    ok(axis_home(bench.a.axis, ERR));
+    ok(axis_home(bench.b.axis, ERR));
+    expect(&bench, &bench.a, AXIS_HOMED);
+    expect(&bench, &bench.b, AXIS_HOMED);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.no_hold = TRUE});
+    ok(axis_move(bench.a.axis, 300, ERR));
+    wait_moving(&bench);
+    ok(axis_stop(bench.a.axis, ERR));
+    expect(&bench, &bench.a, AXIS_FAULT);
+    if (!strstr(bench.a.error->message, "had to be reset while it moved, so its position is lost"))
+        g_error("%s", bench.a.error->message);
+    expect(&bench, &bench.b, AXIS_FAULT);
+    g_assert_false(axis_is_homed(bench.a.axis) || axis_is_homed(bench.b.axis));
+    g_assert_cmpint(state_of(&bench).n_aborted, ==, 1);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+    wait_safe(&bench, &bench.a);
+    wait_safe(&bench, &bench.b);
+    home(&bench, &bench.a);
+    end(&bench);
+}
+
 /* Requests to two axes of a board take turns. A wait that is longer than the deadline of the motion
  * is none of its faults. */
 TEST(take_turns) {
@@ -286,6 +332,34 @@ TEST(homing_moves_back) {
     end(&bench);
 }
 
+/* The lines that move five axes back have more bytes than the board can store. */
+TEST(homing_moves_many_back) {
+    struct bench bench;
+    struct virtual_gcode_options options = grbl;
+    struct part parts[4] = {0};
+    options.n_axes = 6;
+    begin(&bench, &options, FAST, FAST "letter = Y\n");
+    for (int i = 0; i < 4; i++) {
+        g_autofree char *keys = g_strdup_printf(FAST "letter = %c\n", "ZABC"[i]);
+        ok(open_axis(&bench, &parts[i], keys, ERR));
+    }
+    struct part *all[] = {&bench.a, &bench.b, &parts[0], &parts[1], &parts[2]};
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
+        ok(axis_home(all[i]->axis, ERR));
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
+        expect(&bench, all[i], AXIS_HOMED);
+    for (int i = 0; i < 5; i++)
+        move(&bench, all[i], -100.125 - i);
+    home(&bench, &parts[3]);
+    for (int i = 0; i < 5; i++)
+        assert_at(&bench, i, HOME_AT - 2 * (100.125 + i));
+    assert_at(&bench, 5, HOME_AT);
+    g_assert_cmpint(state_of(&bench).max_unanswered, >, 64);
+    for (int i = 0; i < 4; i++)
+        close_part(&parts[i]);
+    end(&bench);
+}
+
 /* "$HX" and "G28 X" leave the other axes where they are. */
 TEST(homes_one) {
     struct bench bench;
@@ -297,6 +371,20 @@ TEST(homes_one) {
     g_assert_cmpint(state_of(&bench).n_homings, ==, 2);
     move(&bench, &bench.b, 5);
     assert_at(&bench, 1, HOME_AT + 10);
+    end(&bench);
+}
+
+/* Without switches nothing moves, and a board that is locked after a reset is unlocked. */
+TEST(homes_here) {
+    struct bench bench;
+    begin(&bench, &grbl, FAST "homing = here\nhome_deg = 30\n", NULL);
+    g_assert_true(state_of(&bench).alarm);
+    home(&bench, &bench.a);
+    assert_at(&bench, 0, 0);
+    g_assert_cmpfloat(axis_position_deg(bench.a.axis), ==, 30);
+    move(&bench, &bench.a, 40);
+    assert_at(&bench, 0, 20);
+    g_assert_cmpint(state_of(&bench).n_homings, ==, 0);
     end(&bench);
 }
 
@@ -494,11 +582,11 @@ static const struct fault {
      {.silent = TRUE},
      NULL,
      DEVICE_ERROR_TIMEOUT,
-     "the board has not answered for 250 ms; check its power"},
+     "the board has not answered for 500 ms; check its power"},
     {"cut", "", MOVING, {.cut = TRUE}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
     {"cut-before", "", BEFORE, {.cut = TRUE}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
-    {"late-ok", "", BEFORE, {.late_ok_ms = 700}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
-    {"late", "", BEFORE, {.late_ms = 700}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
+    {"late-ok", "", BEFORE, {.late_ok_ms = 1300}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
+    {"late", "", BEFORE, {.late_ms = 1300}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
     {"lost-answers", "", MOVING, {.lose_sent = 5}, NULL, DEVICE_ERROR_TIMEOUT, "has not answered"},
     {"damaged-answers",
      "",
@@ -590,7 +678,7 @@ static const struct fault {
     {"late-ok-marlin",
      MARLIN,
      BEFORE,
-     {.late_ok_ms = 700},
+     {.late_ok_ms = 1300},
      NULL,
      DEVICE_ERROR_TIMEOUT,
      "has not answered"},
@@ -689,6 +777,35 @@ TEST(noise) {
         move(&bench, &bench.a, 10 * (i & 1));
     assert_at(&bench, 0, HOME_AT + 20);
     virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+    end(&bench);
+}
+
+/* A digit that is lost is not taken for another position. What is lost may be an "ok", which is
+ * missed. */
+TEST(lost_digits) {
+    struct bench bench;
+    int n_arrived = 0;
+    begin(&bench, &grbl, FAST, NULL);
+    home(&bench, &bench.a);
+    for (int i = 0; i < 40; i++) {
+        const double deg = 100 + 10 * (i & 1);
+        virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.lose_sent = 61 + i});
+        ok(axis_move(bench.a.axis, deg, ERR));
+        conformance_wait(bench.clock, &bench.a.n, 1, 60);
+        if (bench.a.last == AXIS_ARRIVED) {
+            assert_at(&bench, 0, HOME_AT + 2 * deg);
+            n_arrived++;
+        } else {
+            g_assert_error(bench.a.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+        }
+        bench.a.n = 0;
+        virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){0});
+        wait_safe(&bench, &bench.a);
+        if (!axis_is_homed(bench.a.axis))
+            home(&bench, &bench.a);
+    }
+    g_test_message("%d of 40 moves ended without an error", n_arrived);
+    g_assert_cmpint(n_arrived, >, 10);
     end(&bench);
 }
 

@@ -15,12 +15,11 @@ static const struct board {
     {"fluidnc",
      "homing = axis\nletter = A\nunits_per_deg = -0.5\n",
      {.n_axes = 6, .single_homing = TRUE, .work_positions = TRUE}},
-    {"here", "homing = here\nbacklash_deg = 0.2\n", {.homing_off = TRUE}},
     {"marlin",
      "dialect = marlin\nletter = Y\nhoming = axis\n",
      {.marlin = TRUE, .emergency_parser = TRUE, .resets_on_open = TRUE, .boot_ms = 50}},
     {"marlin-simple",
-     "dialect = marlin\nhoming = axis\n",
+     "dialect = marlin\nhoming = here\nbacklash_deg = 0.2\n",
      {.marlin = TRUE, .resets_on_open = TRUE}},
 };
 
@@ -45,7 +44,7 @@ BEFORE_TESTS {
         tested[i] = (struct conformance){
             .name = boards[i].name, .real_clock = TRUE, .fail = fail, .fail_data = models[i]};
         tested[i].section = g_strdup_printf(
-            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 200\nboot_ms = 1000\n"
+            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 400\nboot_ms = 1000\n"
             "min_deg = -90\nmax_deg = 90\nspeed_deg_s = 400\naccel_deg_s2 = 4000\npoll_ms = 5\n"
             "%s%s",
             virtual_gcode_port(models[i]),
