@@ -11,9 +11,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#define MAX_LINE 512 /* a longer line is noise */
-#define IDLE_MS  100 /* time between two ticks while nothing is under way */
-#define WAIT_MS  5   /* longest wait for input in open() and close() */
+#define MAX_LINE    512   /* a longer line is noise */
+#define IDLE_MS     100   /* time between two ticks while nothing is under way */
+#define MIN_LATE_US 20000 /* a timer that comes later shows that this program could not run */
+#define WAIT_MS     5     /* longest wait for input in open() and close() */
 
 const char *const gcode_dialects[] = {"grbl", "marlin", NULL};
 
@@ -412,10 +413,25 @@ static void tick(GcodeBoard *board) {
     }
 }
 
+/* The time in which this program could not run counts for no deadline. */
+static void forgive(GcodeBoard *board, gint64 late_us) {
+    gint64 *times[] = {&board->heard_us, &board->stage_us, &board->until_us, &board->same_us};
+    if (late_us < MIN_LATE_US)
+        return;
+    for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
+        *times[i] += late_us;
+    for (GList *item = board->sent.head; item; item = item->next)
+        ((struct gcode_line *)item->data)->sent_us += late_us;
+}
+
 static void on_timer(gpointer data) {
     GcodeBoard *board = data;
+    const gint64 late_us = clock_now_us(board->clock) - board->due_us;
     board->timer = 0;
     board->ref_count++;
+    if (board->fd >= 0)
+        read_input(board);
+    forgive(board, late_us);
     tick(board);
     deliver(board);
     double ms = IDLE_MS;
@@ -428,6 +444,7 @@ static void on_timer(gpointer data) {
 
 static void wake(GcodeBoard *board, double ms) {
     clock_cancel(board->clock, &board->timer);
+    board->due_us = clock_now_us(board->clock) + (gint64)(ms * 1000);
     board->timer = clock_call_in(board->clock, (gint64)(ms * 1000), on_timer, board);
 }
 

@@ -74,8 +74,8 @@ struct gcode_limits {
     double steps;    /* motor steps in a unit */
     double units_s;  /* top speed */
     double units_s2; /* acceleration */
-    double homing;   /* 1: homing is switched on in the board, -1: it is off */
-    double inches;   /* 1: the board reports inches, -1: it reports millimetres */
+    int homing;      /* 1: homing is switched on in the board, −1: it is off */
+    int inches;      /* 1: the board reports inches, −1: it reports millimetres */
 };
 
 /* For a device's open(): connects to the board, or joins the board that is open. letter is an index

@@ -67,6 +67,7 @@ struct GcodeBoard {
     GPtrArray *clients;
     int fd;
     guint source, timer;
+    gint64 due_us; /* time when the timer is due */
     gpointer lock; /* Lock of the port */
     GString *input;
     gboolean skips; /* the rest of an endless line is discarded */
@@ -87,28 +88,37 @@ struct GcodeBoard {
     struct gcode_limits limits[GCODE_MAX_AXES];
     char firmware[64];
 
-    /* Of the dialect. */
-    int stage;
+    /* The rest is used by the dialects. */
+    int stage;                 /* of the phase */
     gint64 stage_us, until_us; /* beginning and deadline of the stage */
-    int n_wco;
+    int n_final;               /* final reports of a request */
+
+    /* GRBL */
+    int n_wco; /* number of offsets that are known */
     double wco[GCODE_MAX_AXES];
-    int alarm;           /* number of the last alarm since the last reset */
-    gboolean held;       /* held_at is where the axes stood in a finished hold */
-    gboolean reset_once; /* GREETING: Ctrl-X was sent to a silent board */
-    char other[16];      /* name of the state that was reported last and is not known */
-    int n_other;
-    int n_resets; /* number of Ctrl-X of the stage */
-    int n_owed;   /* number of Ctrl-X without a banner yet */
-    int n_final;  /* final reports of a request */
-    double held_at[GCODE_MAX_AXES], before[GCODE_MAX_AXES], final_at[GCODE_MAX_AXES];
+    int alarm;     /* number of the last alarm since the last reset */
+    gboolean held; /* held_at is where the axes stood in a finished hold */
+    double held_at[GCODE_MAX_AXES];
+    double final_at[GCODE_MAX_AXES]; /* of the last final report */
     int n_before;
-    int token, n_line; /* Marlin */
-    GQueue history;    /* of char *: the last lines, up to number n_line */
-    int resends;       /* number of the line that the board wants again; 0: none */
-    gboolean synced, echoed, nudged, killed;
-    double steps[GCODE_MAX_AXES];
-    int n_steps_same;
-    gint64 same_us;
+    double before[GCODE_MAX_AXES]; /* where the axes were before homing */
+    gboolean reset_once;           /* GREETING: Ctrl-X was sent to a silent board */
+    int n_resets;                  /* number of Ctrl-X of the stage */
+    int n_owed;                    /* number of Ctrl-X without a banner yet */
+    char other[16];                /* name of the state that was reported last and is not known */
+    int n_other;                   /* number of reports with it in a row */
+
+    /* Marlin */
+    int token;                    /* number of the last command "L" */
+    gboolean synced, echoed;      /* the "ok" after its echo has come; its echo has come */
+    int n_line;                   /* number of the last line */
+    GQueue history;               /* of char *: the last lines, up to number n_line */
+    int resends;                  /* number of the line that the board wants again; 0: none */
+    gboolean nudged;              /* an empty line was sent after the line that has no answer */
+    gboolean killed;              /* the board has halted itself, until it is reset */
+    double steps[GCODE_MAX_AXES]; /* where the motors were in the last report */
+    int n_steps_same;             /* number of reports in a row with it */
+    gint64 same_us;               /* time of the first of them */
 };
 
 /* Closes the port. The next request to home or to stop opens it again, which resets most boards. */

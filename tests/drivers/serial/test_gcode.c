@@ -441,6 +441,34 @@ TEST(silent_alarm) {
     end(&bench);
 }
 
+/* This program cannot run for a while. The answers of that time wait in the port. */
+static void held_up(const struct virtual_gcode_options *with, const char *language) {
+    struct bench bench;
+    g_autofree char *keys = g_strconcat(language, MOTION, NULL);
+    begin(&bench, with, keys, NULL);
+    home(&bench, &bench.a);
+    ok(axis_move(bench.a.axis, 150, ERR));
+    wait_moving(&bench);
+    g_usleep(1500000);
+    expect(&bench, &bench.a, AXIS_ARRIVED);
+    ok(axis_move(bench.a.axis, 0, ERR));
+    wait_moving(&bench);
+    ok(axis_stop(bench.a.axis, ERR));
+    g_usleep(1500000);
+    expect(&bench, &bench.a, AXIS_STOPPED);
+    g_assert_true(axis_is_homed(bench.a.axis));
+    assert_at(&bench, 0, HOME_AT + 2 * axis_position_deg(bench.a.axis));
+    end(&bench);
+}
+
+TEST(held_up) {
+    held_up(&grbl, "");
+}
+
+TEST(held_up_marlin) {
+    held_up(&marlin, MARLIN);
+}
+
 /* What open() refuses. */
 static void refuses(const struct virtual_gcode_options *with, const char *keys, GQuark domain,
                     int code, const char *words) {
