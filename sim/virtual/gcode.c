@@ -453,6 +453,13 @@ void virtual_gcode_push(VirtualGcode *board, int axis, double units) {
     g_mutex_unlock(&board->mutex);
 }
 
+void virtual_gcode_send(VirtualGcode *board, const char *line) {
+    g_mutex_lock(&board->mutex);
+    gcode_say(board, "%s", line);
+    g_mutex_unlock(&board->mutex);
+    wake(board);
+}
+
 void virtual_gcode_receive(VirtualGcode *board, const char *bytes) {
     g_mutex_lock(&board->mutex);
     receive(board, bytes, (gssize)strlen(bytes));

@@ -71,6 +71,8 @@ void virtual_gcode_unplug(VirtualGcode *board);
 void virtual_gcode_plug(VirtualGcode *board);
 /* Moves an axis that stands, as by the buttons of a pendant. */
 void virtual_gcode_push(VirtualGcode *board, int axis, double units);
+/* Sends a line to the program. */
+void virtual_gcode_send(VirtualGcode *board, const char *line);
 /* Gives the board bytes as if the program had sent them. */
 void virtual_gcode_receive(VirtualGcode *board, const char *bytes);
 

@@ -127,13 +127,17 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     bench->error = error ? g_error_copy(error) : NULL;
 }
 
-static void begin(struct bench *bench, const char *keys) {
+static void begin_with(struct bench *bench, Clock *clock, const char *keys) {
     const struct config_section *opened;
     const struct conformance with = {.section = section};
-    *bench = (struct bench){.clock = clock_new_real()};
+    *bench = (struct bench){.clock = clock};
     g_autoptr(Config) config = conformance_config(&with, keys, &opened);
     bench->axis = ok(axis_open(&gcode_axis_driver, opened, NULL, bench->clock, ERR));
     axis_listen(bench->axis, on_axis, bench);
+}
+
+static void begin(struct bench *bench, const char *keys) {
+    begin_with(bench, clock_new_real(), keys);
 }
 
 static void end(struct bench *bench) {
@@ -200,6 +204,32 @@ static void truth(void) {
     expect(&bench, AXIS_ARRIVED);
     g_assert_cmpfloat(fabs(true_mm(0) - (home_mm - 50)), <, 0.011);
     end(&bench);
+}
+
+/* Two axes take turns. "$H" for one of them moves both, and the other one is moved back. */
+static void two_axes(void) {
+    struct bench x, y;
+    begin(&x, "");
+    begin_with(&y, clock_ref(x.clock), "letter = Y\n");
+    home(&x);
+    const double x_mm = true_mm(0), y_mm = true_mm(1);
+    ok(axis_move(x.axis, 31.25, ERR));
+    expect(&x, AXIS_ARRIVED);
+    home(&y);
+    g_assert_true(axis_is_homed(x.axis));
+    g_assert_cmpfloat(fabs(true_mm(0) - (x_mm + (31.25 - 100) * 0.5)), <, 0.021);
+    ok(axis_move(x.axis, -50, ERR));
+    ok(axis_move(y.axis, 50, ERR));
+    conformance_pass(x.clock, 0.3);
+    ok(axis_stop(y.axis, ERR)); /* it waits; the other one goes on */
+    expect(&y, AXIS_STOPPED);
+    expect(&x, AXIS_ARRIVED);
+    ok(axis_move(y.axis, 50, ERR));
+    expect(&y, AXIS_ARRIVED);
+    g_assert_cmpfloat(fabs(true_mm(0) - (x_mm + (-50 - 100) * 0.5)), <, 0.021);
+    g_assert_cmpfloat(fabs(true_mm(1) - (y_mm + (50 - 100) * 0.5)), <, 0.021);
+    end(&y);
+    end(&x);
 }
 
 static void limit_switch(void) {
@@ -278,6 +308,7 @@ int main(int argc, char **argv) {
     set_all();
     conformance_axis(&gcode_axis_driver, &grbl);
     g_test_add_func("/grbl/truth", truth);
+    g_test_add_func("/grbl/two-axes", two_axes);
     g_test_add_func("/grbl/limit-switch", limit_switch);
     g_test_add_func("/grbl/soft-limit", soft_limit);
     g_test_add_func("/grbl/reset-moving", reset_moving);

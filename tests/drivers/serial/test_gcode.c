@@ -896,6 +896,91 @@ TEST(last_resort) {
     end(&bench);
 }
 
+/* Answers that nobody has asked for, at any time, and commands at any time. Afterwards both axes
+ * are safe, can be homed, and are where they say. */
+static void chaos(const struct virtual_gcode_options *with, const char *language, guint32 seed) {
+    static const char *const lines[] = {
+        "ok",
+        "error:9",
+        "ALARM:1",
+        "ALARM:3",
+        "Grbl 1.1h ['$' for help]",
+        "<Idle|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Run|MPos:9.000,2.000,3.000|FS:0,0>",
+        "<Hold:0|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Hold:1|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Alarm|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Door:1|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Tool|MPos:1.000,2.000,3.000|FS:0,0>",
+        "<Idle|MPos:1.000,2.000,3.000,4.000|FS:0,0>",
+        "<Idle|WPos:1.000,2.000,3.000|FS:0,0>",
+        "start",
+        "Resend: 3",
+        "Resend: 99999",
+        "echo:busy: processing",
+        "echo:Unknown command: \"L1\"",
+        "Error:something",
+        "Error:Printer halted. kill() called!",
+        "X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:1000 Y:2000 Z:3000",
+    };
+    struct bench bench;
+    g_autoptr(GRand) random = g_rand_new_with_seed(seed);
+    g_autofree char *a = g_strconcat(language, FAST, NULL);
+    g_autofree char *b = g_strconcat(language, FAST "letter = Y\n", NULL);
+    begin(&bench, with, a, b);
+    for (int i = 0; i < 400; i++) {
+        Axis *axis = g_rand_boolean(random) ? bench.a.axis : bench.b.axis;
+        switch (g_rand_int_range(random, 0, 8)) {
+        case 0:
+            axis_home(axis, NULL);
+            break;
+        case 1:
+            axis_move(axis, g_rand_int_range(random, -300, 300), NULL);
+            break;
+        case 2:
+            axis_stop(axis, NULL);
+            break;
+        case 3:
+            axis_halt(axis, NULL);
+            break;
+        default:
+            virtual_gcode_send(bench.board,
+                               lines[g_rand_int_range(random, 0, (int)G_N_ELEMENTS(lines))]);
+            break;
+        }
+        conformance_pass(bench.clock, g_rand_boolean(random) ? 0.001 : 0.02);
+    }
+    struct part *parts[] = {&bench.a, &bench.b};
+    for (int i = 0; i < 2; i++) {
+        ok(axis_halt(parts[i]->axis, ERR));
+        UNTIL (!axis_is_moving(parts[i]->axis) && axis_safety(parts[i]->axis) == DEVICE_SAFE)
+            conformance_pass(bench.clock, 0.01);
+    }
+    conformance_pass(bench.clock, 0.5); /* what was sent last has been heard */
+    for (int i = 0; i < 2; i++) {
+        wait_safe(&bench, parts[i]);
+        parts[i]->n = 0;
+        home(&bench, parts[i]);
+    }
+    for (int i = 0; i < 2; i++) {
+        move(&bench, parts[i], 20 + i);
+        assert_at(&bench, i, HOME_AT + 2 * (20 + i));
+    }
+    end(&bench);
+}
+
+TEST(chaos) {
+    for (guint32 seed = 1; seed <= 2; seed++)
+        chaos(&grbl, "", seed);
+}
+
+TEST(chaos_marlin) {
+    struct virtual_gcode_options options = marlin;
+    options.resets_on_open = TRUE;
+    for (guint32 seed = 1; seed <= 2; seed++)
+        chaos(&options, MARLIN, seed);
+}
+
 BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
         g_autofree char *path = g_strdup_printf("/gcode/fault/%s", faults[i].name);
