@@ -1,7 +1,6 @@
 #include "board_private.h"
 #include "port.h"
 
-#include "drivers/lock.h"
 #include "modbus/address.h"
 
 #include <errno.h>
@@ -299,6 +298,17 @@ void gcode_board_begin(GcodeBoard *board, int stage, double ms) {
     board->until_us = board->stage_us + (gint64)(ms * 1000);
 }
 
+gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms) {
+    return (double)(clock_now_us(board->clock) - since_us) > ms * 1000;
+}
+
+double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms) {
+    double ms = idle_ms;
+    for (guint i = 0; i < board->clients->len; i++)
+        ms = MIN(ms, ((const GcodeClient *)board->clients->pdata[i])->poll_ms);
+    return ms;
+}
+
 double gcode_board_brake_s(const GcodeBoard *board) {
     double longest = 0;
     for (guint i = 0; i < board->clients->len; i++)
@@ -434,11 +444,8 @@ static void on_timer(gpointer data) {
     forgive(board, late_us);
     tick(board);
     deliver(board);
-    double ms = IDLE_MS;
-    for (guint i = 0; board->phase != READY && i < board->clients->len; i++)
-        ms = MIN(ms, ((GcodeClient *)board->clients->pdata[i])->poll_ms);
     if (board->phase != CLOSED && board->timer == 0)
-        wake(board, ms);
+        wake(board, board->phase == READY ? IDLE_MS : gcode_board_poll_ms(board, IDLE_MS));
     board_unref(board);
 }
 

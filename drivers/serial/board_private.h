@@ -3,6 +3,8 @@
 
 #include "board.h"
 
+#include "drivers/lock.h"
+
 typedef struct GcodeBoard GcodeBoard;
 
 enum phase {
@@ -68,7 +70,7 @@ struct GcodeBoard {
     int fd;
     guint source, timer;
     gint64 due_us; /* time when the timer is due */
-    gpointer lock; /* Lock of the port */
+    Lock *lock;    /* of the port; kept while the board is lost */
     GString *input;
     gboolean skips; /* the rest of an endless line is discarded */
     int n_noise;    /* lines that were not understood since the port was opened */
@@ -149,6 +151,9 @@ void gcode_board_lose(GcodeBoard *board, GError *error);
 void gcode_board_check_still(GcodeBoard *board);
 
 void gcode_board_begin(GcodeBoard *board, int stage, double ms);
+gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms);
+/* Returns the shortest time between two reports that a client wants, idle_ms at most. */
+double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
 double gcode_board_brake_s(const GcodeBoard *board);
 gboolean gcode_board_is_watched(const GcodeBoard *board);
 GError *gcode_board_silence(const GcodeBoard *board, double ms);

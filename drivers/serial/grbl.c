@@ -37,10 +37,6 @@ enum stage {
     RESTORING, /* other axes are moved back after homing */
 };
 
-static gboolean is_past(const GcodeBoard *board, gint64 since_us, double ms) {
-    return (double)(clock_now_us(board->clock) - since_us) > ms * 1000;
-}
-
 static void ask(GcodeBoard *board) {
     board->asked = TRUE;
     board->asked_us = clock_now_us(board->clock);
@@ -442,24 +438,17 @@ static void take(GcodeBoard *board, const struct gcode_answer *answer) {
     }
 }
 
-static double shortest_poll_ms(const GcodeBoard *board) {
-    double ms = WATCH_MS;
-    for (guint i = 0; i < board->clients->len; i++)
-        ms = MIN(ms, ((const GcodeClient *)board->clients->pdata[i])->poll_ms);
-    return ms;
-}
-
 /* Asks again if that is due. A question without an answer is repeated, because it may be lost. */
 static void poll_board(GcodeBoard *board) {
     const gboolean ready = board->phase == READY;
     const double ms = board->phase == GREETING ? ASK_MS
                       : ready                  ? WATCH_MS
-                                               : shortest_poll_ms(board);
+                                               : gcode_board_poll_ms(board, WATCH_MS);
     const double again_ms = MAX(ms, board->link.answer_ms / 4);
     if (board->stage == RESETTING && !ready)
         return;
     if ((!ready || gcode_board_is_watched(board)) &&
-        is_past(board, board->asked_us, board->asked ? again_ms : ms))
+        gcode_board_is_past(board, board->asked_us, board->asked ? again_ms : ms))
         ask(board);
 }
 
@@ -468,17 +457,18 @@ static void poll_board(GcodeBoard *board) {
 static void check_running(GcodeBoard *board) {
     const struct gcode_line *line = g_queue_peek_head(&board->sent);
     const double ms = board->link.answer_ms;
-    const gboolean unaccepted = line && !line->is_long && is_past(board, line->sent_us, ms);
+    const gboolean unaccepted =
+        line && !line->is_long && gcode_board_is_past(board, line->sent_us, ms);
     const gboolean homes = line && board->stage == HOMING;
     const gint64 since = MAX(board->heard_us, board->stage_us);
-    if (unaccepted || (!homes && is_past(board, since, ms)))
+    if (unaccepted || (!homes && gcode_board_is_past(board, since, ms)))
         gcode_board_end_request(board, gcode_board_silence(board, ms));
 }
 
 /* Repeats Ctrl-X, which may be lost. */
 static void repeat_reset(GcodeBoard *board) {
     if (board->stage != RESETTING || board->phase == READY ||
-        !is_past(board, board->stage_us, board->n_resets * board->link.answer_ms / 4))
+        !gcode_board_is_past(board, board->stage_us, board->n_resets * board->link.answer_ms / 4))
         return;
     board->n_resets++;
     send_reset(board);
@@ -493,11 +483,11 @@ static void tick(GcodeBoard *board, gint64 now_us) {
     } else if (board->phase == RUNNING && late) {
         gcode_board_end_request(board, gcode_board_silence(board, board->link.answer_ms));
     } else if (board->phase == STOPPING && board->stage == HOLDING &&
-               (late ||
-                is_past(board, MAX(board->heard_us, board->stage_us), board->link.answer_ms))) {
+               (late || gcode_board_is_past(board, MAX(board->heard_us, board->stage_us),
+                                            board->link.answer_ms))) {
         begin_reset(board); /* silent: perhaps it is locked by an alarm */
     } else if (board->phase == GREETING && board->stage == ASKING && !board->reset_once &&
-               is_past(board, board->stage_us, board->link.boot_ms / 2)) {
+               gcode_board_is_past(board, board->stage_us, board->link.boot_ms / 2)) {
         board->reset_once = TRUE; /* an alarm before the port was opened makes it silent */
         send_reset(board);
     } else if (board->phase == GREETING && board->stage == HOLDING && late) {

@@ -36,10 +36,6 @@ enum stage {
     KILLING, /* M112 was sent */
 };
 
-static gboolean is_past(const GcodeBoard *board, gint64 since_us, double ms) {
-    return (double)(clock_now_us(board->clock) - since_us) > ms * 1000;
-}
-
 static void send(GcodeBoard *board, const char *command, gboolean is_long) {
     g_autofree char *line = g_strdup_printf("N%d %s", ++board->n_line, command);
     guint8 sum = 0;
@@ -185,7 +181,7 @@ static void take_report(GcodeBoard *board, const struct gcode_answer *answer) {
     if (board->stage == MOVING && board->phase == RUNNING) {
         const gboolean there =
             active->letter < board->n_at && fabs(board->at[active->letter] - active->target) < NEAR;
-        if ((there && n_same > 1) || is_past(board, board->same_us, STILL_MS + BUSY_MS))
+        if ((there && n_same > 1) || gcode_board_is_past(board, board->same_us, STILL_MS + BUSY_MS))
             finish(board);
     } else if (board->stage == FINISHING && board->phase == RUNNING) {
         board->n_final = 1; /* its "ok" ends the request */
@@ -205,11 +201,12 @@ static void take_end_of_line(GcodeBoard *board) {
                gcode_board_is_answered(board)) {
         watch_motors(board, 5 * board->link.answer_ms);
     } else if (board->stage == WATCHING && board->phase != READY && board->n_steps_same > 0) {
-        const gboolean still = board->n_steps_same > 2 && is_past(board, board->same_us, STILL_MS);
+        const gboolean still =
+            board->n_steps_same > 2 && gcode_board_is_past(board, board->same_us, STILL_MS);
         if (still)
             gcode_board_ready(board);
         else if (board->phase == GREETING && board->n_steps_same == 1 &&
-                 is_past(board, board->stage_us, STILL_MS))
+                 gcode_board_is_past(board, board->stage_us, STILL_MS))
             stop(board); /* a program that has ended has left it moving */
     }
 }
@@ -314,13 +311,12 @@ static void tick(GcodeBoard *board, gint64 now_us) {
     const struct gcode_line *line = g_queue_peek_head(&board->sent);
     const double ms = board->link.answer_ms;
     const gint64 since = MAX(board->heard_us, line ? line->sent_us : 0);
-    const gboolean silent = line && is_past(board, since, line->is_long ? ms + BUSY_MS : ms);
+    const gboolean silent =
+        line && gcode_board_is_past(board, since, line->is_long ? ms + BUSY_MS : ms);
     const gboolean late = board->until_us < now_us;
-    double poll_ms = WATCH_MS;
-    for (guint i = 0; board->phase != READY && i < board->clients->len; i++)
-        poll_ms = MIN(poll_ms, ((const GcodeClient *)board->clients->pdata[i])->poll_ms);
+    const double poll_ms = board->phase == READY ? WATCH_MS : gcode_board_poll_ms(board, WATCH_MS);
     /* The end of the line may be lost. An empty line does nothing. */
-    if (line && !board->nudged && is_past(board, since, ms / 2)) {
+    if (line && !board->nudged && gcode_board_is_past(board, since, ms / 2)) {
         board->nudged = TRUE;
         gcode_board_write(board, "\n", 1);
     }
@@ -329,7 +325,7 @@ static void tick(GcodeBoard *board, gint64 now_us) {
     } else if (board->phase == READY && silent) {
         gcode_board_forget_lines(board); /* the next request finds out */
     } else if (board->phase == GREETING && board->stage == ASKING && !late) {
-        if (is_past(board, board->asked_us, ASK_MS))
+        if (gcode_board_is_past(board, board->asked_us, ASK_MS))
             send_token(board);
     } else if (board->phase == STOPPING && board->stage != KILLING && (late || silent)) {
         gcode_board_write(board, "\nM112\n", 6);
@@ -340,7 +336,7 @@ static void tick(GcodeBoard *board, gint64 now_us) {
         gcode_board_close(board); /* a reset is what is left */
     } else if (board->phase == GREETING && late) {
         gcode_board_fail(board, gcode_board_silence(board, board->link.boot_ms));
-    } else if (board->synced && is_past(board, board->asked_us, poll_ms) &&
+    } else if (board->synced && gcode_board_is_past(board, board->asked_us, poll_ms) &&
                (board->stage == WATCHING || board->stage == MOVING ||
                 (board->phase == READY && gcode_board_is_watched(board)))) {
         ask(board);
