@@ -160,6 +160,8 @@ static gboolean is_other_state(GcodeBoard *board, const struct gcode_report *rep
 /* The state ends the request: something other than this program acts on the board. */
 static gboolean is_disturbed(GcodeBoard *board, const struct gcode_report *report) {
     g_autofree char *words = NULL;
+    if (report->state != GCODE_OTHER)
+        board->n_other = 0;
     switch (report->state) {
     case GCODE_IDLE:
     case GCODE_RUN:
