@@ -1,5 +1,7 @@
 #include "devices_private.h"
 
+#include "lamp_places.h"
+
 #include <string.h>
 
 /* Time limit of devices_secure(). It is longer than the time for which any class waits until a
@@ -126,21 +128,42 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
     return TRUE;
 }
 
+/* Reports a lamp that its bank does not have. */
+static void refuse_index(const struct layout *layout, int lamp, const LampBank *bank,
+                         Mistakes *mistakes) {
+    const char *key = lamp_places_key(layout->lamps[lamp]);
+
+    if (key)
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[lamp], key,
+                       "%s would be lamp %d, but %s has the lamps 0 to %d; place fewer lamps, or "
+                       "correct the number of lamps of the bank",
+                       layout->geometry.lamps[lamp].name, layout->lamp_index[lamp],
+                       bank->device.name, bank->n - 1);
+    else
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[lamp], "index",
+                       "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[lamp],
+                       bank->device.name, bank->n - 1);
+}
+
 static gboolean open_banks(struct devices *devices, const struct layout *layout, GError **error) {
+    g_autofree const char **keys = layout_keys("lamps");
+
     for (int i = 0; i < layout->n_banks; i++) {
-        gconstpointer driver = layout_device(layout, layout->banks[i])->info;
-        LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
+        const struct config_section *section = layout->banks[i].section;
+        gconstpointer driver = layout_device(layout, section)->info;
+        LampBank *bank = lamps_open(driver, section, keys, devices->clock, error);
         if (!bank)
-            return fail_at(layout->banks[i], error);
+            return fail_at(section, error);
         devices->banks[devices->n_banks++] = bank;
     }
     g_autoptr(Mistakes) mistakes = mistakes_new();
+    const struct config_section *told = NULL;
     for (int i = 0; i < layout->geometry.n_lamps; i++) {
         LampBank *bank = devices->banks[layout->lamp_bank[i]];
+        if (layout->lamp_index[i] >= bank->n && layout->lamps[i] != told)
+            refuse_index(layout, i, bank, mistakes);
         if (layout->lamp_index[i] >= bank->n)
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], "index",
-                           "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[i],
-                           bank->device.name, bank->n - 1);
+            told = layout->lamps[i];
         devices->lamps[i].bank = bank;
         devices->lamps[i].index = layout->lamp_index[i];
         devices->timing.lamp_warm_up_s[i] = bank->warm_up_s;
@@ -237,7 +260,7 @@ struct devices *devices_open(const char *rig_path, GError **error) {
     struct devices *devices = g_new0(struct devices, 1);
     devices->clock = layout.virtual_clock ? clock_new_virtual() : clock_new_real();
     devices->geometry = layout.geometry;
-    devices->text = g_strdup(config_text(layout.config));
+    devices->text = layout_text(&layout);
     devices->path = g_canonicalize_filename(config_path(layout.config), NULL);
     devices->calibration_path = g_strdup(layout.calibration_path);
     devices->calibration_days = layout.calibration_days;

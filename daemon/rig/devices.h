@@ -3,9 +3,9 @@
  * give the nominal geometry (geometry/rig.h). The list of drivers is in devices_drivers.c.
  *
  * The sections are [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which
- * is optional; one further axis for the sweep of each laser; [lamps BANK] and a [lamp NAME] for
- * each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], which are
- * optional.
+ * is optional; one further axis for the sweep of each laser; [lamps BANK], which places its lamps
+ * (lamp_places.h) or has a [lamp NAME] for each of them; [camera NAME]; [laser NAME]; [interlock
+ * NAME] and [mark NAME], which are optional.
  *
  * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by the
  * arc. An axis that the rig does not have counts as standing at 0.
@@ -75,7 +75,9 @@ struct devices {
     /* stands for all interlocks of the rig and guards the lasers; NULL if the rig has no
      * interlock */
     Interlock *guard;
-    char *text; /* the rig file as it was read */
+    /* The rig file as it was read, except that lamps whose positions are in another file are
+     * written as sections [lamp NAME]. */
+    char *text;
     char *path; /* absolute path of the rig file */
     /* Absolute path of the calibration that the rig file names; NULL if it names none. */
     char *calibration_path;
@@ -162,6 +164,6 @@ char *devices_describe_drivers(const char *name, gboolean json);
 const struct driver_info *devices_driver(gsize i);
 
 /* Returns the option table of [rig], [lamp NAME] or [mark NAME], or the table of those keys of an
- * axis, camera or laser section that do not belong to the driver. Returns NULL for other
+ * axis, lamps, camera or laser section that do not belong to the driver. Returns NULL for other
  * classes. */
 const struct option *devices_section_options(const char *class_name);

@@ -111,6 +111,8 @@ char *devices_describe_drivers(const char *name, gboolean json) {
         {"rig", "The rig as a whole, in its section [rig]"},
         {"axis",
          "Place of an axis, in its section [axis NAME], in addition to the options of its driver"},
+        {"lamps", "Places of the lamps of a bank, in its section [lamps NAME], in addition to the "
+                  "options of its driver"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
         {"camera", "Place of a camera, in its section [camera NAME], in addition to the options of "
                    "its driver"},

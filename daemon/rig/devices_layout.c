@@ -3,6 +3,7 @@
 #include "base/nearest.h"
 #include "devices_options.h"
 #include "geometry/swing.h"
+#include "lamp_places.h"
 
 #include <string.h>
 
@@ -43,7 +44,7 @@ static void keep_device(struct layout *layout, const struct config_section *sect
 /* Reads the options of the driver and the keys of the rig (place) from a section, without opening
  * the device. If the driver is not known, only the keys of the rig are checked. */
 static gboolean read_device(struct layout *layout, const struct config_section *section,
-                            struct place_fields *place, Mistakes *mistakes) {
+                            gpointer place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
     GError *error = NULL;
     const struct driver_info *info = drivers_find(section, &error);
@@ -281,31 +282,37 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     return ok;
 }
 
-static int find_section(const struct config_section *const *sections, int n, const char *name) {
-    for (int i = 0; i < n; i++)
-        if (g_str_equal(sections[i]->name, name))
-            return i;
-    return -1;
+/* Wires lamp i to a lamp of a bank. key is the key of the lamp's section that gives the index. */
+static gboolean wire_lamp(struct layout *layout, int i, int bank, int index, const char *key,
+                          Mistakes *mistakes) {
+    for (int k = 0; k < i; k++)
+        if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == index)
+            return config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[i], key,
+                                  "lamp %d of %s is [lamp %s] already, in line %d", index,
+                                  layout->banks[bank].section->name, layout->geometry.lamps[k].name,
+                                  layout->lamps[k]->line);
+    layout->lamp_bank[i] = bank;
+    layout->lamp_index[i] = index;
+    return TRUE;
 }
 
-static gboolean wire_lamp(struct layout *layout, int i, const struct place_fields *p,
-                          Mistakes *mistakes) {
-    const struct config_section *section = layout->lamps[i];
-    int bank = find_section(layout->banks, layout->n_banks, p->bank);
+static gboolean wire_to(struct layout *layout, int i, const struct place_fields *p,
+                        Mistakes *mistakes) {
+    for (int bank = 0; bank < layout->n_banks; bank++)
+        if (g_str_equal(layout->banks[bank].section->name, p->bank))
+            return wire_lamp(layout, i, bank, p->index, "index", mistakes);
+    return layout->has_all_sections
+               ? config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lamps[i], "bank",
+                                "there is no section [lamps %s]; name an existing one", p->bank)
+               : FALSE;
+}
 
-    if (bank < 0)
-        return layout->has_all_sections
-                   ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "bank",
-                                    "there is no section [lamps %s]; name an existing one", p->bank)
-                   : FALSE;
-    for (int k = 0; k < i; k++)
-        if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index)
-            return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "index",
-                                  "lamp %d of %s is [lamp %s] already, in line %d", p->index,
-                                  p->bank, layout->lamps[k]->name, layout->lamps[k]->line);
-    layout->lamp_bank[i] = bank;
-    layout->lamp_index[i] = p->index;
-    return TRUE;
+/* Sets what all kinds of lamps have in common. */
+static void place_lamp(struct rig_lamp *lamp, const struct place_fields *p) {
+    lamp->position_mm = position(p);
+    lamp->aim = vec3_scale(vec3_unit(lamp->position_mm), -1);
+    lamp->exponent = p->exponent;
+    lamp->intensity = p->intensity;
 }
 
 static gboolean read_lamp(struct layout *layout, const struct config_section *section,
@@ -323,15 +330,80 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
                       mistakes))
         return FALSE;
     const gboolean carried = take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
-    const gboolean wired = wire_lamp(layout, i, &p, mistakes);
-    rig->lamps[i].position_mm = position(&p);
-    rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
-    rig->lamps[i].exponent = p.exponent;
-    rig->lamps[i].intensity = p.intensity;
+    const gboolean wired = wire_to(layout, i, &p, mistakes);
+    place_lamp(&rig->lamps[i], &p);
     const gboolean stops = !config_value(section, "probe_deg", NULL) ||
                            add_lamp_stops(layout, section, i, &p.probe_deg, mistakes);
     options_clear(devices_lamp_options, &p);
     return named && carried && wired && stops;
+}
+
+/* Adds the lamps that the section of a bank places, as if each had a section [lamp NAME]. */
+static gboolean read_bank_lamps(struct layout *layout, int bank, Mistakes *mistakes) {
+    const struct config_section *section = layout->banks[bank].section;
+    const GArray *places = layout->banks[bank].places;
+    const char *key = lamp_places_key(section);
+    struct rig *rig = &layout->geometry;
+
+    for (guint k = 0; places && k < places->len; k++) {
+        const struct lamp_place *place = &g_array_index(places, struct lamp_place, k);
+        const struct place_fields p = {.theta_deg = place->theta_deg,
+                                       .phi_deg = place->phi_deg,
+                                       .distance_mm = place->distance_mm,
+                                       .exponent = place->exponent,
+                                       .intensity = place->intensity};
+        const int i = rig->n_lamps;
+        if (i == RIG_MAX_LAMPS)
+            return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                                  "with the lamps before it, the rig has more than %d lamps, which "
+                                  "is the maximum",
+                                  RIG_MAX_LAMPS);
+        rig->n_lamps++;
+        layout->lamps[i] = section;
+        layout->lamp_bank[i] = -1;
+        g_strlcpy(rig->lamps[i].name, place->name, RIG_NAME);
+        place_lamp(&rig->lamps[i], &p);
+        rig->lamps[i].fixed = 1; /* except lamps of an arc that is an axis */
+        if ((g_str_equal(key, "theta_deg") &&
+             !take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes)) ||
+            !wire_lamp(layout, i, bank, place->index,
+                       config_value(section, "first_index", NULL) ? "first_index" : key, mistakes))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean read_bank(struct layout *layout, const struct config_section *section,
+                          Mistakes *mistakes) {
+    struct layout_bank *bank = &layout->banks[layout->n_banks];
+    struct bank_fields fields = {0};
+
+    if (!count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, mistakes))
+        return FALSE;
+    bank->section = section;
+    if (!read_device(layout, section, &fields, mistakes))
+        return FALSE;
+    bank->places = lamp_places_new(&fields, section, mistakes);
+    options_clear(devices_bank_options, &fields);
+    return bank->places != NULL;
+}
+
+/* Reports a lamp with the name of an earlier one. Two sections never have the same name, but names
+ * of lamps that the section of a bank places may equal others. */
+static void check_lamp_names(const struct layout *layout, Mistakes *mistakes) {
+    const struct rig *rig = &layout->geometry;
+    g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
+
+    for (int i = 0; i < rig->n_lamps; i++) {
+        const int before = GPOINTER_TO_INT(g_hash_table_lookup(names, rig->lamps[i].name)) - 1;
+        if (before >= 0 && *rig->lamps[i].name)
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, layout->lamps[i],
+                           lamp_places_key(layout->lamps[i]),
+                           "a lamp with the name %s is already in line %d; rename one of the two",
+                           rig->lamps[i].name, layout->lamps[before]->line);
+        else
+            g_hash_table_insert(names, (gpointer)rig->lamps[i].name, GINT_TO_POINTER(i + 1));
+    }
 }
 
 /* Returns whether an axis is the turntable, arc, arm or probe, and not the sweep of a laser. */
@@ -358,8 +430,10 @@ static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mist
 
 /* Adds a further mount position of a laser that is described earlier in the file. */
 static gboolean wire_mount(struct layout *layout, int i, const char *name, Mistakes *mistakes) {
-    int unit = find_section(layout->lasers, i, name);
+    int unit = i - 1;
 
+    while (unit >= 0 && !g_str_equal(layout->lasers[unit]->name, name))
+        unit--;
     if (unit >= 0 && layout->unit[unit] == unit) {
         layout->unit[i] = unit;
         layout->sweeps[i] = layout->sweeps[unit];
@@ -444,11 +518,8 @@ static gboolean take_section(struct layout *layout, const struct config_section 
             layout->probe = section;
         return read_device(layout, section, &fields, mistakes);
     }
-    if (g_str_equal(section->class_name, "lamps")) {
-        layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;
-        return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, mistakes) &&
-               read_device(layout, section, NULL, mistakes);
-    }
+    if (g_str_equal(section->class_name, "lamps"))
+        return read_bank(layout, section, mistakes);
     if (g_str_equal(section->class_name, "interlock")) {
         layout->interlocks[MIN(layout->n_interlocks, DEVICES_MAX_INTERLOCKS - 1)] = section;
         return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, mistakes) &&
@@ -463,6 +534,9 @@ static gboolean take_place(struct layout *layout, const struct config_section *s
         return read_camera(layout, section, mistakes);
     if (g_str_equal(section->class_name, "lamp"))
         return read_lamp(layout, section, mistakes);
+    for (int i = 0; i < layout->n_banks; i++)
+        if (layout->banks[i].section == section)
+            return read_bank_lamps(layout, i, mistakes);
     if (g_str_equal(section->class_name, "laser"))
         return read_laser(layout, section, mistakes);
     if (g_str_equal(section->class_name, "mark"))
@@ -515,6 +589,14 @@ static gboolean uses(const struct layout *layout, const struct config_section *a
     return axis == layout->turntable || axis == layout->arc;
 }
 
+/* Returns whether the section of a bank has a key that places lamps, even if it has a mistake. */
+static gboolean places_lamps(const struct layout *layout) {
+    for (int i = 0; i < layout->n_banks; i++)
+        if (lamp_places_key(layout->banks[i].section))
+            return TRUE;
+    return FALSE;
+}
+
 /* Checks the file as a whole. lasers is TRUE if all laser sections were read without a mistake, so
  * that the sweep axes are known. */
 static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *mistakes) {
@@ -524,7 +606,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
         const char *what;
     } needed[] = {
         {rig->n_cameras > 0, "[camera NAME]"},
-        {rig->n_lamps + rig->n_lasers > 0, "[lamp NAME] or [laser NAME]"},
+        {rig->n_lamps + rig->n_lasers > 0 || places_lamps(layout), "[lamp NAME] or [laser NAME]"},
     };
     gsize n;
     const struct config_section *sections = config_sections(layout->config, &n);
@@ -612,6 +694,7 @@ gboolean layout_read(struct layout *layout, const char *path, const char *text,
         for (gsize i = 0; i < n; i++)
             if (known[i] && !take_place(layout, &sections[i], mistakes))
                 lasers &= !g_str_equal(sections[i].class_name, "laser");
+        check_lamp_names(layout, mistakes);
         check_whole(layout, lasers, mistakes);
         if (checks_drivers)
             check_needs(layout, mistakes);
@@ -628,7 +711,67 @@ void layout_clear(struct layout *layout) {
         options_clear(device->info->options, device->fields);
         g_free(device->fields);
     }
+    for (int i = 0; i < layout->n_banks; i++)
+        g_clear_pointer(&layout->banks[i].places, g_array_unref);
     g_clear_pointer(&layout->devices, g_array_unref);
     g_clear_pointer(&layout->config, config_free);
     g_clear_pointer(&layout->calibration_path, g_free);
+}
+
+/* Appends a number so that it reads back as the same double. */
+static void append_number(GString *to, const char *key, double value) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    g_string_append_printf(to, "%s = %s\n", key, g_ascii_dtostr(text, sizeof text, value));
+}
+
+static void append_lamps(const struct layout_bank *bank, GString *to) {
+    for (guint i = 0; i < bank->places->len; i++) {
+        const struct lamp_place *lamp = &g_array_index(bank->places, struct lamp_place, i);
+        g_string_append_printf(to, "\n[lamp %s]\nbank = %s\nindex = %d\n", lamp->name,
+                               bank->section->name, lamp->index);
+        append_number(to, "theta_deg", lamp->theta_deg);
+        append_number(to, "phi_deg", lamp->phi_deg);
+        append_number(to, "distance_mm", lamp->distance_mm);
+        append_number(to, "exponent", lamp->exponent);
+        append_number(to, "intensity", lamp->intensity);
+    }
+    g_string_append_c(to, '\n');
+}
+
+/* Returns whether a line of the file is one of the keys that place the lamps of a bank. */
+static gboolean is_place_line(const struct layout_bank *bank, int line) {
+    for (const struct option *option = devices_bank_options; option->name; option++) {
+        int at = 0;
+        config_value(bank->section, option->name, &at);
+        if (at == line)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+/* The lamps stand directly after the section of their bank, so that all lamps keep their order. */
+char *layout_text(const struct layout *layout) {
+    GString *text = g_string_new(NULL);
+    g_auto(GStrv) lines = g_strsplit(config_text(layout->config), "\n", -1);
+    const struct layout_bank *within = NULL; /* the bank with a file of positions */
+    gsize n, next = 0;
+    const struct config_section *sections = config_sections(layout->config, &n);
+
+    for (int i = 0; lines[i]; i++) {
+        if (next < n && sections[next].line == i + 1) {
+            if (within)
+                append_lamps(within, text);
+            within = NULL;
+            for (int k = 0; k < layout->n_banks; k++)
+                if (layout->banks[k].section == &sections[next] &&
+                    config_value(&sections[next], "positions", NULL))
+                    within = &layout->banks[k];
+            next++;
+        }
+        if (!within || !is_place_line(within, i + 1))
+            g_string_append_printf(text, "%s%s", lines[i], lines[i + 1] ? "\n" : "");
+    }
+    if (within)
+        append_lamps(within, text);
+    return g_string_free(text, FALSE);
 }

@@ -80,8 +80,9 @@ static gboolean read_warm_up(const struct layout *layout, const struct config_se
         if (g_str_has_prefix(device->info->name, "sim-") &&
             g_str_equal(section->class_name, "lamps")) {
             Clock *clock = clock_new_virtual();
+            g_autofree const char **keys = layout_keys("lamps");
             LampBank *bank =
-                lamps_open((const struct lamps_driver *)device->info, section, NULL, clock, error);
+                lamps_open((const struct lamps_driver *)device->info, section, keys, clock, error);
             ok = bank != NULL;
             *ret_s = ok ? bank->warm_up_s : 0;
             lamps_close(bank);
@@ -122,7 +123,7 @@ static gboolean read_lights(const struct layout *layout, struct rig_timing *timi
     double bank_s[DEVICES_MAX_BANKS] = {0};
 
     for (int i = 0; i < layout->n_banks; i++)
-        if (!read_warm_up(layout, layout->banks[i], &bank_s[i], assumed, error))
+        if (!read_warm_up(layout, layout->banks[i].section, &bank_s[i], assumed, error))
             return FALSE;
     for (int i = 0; i < layout->geometry.n_lamps; i++)
         timing->lamp_warm_up_s[i] = bank_s[layout->lamp_bank[i]];

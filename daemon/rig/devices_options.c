@@ -83,6 +83,38 @@ const struct option devices_lamp_options[] = {
     {NULL},
 };
 
+#define BANK(member) G_STRUCT_OFFSET(struct bank_fields, member)
+const struct option devices_bank_options[] = {
+    {"count", OPTION_INT, NULL, 0, RIG_MAX_LAMPS, "0", .offset = BANK(count),
+     .help = "Number of lamps of a dome. They stand on a spiral from theta_from_deg to "
+             "theta_to_deg, each with an equal part of that zone of the hemisphere"},
+    {"rings", OPTION_STRINGS, .fallback = "", .offset = BANK(rings),
+     .help = "Rings of lamps, each as theta:count or theta:count:offset, such as 15:8; 35:16. A "
+             "ring begins at azimuth 0, or at its offset, and goes counter-clockwise"},
+    {"theta_deg", OPTION_DOUBLES, "degrees", 0, 89.9, "", .offset = BANK(theta_deg),
+     .help = "Polar angles of the lamps of an arc. They all have the azimuth phi_deg; without "
+             "phi_deg they are on the axis arc"},
+    {"positions", OPTION_STRING, .fallback = "", .offset = BANK(positions),
+     .help = "A file with the positions of the lamps, relative to this file: a list FILE.lp, or a "
+             "table in CSV"},
+    {"theta_from_deg", OPTION_DOUBLE, "degrees", 0, 89.9, "0", .offset = BANK(theta_from_deg),
+     .help = "With count: upper edge of the zone; a camera overhead needs some degrees"},
+    {"theta_to_deg", OPTION_DOUBLE, "degrees", 0, 89.9, "80", .offset = BANK(theta_to_deg),
+     .help = "With count: lower edge of the zone"},
+    {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "0", .offset = BANK(phi_deg),
+     .help = "Added to the azimuth of all lamps"},
+    {"distance_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = BANK(distance_mm),
+     .help = "Radius of the dome, rings or arc: distance of the lamps from the middle of the "
+             "turntable's top, at which they point. Must be given, except with positions in mm"},
+    {"first_index", OPTION_INT, NULL, 0, 1023, "0", .offset = BANK(first_index),
+     .help = "Number of the first of these lamps in the bank, from 0; the others follow it"},
+    {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = BANK(exponent),
+     .help = "As in [lamp NAME], for all lamps"},
+    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MAX_INTENSITY, "1", .offset = BANK(intensity),
+     .help = "As in [lamp NAME], for all lamps"},
+    {NULL},
+};
+
 const struct option devices_camera_options[] = {
     THETA,
     {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
@@ -148,9 +180,10 @@ const struct option *devices_section_options(const char *class_name) {
     static const struct {
         const char *class_name;
         const struct option *options;
-    } tables[] = {{"rig", devices_rig_options},     {"axis", devices_axis_options},
-                  {"lamp", devices_lamp_options},   {"camera", devices_camera_options},
-                  {"laser", devices_laser_options}, {"mark", devices_mark_options}};
+    } tables[] = {{"rig", devices_rig_options},       {"axis", devices_axis_options},
+                  {"lamps", devices_bank_options},    {"lamp", devices_lamp_options},
+                  {"camera", devices_camera_options}, {"laser", devices_laser_options},
+                  {"mark", devices_mark_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
         if (g_str_equal(class_name, tables[i].class_name))

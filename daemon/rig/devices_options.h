@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/options.h"
+#include "lamp_places.h"
 
 struct rig_fields {
     char *id, *calibration;
@@ -22,6 +23,8 @@ struct place_fields { /* place of a lamp, camera, laser or axis */
 };
 extern const struct option devices_lamp_options[], devices_camera_options[],
     devices_laser_options[], devices_mount_options[], devices_axis_options[];
+
+extern const struct option devices_bank_options[];
 
 struct mark_fields {
     double x_mm, y_mm, z_mm, radius_mm;

@@ -9,6 +9,11 @@ struct layout_device { /* a section with a driver */
     gpointer fields; /* the values of the driver's options */
 };
 
+struct layout_bank { /* a section [lamps NAME] */
+    const struct config_section *section;
+    GArray *places; /* of struct lamp_place; NULL if they are not known, because of a mistake */
+};
+
 struct layout {
     Config *config;
     GArray *devices; /* of struct layout_device */
@@ -22,12 +27,13 @@ struct layout {
     const struct config_section *turntable, *arc, *arm, *probe;
     /* One axis may be the sweep of several lasers. */
     const struct config_section *sweeps[RIG_MAX_LASERS];
-    /* All stops of one camera or lamp have the same section. */
+    /* All stops of one camera or lamp have the same section. So have all lamps that the section of
+     * their bank places. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
     /* index of the laser unit that is mounted at each laser's position */
     int unit[RIG_MAX_LASERS];
-    const struct config_section *banks[DEVICES_MAX_BANKS];
+    struct layout_bank banks[DEVICES_MAX_BANKS];
     const struct config_section *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_banks, n_interlocks;
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
@@ -49,6 +55,10 @@ void layout_clear(struct layout *layout);
  * driver, or if these options have mistakes. */
 const struct layout_device *layout_device(const struct layout *layout,
                                           const struct config_section *section);
+
+/* Returns the text of the rig file as a session keeps it: without references to files of positions,
+ * whose lamps are written as sections [lamp NAME]. g_free() */
+char *layout_text(const struct layout *layout);
 
 /* Returns the keys that the rig reads in a section of a class, in addition to the driver's keys.
  * The list is NULL-terminated. Free only the list, with g_free(). */

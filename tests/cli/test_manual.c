@@ -95,7 +95,7 @@ static void assert_keys(const char *page, const struct option *options) {
 TEST(complete) {
     static const char *const session[] = {"session", "sample", "views", "capture"};
     static const char *const world[] = {"world", "sample", "camera", "lamp", "laser", "mark"};
-    static const char *const rig[] = {"rig", "lamp", "camera", "laser", "mark"};
+    static const char *const rig[] = {"rig", "lamps", "lamp", "camera", "laser", "mark"};
     g_autofree char *rig_page = page_text("rig.conf.5"), *world_page = page_text("world.conf.5");
     g_autofree char *session_page = page_text("session.conf.5");
     const struct driver_info *info;

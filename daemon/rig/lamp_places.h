@@ -1,0 +1,47 @@
+/*
+ * The lamps of a bank whose positions are one key of the section [lamps NAME]: rings, a spiral over
+ * a part of the hemisphere, an arc, or a file. Every lamp gets the values that a section [lamp
+ * NAME] would have.
+ *
+ * Lamps are numbered from 1 in the order in which they are described. Their names are the name of
+ * the bank and this number, with at least two digits: dome_01, dome_02, …
+ */
+#pragma once
+
+#include "base/options.h"
+#include "geometry/rig.h"
+
+/* The values of the keys of [lamps NAME] that place lamps (devices_bank_options). */
+struct bank_fields {
+    int count, first_index;
+    char **rings, *positions;
+    struct option_doubles theta_deg;
+    double theta_from_deg, theta_to_deg, phi_deg, distance_mm, exponent, intensity;
+};
+
+struct lamp_place {
+    char name[RIG_NAME];
+    int index; /* number in the bank, from 0 */
+    double theta_deg, phi_deg, distance_mm, exponent, intensity;
+};
+
+/* Returns the key of a section [lamps NAME] that says where its lamps are. Returns NULL if there is
+ * none, and for a section of another class. */
+const char *lamp_places_key(const struct config_section *section);
+
+/* Returns the lamps of a section [lamps NAME] in their order (of struct lamp_place), or an empty
+ * array if lamp_places_key() is NULL. fields are the values of the section. Adds mistakes and
+ * returns NULL if the keys do not fit each other, or if the file has a mistake. */
+GArray *lamp_places_new(const struct bank_fields *fields, const struct config_section *section,
+                        Mistakes *mistakes);
+
+/* Reads a file of positions. A file whose name ends with ".lp" is a list: first the number of
+ * lights, then for each light the name of a picture, which is ignored, and x y z. Any other file is
+ * a table (base/text_table.h) with the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and
+ * distance_mm. The columns name, index, exponent and intensity are optional.
+ *
+ * otherwise has the values of what the file does not say. If its distance_mm is 0, the lengths of
+ * x y z in a list are millimetres; otherwise x y z is only a direction, and a table need not have
+ * distance_mm. Names and indices that the file does not say are left empty and −1. Returns an array
+ * of 1 to RIG_MAX_LAMPS struct lamp_place, or NULL with DATA_ERROR_INVALID, file and line. */
+GArray *lamp_places_read(const char *path, const struct lamp_place *otherwise, GError **error);
