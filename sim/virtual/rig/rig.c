@@ -62,8 +62,14 @@ void rig_copy_section(VirtualRig *rig, const struct config_section *section,
         gboolean is = to && find_option(to->options, *key);
         gboolean chooses = g_str_equal(*key, "driver") && to;
         gboolean clock = g_str_equal(*key, "clock") && g_str_equal(section->class_name, "rig");
+        const char *value = config_value(section, *key, NULL);
+        /* The new rig file may be in another folder. */
+        g_autofree char *file =
+            g_str_equal(section->class_name, "lamps") && g_str_equal(*key, "positions")
+                ? config_resolve(section->config, value)
+                : NULL;
         if (!chooses && !clock && (!was || is))
-            g_string_append_printf(rig->text, "%s = %s\n", *key, config_value(section, *key, NULL));
+            g_string_append_printf(rig->text, "%s = %s\n", *key, file ? file : value);
     }
     if (g_str_equal(section->class_name, "rig"))
         g_string_append(rig->text, "clock = real\n");
