@@ -29,6 +29,7 @@ static const struct command *const commands[] = {
     &unattended_queue,
     &cli_drivers,
     &cli_devices,
+    &cli_new_rig,
     &hands_test,
     &hands_snap,
     &hands_live,

@@ -169,6 +169,7 @@ static const struct writer {
     {"export web", ".html", "NONE -o OUT"},
     {"import poses", ".conf", "NONE --template -o OUT"},
     {"info", ".svg", "FOLDER --history OUT"},
+    {"new-rig", ".conf", "OUT --kind dome --lamps 8 --radius 400 --offline"},
     {"plan", ".svg", "NONE NONE --curve OUT --offline"},
     {"report", ".html", "NONE -o OUT"},
     {"snap", ".png", "cam -o OUT"},

@@ -89,6 +89,7 @@ Without a command all commands are listed.
   Devices:
     drivers    List the drivers and their options in a rig file.
     devices    List the devices on the buses, with sections for a rig file.
+    new-rig    Write a first rig file for the devices that are plugged in.
     test       Test every device.
     snap       Take a picture, and measure it.
     live       Take and show pictures until Ctrl-C, to point and focus a camera.
@@ -153,6 +154,7 @@ Drivers:
   sim-axis         axis       An axis of the simulated world, with backlash and position errors
   sim-camera       camera     A camera that looks at the simulated world
   axis             section    Place of an axis, in its section [axis NAME], in addition to the options of its driver
+  lamps            section    Places of the lamps of a bank, in its section [lamps NAME], in addition to the options of its driver
   lamp             section    A lamp of a bank, in a section [lamp NAME]
   camera           section    Place of a camera, in its section [camera NAME], in addition to the options of its driver
   laser            section    Place of a laser, in its section [laser NAME], in addition to the options of its driver

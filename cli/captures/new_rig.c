@@ -1,0 +1,166 @@
+/* new-rig: writes a first rig file for the devices that are plugged in. */
+#include "captures.h"
+#include "common/cli.h"
+#include "new_rig_text.h"
+#include "rig/devices.h"
+#include "rig/finder.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define MAX_ID 60 /* bytes of the name of the rig */
+
+static char *kind_option, *lamps_option, *radius_option;
+static gboolean offline;
+
+static const GOptionEntry entries[] = {
+    {"kind", 0, 0, G_OPTION_ARG_STRING, &kind_option,
+     "Kind of rig: lamps in a dome, a turntable under fixed lamps, or a turntable under an arc "
+     "that "
+     "carries the lamps",
+     "dome|turntable|arc"},
+    {"lamps", 0, 0, G_OPTION_ARG_STRING, &lamps_option, "Number of lamps", "N"},
+    {"radius", 0, 0, G_OPTION_ARG_STRING, &radius_option, "Distance of the lamps from the sample",
+     "MM"},
+    {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
+     "Look for no devices: the rig file is for another computer", NULL},
+    {NULL},
+};
+
+/* Reads an answer into the value of a question. Returns what is wrong with it (g_free()), or NULL.
+ */
+typedef char *(*Take)(const char *text, struct new_rig *rig);
+
+static char *take_kind(const char *text, struct new_rig *rig) {
+    for (int i = 0; i < NEW_RIG_KINDS; i++)
+        if (g_str_equal(new_rig_kinds[i], text)) {
+            rig->kind = i;
+            return NULL;
+        }
+    return g_strdup_printf("there is no kind of rig “%s”; choose from: dome, turntable, arc", text);
+}
+
+static char *take_lamps(const char *text, struct new_rig *rig) {
+    gint64 n;
+    if (!g_ascii_string_to_signed(text, 10, 1, NEW_RIG_MAX_LAMPS, &n, NULL))
+        return g_strdup_printf("“%s” is not a number of lamps from 1 to %d. Place further lamps in "
+                               "the section of a further bank",
+                               text, NEW_RIG_MAX_LAMPS);
+    rig->n_lamps = (int)n;
+    return NULL;
+}
+
+static char *take_radius(const char *text, struct new_rig *rig) {
+    char *end;
+    const double mm = g_ascii_strtod(text, &end);
+    if (end == text || *end || !(mm >= NEW_RIG_MIN_RADIUS_MM && mm <= NEW_RIG_MAX_RADIUS_MM))
+        return g_strdup_printf("“%s” is not a radius from %g to %g mm", text, NEW_RIG_MIN_RADIUS_MM,
+                               NEW_RIG_MAX_RADIUS_MM);
+    rig->radius_mm = mm;
+    return NULL;
+}
+
+/* Asks on the terminal until the answer is valid. An empty answer, or the end of the input, means
+ * the default. */
+static void ask(const char *question, const char *otherwise, Take take, struct new_rig *rig) {
+    for (;;) {
+        g_autofree char *wrong = NULL;
+        char line[256];
+        g_printerr("%s [%s]: ", question, otherwise);
+        const char *text = fgets(line, sizeof line, stdin) ? g_strstrip(line) : NULL;
+        if (!text)
+            g_printerr("\n");
+        wrong = take(text && *text ? text : otherwise, rig);
+        if (!wrong)
+            return;
+        g_printerr("%s\n", wrong);
+    }
+}
+
+/* The name of the file without its suffix, as the name of the rig. */
+static char *id_of(const char *path) {
+    g_autofree char *name = g_path_get_basename(path);
+    char *dot = strrchr(name, '.');
+    if (dot && dot > name)
+        *dot = '\0';
+    g_autofree char *id = g_utf8_make_valid(name, -1);
+    for (char *c = id; *c; c++)
+        if (g_ascii_iscntrl(*c))
+            *c = '_';
+    if (strlen(id) > MAX_ID)
+        *g_utf8_find_prev_char(id, id + MAX_ID) = '\0';
+    g_strstrip(id);
+    return *id ? g_steal_pointer(&id) : g_strdup("rig");
+}
+
+static gboolean write_text(OutputFile *file, const char *text, GError **error) {
+    const char *path = output_file_path(file, error);
+    return path && output_file_end(file, g_file_set_contents(path, text, -1, error), error);
+}
+
+static void tell(Record *to, const char *path, const struct new_rig *rig,
+                 const GPtrArray *missing) {
+    record_say(to,
+               "%s{file}: a rig of the kind %s{kind} with %d{lamps} lamps at %g{radius_mm} mm\n",
+               path, new_rig_kinds[rig->kind], rig->n_lamps, rig->radius_mm);
+    record_say_strings(to, "missing", "not found: ", missing);
+    record_say(to,
+               "Correct what stands below CHECK%s in the file. Then check it:\n  mesorig plan "
+               "--offline %s SESSION.conf\n",
+               missing->len ? " and NOT FOUND" : "", path);
+}
+
+static int run(const struct call *call, GError **error) {
+    const char *path = call->arguments[0];
+    g_autofree char *id = id_of(path), *wrong = NULL;
+    struct new_rig rig = {.id = id};
+    g_autoptr(GPtrArray) problems = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+    const struct {
+        const char *name, *given, *question;
+        Take take;
+    } asked[] = {
+        {"kind", kind_option, "Kind of rig: dome, turntable or arc", take_kind},
+        {"lamps", lamps_option, "Number of lamps", take_lamps},
+        {"radius", radius_option, "Distance of the lamps from the sample, in mm", take_radius},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(asked); i++)
+        if (asked[i].given && (wrong = asked[i].take(asked[i].given, &rig)))
+            return cli_usage(call->command, "--%s: %s", asked[i].name, wrong);
+    g_autoptr(OutputFile) file = cli_output(path, NULL, error);
+    if (!file)
+        return CLI_FAILED;
+    for (gsize i = 0; i < G_N_ELEMENTS(asked); i++) {
+        g_autofree char *usual = g_strdup_printf("%d", new_rig_lamps(rig.kind));
+        const char *const defaults[] = {new_rig_kinds[0], usual, "400"};
+        if (!asked[i].given)
+            ask(asked[i].question, defaults[i], asked[i].take, &rig);
+    }
+    const struct finder_modbus modbus = {0};
+    g_autoptr(GPtrArray) found = offline ? found_list_new() : finder_scan(&modbus, problems, error);
+    if (!found)
+        return CLI_FAILED;
+    g_autofree char *text = new_rig_text(&rig, found, missing);
+    g_autofree struct rig *geometry = g_new0(struct rig, 1);
+    if (!devices_parse_geometry(text, path, geometry, error) || !write_text(file, text, error))
+        return CLI_FAILED;
+    tell(call->record, path, &rig, missing);
+    cli_tell_output(call->record, file);
+    for (guint i = 0; i < problems->len && !cli_json; i++)
+        g_printerr("mesorig: %s\n", (char *)problems->pdata[i]);
+    return CLI_DONE;
+}
+
+const struct command cli_new_rig = {
+    .name = "new-rig",
+    .arguments = "FILE.conf",
+    .examples = "  mesorig new-rig rig.conf\n"
+                "  mesorig new-rig dome.conf --kind dome --lamps 64 --radius 400 --offline\n",
+    .help = "Write a first rig file for the devices that are plugged in. Asks for the kind of rig, "
+            "the number of lamps and their distance, unless options give them.",
+    .options = entries,
+    .writes = TRUE,
+    .min = 1,
+    .max = 1,
+    .run = run};

@@ -1,0 +1,203 @@
+#include "new_rig_text.h"
+
+#include "drivers/found.h"
+
+#include <string.h>
+
+const char *const new_rig_kinds[] = {"dome", "turntable", "arc", NULL};
+
+#define MAX_CAMERAS   8
+#define USB_MAX_LAMPS 8 /* of a USB relay board */
+/* A camera for which nothing else is known. */
+#define WIDTH  1920
+#define HEIGHT 1080
+/* The width of a picture shows this width of the sample's plane. */
+#define FIELD_MM 200.0
+
+int new_rig_lamps(enum new_rig_kind kind) {
+    static const int usual[] = {64, 16, 5};
+    return usual[kind];
+}
+
+/* Returns the n-th device, counted from 0, whose section begins with text. */
+static const struct found *find(const GPtrArray *found, const char *text, int n) {
+    for (guint i = 0; i < found->len; i++) {
+        const struct found *device = found->pdata[i];
+        if (device->section && g_str_has_prefix(device->section, text) && n-- == 0)
+            return device;
+    }
+    return NULL;
+}
+
+/* Appends a heading and the keys of a device that was found. Alternatives are left out. */
+static void append_found(GString *to, const char *heading, const struct found *device) {
+    const char *keys = strchr(device->section, '\n');
+    const char *end = strstr(device->section, "# or, ");
+
+    /* A device chooses its own name, which must not end the comment. */
+    g_autofree char *name = g_strdup_printf(
+        "%s%s%s", device->what, *device->serial ? ", serial number " : "", device->serial);
+    g_autofree char *shown = g_utf8_make_valid(name, -1);
+    for (char *c = shown; *c; c++)
+        if (g_ascii_iscntrl(*c))
+            *c = ' ';
+    g_string_append_printf(to, "\n# %s\n[%s]\n", shown, heading);
+    if (keys)
+        g_string_append_len(to, keys + 1, end ? end - keys - 1 : -1);
+}
+
+static gboolean has_key(const struct found *device, const char *key) {
+    g_autofree char *line = g_strdup_printf("\n%s = ", key);
+    return device && strstr(device->section, line);
+}
+
+/* Returns the number of a key in the section of a device, or otherwise if it does not have it. */
+static int number_of(const struct found *device, const char *key, int otherwise) {
+    g_autofree char *line = g_strdup_printf("\n%s = ", key);
+    const char *at = device ? strstr(device->section, line) : NULL;
+    return at ? (int)g_ascii_strtoll(at + strlen(line), NULL, 10) : otherwise;
+}
+
+static void append_missing(GString *to, const char *heading, const char *what, GPtrArray *missing) {
+    g_string_append_printf(to,
+                           "\n# NOT FOUND: %s. Write the section that “mesorig devices” prints, or "
+                           "one of\n# /usr/share/mesorig/devices.\n[%s]\n",
+                           what, heading);
+    g_ptr_array_add(missing, g_strdup_printf("%s, for [%s]", what, heading));
+}
+
+static void append_axis(GString *to, const char *name, int n, const GPtrArray *found,
+                        GPtrArray *missing) {
+    const struct found *device = find(found, "[axis ", n);
+    g_autofree char *heading = g_strdup_printf("axis %s", name);
+
+    if (device) {
+        append_found(to, heading, device);
+    } else {
+        append_missing(to, heading, "a stepper controller", missing);
+        g_string_append_printf(to, "driver = tic-axis\nserial = 0000000%d\n", n + 1);
+    }
+    g_string_append(to, "# CHECK: microsteps in a degree of the axis\nsteps_per_deg = 100\n");
+    g_string_append(to, g_str_equal(name, "turntable") ? "wraps = yes\n"
+                                                       : "min_deg = -170\nmax_deg = 170\n");
+}
+
+/* Appends the keys that place the lamps. */
+static void append_places(GString *to, const struct new_rig *rig) {
+    const int n = rig->n_lamps;
+
+    if (rig->kind == NEW_RIG_DOME) {
+        g_string_append_printf(
+            to,
+            "# The lamps stand on a spiral between these polar angles, 0 being "
+            "straight above. For other\n# places give rings = theta:count; …, or "
+            "positions = FILE.lp, instead of these three keys.\ncount = "
+            "%d\ntheta_from_deg = 12\ntheta_to_deg = 80\n",
+            n);
+    } else if (rig->kind == NEW_RIG_TURNTABLE) {
+        g_string_append(to,
+                        "# Rings of lamps, as polar angle:number. A ring begins at azimuth 0.\n");
+        if (n % 2 == 0 && n >= 4)
+            g_string_append_printf(to, "rings = 30:%d; 60:%d\n", n / 2, n / 2);
+        else
+            g_string_append_printf(to, "rings = 45:%d\n", n);
+    } else {
+        g_string_append(to,
+                        "# CHECK: polar angles of the lamps on the arc, 0 being straight above\n"
+                        "theta_deg = ");
+        for (int i = 0; i < n; i++)
+            g_string_append_printf(to, "%s%.4g", i ? "; " : "",
+                                   n > 1 ? 15 + 60.0 * i / (n - 1) : 45);
+        g_string_append_c(to, '\n');
+    }
+    g_string_append_printf(to,
+                           "# Their distance from the middle of the turntable's top, or of the "
+                           "sample's place\ndistance_mm = %g\n",
+                           rig->radius_mm);
+}
+
+static void append_lamps(GString *to, const struct new_rig *rig, const GPtrArray *found,
+                         GPtrArray *missing) {
+    static const char *const names[] = {"dome", "ring", "arc"};
+    const struct found *usb = find(found, "[lamps NAME]\ndriver = usb-relays", 0);
+    g_autofree char *heading = g_strdup_printf("lamps %s", names[rig->kind]);
+
+    if (usb && rig->n_lamps <= USB_MAX_LAMPS) {
+        append_found(to, heading, usb);
+        g_string_append_printf(to, "n_lamps = %d\n", rig->n_lamps);
+    } else {
+        const char *line = "/dev/ttyUSB0";
+        for (guint i = 0; i < found->len; i++) {
+            const struct found *device = found->pdata[i];
+            if (g_str_has_prefix(device->address, "/dev/ttyUSB") ||
+                g_str_has_prefix(device->address, "/dev/ttyACM")) {
+                line = device->address;
+                break;
+            }
+        }
+        g_autofree char *board = g_strdup_printf("a relay board for %d lamps", rig->n_lamps);
+        append_missing(to, heading, board, missing);
+        g_string_append_printf(to, "driver = modbus-relays\nbus = %s\nunit = 1\nn = %d\n", line,
+                               rig->n_lamps);
+    }
+    append_places(to, rig);
+}
+
+/* Appends camera i of n. device is NULL if none was found. */
+static void append_camera(GString *to, const struct new_rig *rig, int i, int n,
+                          const struct found *device, GPtrArray *missing) {
+    const int width = number_of(device, "width", WIDTH);
+    const double distance_mm = 1.5 * rig->radius_mm;
+    const gboolean overhead = rig->kind == NEW_RIG_DOME;
+    g_autofree char *heading =
+        n > 1 ? g_strdup_printf("camera cam%d", i + 1) : g_strdup("camera cam");
+
+    if (device) {
+        append_found(to, heading, device);
+    } else {
+        append_missing(to, heading, "a camera", missing);
+        g_string_append(to, "driver = v4l2-camera\ndevice = /dev/video0\n");
+    }
+    if (!has_key(device, "width"))
+        g_string_append_printf(
+            to, "# CHECK: size of its pictures, in pixels\nwidth = %d\nheight = %d\n", WIDTH,
+            HEIGHT);
+    g_string_append_printf(to,
+                           "# CHECK: focal length of the lens divided by the width of a pixel\n"
+                           "focal_px = %.0f\n# CHECK: its place. It points at the middle of the "
+                           "turntable's top, or of the sample's place\ntheta_deg = %.4g\nphi_deg = "
+                           "%d\ndistance_mm = %g\n",
+                           MAX(1, width * distance_mm / FIELD_MM),
+                           overhead ? 0
+                           : n > 1  ? 15 + 60.0 * i / (n - 1)
+                                    : 30,
+                           overhead ? 0 : 180, distance_mm);
+}
+
+char *new_rig_text(const struct new_rig *rig, const GPtrArray *found, GPtrArray *missing) {
+    GString *text = g_string_new(NULL);
+    int n_cameras = 0;
+
+    while (n_cameras < MAX_CAMERAS && find(found, "[camera ", n_cameras))
+        n_cameras++;
+    g_string_append_printf(text,
+                           "# A rig of the kind “%s”, made by “mesorig new-rig”. rig.conf(5) "
+                           "explains every key.\n# Lengths are in millimetres, angles in degrees. "
+                           "Correct what stands below CHECK and NOT FOUND.\n\n[rig]\nid = %s\n",
+                           new_rig_kinds[rig->kind], rig->id);
+    if (rig->kind == NEW_RIG_ARC)
+        g_string_append_printf(text,
+                               "# CHECK: radius of the arc's inner edge, and width of the arc with "
+                               "its lamps\narc_radius_mm = %g\narc_width_mm = 30\n",
+                               rig->radius_mm);
+    if (rig->kind != NEW_RIG_DOME)
+        append_axis(text, "turntable", 0, found, missing);
+    if (rig->kind == NEW_RIG_ARC)
+        append_axis(text, "arc", 1, found, missing);
+    append_lamps(text, rig, found, missing);
+    if (rig->kind == NEW_RIG_DOME)
+        n_cameras = MIN(n_cameras, 1);
+    for (int i = 0; i < MAX(n_cameras, 1); i++)
+        append_camera(text, rig, i, MAX(n_cameras, 1), find(found, "[camera ", i), missing);
+    return g_string_free(text, FALSE);
+}

@@ -1,0 +1,109 @@
+/* The first rig file: every kind, with and without devices that are plugged in, is read without a
+ * mistake, and says what was asked for. */
+#include "captures/new_rig_text.h"
+#include "drivers/found.h"
+#include "lib/folder.h"
+#include "lib/ok.h"
+#include "lib/test.h"
+#include "lib/text_file.h"
+#include "rig/devices.h"
+
+#include <math.h>
+#include <string.h>
+
+BEFORE_TESTS {
+    folder_make();
+}
+
+AFTER_TESTS {
+    folder_remove();
+}
+
+static void plug(GPtrArray *found, const char *address, const char *section) {
+    struct found *device = found_add(found, "usb", address, "Maker\n[Device \xff", "7\x1b");
+    device->section = g_strdup(section);
+}
+
+/* What the scans of the drivers report (usb/scan.c, v4l2/scan.c, finder.c). */
+static GPtrArray *plugged(void) {
+    GPtrArray *found = found_list_new();
+    plug(found, "1-2",
+         "[axis NAME]\ndriver = tic-axis\nserial = 00366\n"
+         "# steps_per_deg = microsteps in a degree of the axis\n");
+    plug(found, "1-3",
+         "[lamps NAME]\ndriver = usb-relays\npath = 1-3\n# or, where it switches a "
+         "laser:\n# [laser NAME]\n# driver = usb-relay-laser\n# path = 1-3\n"
+         "# relay = 1\n");
+    plug(found, "/dev/video0",
+         "[camera NAME]\ndriver = v4l2-camera\nbus = usb-1\nformat = GREY\n"
+         "width = 640\nheight = 480\n");
+    plug(found, "192.168.0.9", "[camera NAME]\ndriver = aravis\ndevice = 192.168.0.9\n");
+    found_add(found, "serial", "/dev/ttyUSB3", "Adapter", "");
+    return found;
+}
+
+/* The rig of the text, which is checked as for a plan: drivers check their options as well. */
+static struct rig *read_rig(const char *text) {
+    struct rig *rig = g_new0(struct rig, 1);
+    g_autofree struct rig_timing *timing = g_new0(struct rig_timing, 1);
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    g_autofree char *path = in_folder("rig.conf");
+
+    text_file_write(folder, "rig.conf", text);
+    g_assert_true(ok(devices_read_timing(path, rig, timing, assumed, ERR)));
+    return rig;
+}
+
+TEST(every_kind) {
+    g_autoptr(GPtrArray) nothing = found_list_new(), devices = plugged();
+    const GPtrArray *const found[] = {nothing, devices};
+
+    for (int kind = 0; kind < NEW_RIG_KINDS; kind++)
+        for (int n = 1; n <= NEW_RIG_MAX_LAMPS; n++)
+            for (int k = 0; k < 2; k++) {
+                const struct new_rig wish = {"bench 1", kind, n, 123.5};
+                g_autoptr(GPtrArray) missing = g_ptr_array_new_with_free_func(g_free);
+                g_autofree char *text = new_rig_text(&wish, found[k], missing);
+                g_autofree struct rig *rig = read_rig(text);
+                g_assert_cmpstr(rig->id, ==, "bench 1");
+                g_assert_cmpint(rig->n_lamps, ==, n);
+                g_assert_cmpint(rig->n_cameras, ==, k == 1 && kind != NEW_RIG_DOME ? 2 : 1);
+                for (int i = 0; i < n; i++) {
+                    const double mm = vec3_length(rig->lamps[i].position_mm);
+                    g_assert_cmpfloat(fabs(mm - 123.5), <, 1e-9);
+                    g_assert_cmpint(rig->lamps[i].fixed, ==, kind != NEW_RIG_ARC);
+                }
+                g_assert_cmpfloat(rig->arc_radius_mm, ==, kind == NEW_RIG_ARC ? 123.5 : 0);
+            }
+}
+
+TEST(devices) {
+    g_autoptr(GPtrArray) found = plugged(), missing = g_ptr_array_new_with_free_func(g_free);
+    const struct new_rig wish = {"r", NEW_RIG_ARC, 5, 400};
+    g_autofree char *text = new_rig_text(&wish, found, missing);
+    g_autofree struct rig *rig = read_rig(text);
+
+    /* there is one stepper controller for two axes */
+    g_assert_cmpuint(missing->len, ==, 1);
+    g_assert_nonnull(strstr(missing->pdata[0], "[axis arc]"));
+    g_assert_nonnull(strstr(text, "[axis turntable]\ndriver = tic-axis\nserial = 00366\n"));
+    g_assert_nonnull(strstr(text, "[lamps arc]\ndriver = usb-relays\npath = 1-3\nn_lamps = 5\n"));
+    g_assert_nonnull(strstr(text, "theta_deg = 15; 30; 45; 60; 75\n"));
+    g_assert_nonnull(strstr(text, "[camera cam2]\ndriver = aravis\ndevice = 192.168.0.9\n"));
+    g_assert_null(strstr(text, "usb-relay-laser"));
+    g_assert_cmpint(rig->cameras[0].width, ==, 640);
+    /* 640 pixels across 200 mm at 600 mm */
+    g_assert_cmpfloat(rig->cameras[0].fx_px, ==, 1920);
+    g_assert_cmpfloat(vec3_length(rig_camera_centre_mm(&rig->cameras[1])), <, 600.001);
+}
+
+/* A relay board on USB has too few lamps for a dome: a board on the serial line has them. */
+TEST(many_lamps) {
+    g_autoptr(GPtrArray) found = plugged(), missing = g_ptr_array_new_with_free_func(g_free);
+    const struct new_rig wish = {"r", NEW_RIG_DOME, 9, 400};
+    g_autofree char *text = new_rig_text(&wish, found, missing);
+
+    g_assert_cmpuint(missing->len, ==, 1);
+    g_assert_nonnull(strstr(text, "driver = modbus-relays\nbus = /dev/ttyUSB3\nunit = 1\nn = 9\n"));
+    g_assert_null(strstr(text, "axis"));
+}

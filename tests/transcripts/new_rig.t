@@ -1,0 +1,113 @@
+A first rig file, from options or from answers.
+
+  $ mesorig new-rig --offline --kind dome --lamps 64 --radius 400 dome.conf
+  dome.conf: a rig of the kind dome with 64 lamps at 400 mm
+  not found: a relay board for 64 lamps, for [lamps dome]
+  not found: a camera, for [camera cam]
+  Correct what stands below CHECK and NOT FOUND in the file. Then check it:
+    mesorig plan --offline dome.conf SESSION.conf
+  $ mesorig plan --offline dome.conf "$SMALL/../../etc/demo/dome/session.conf"
+  session         dome
+  directions      1 view, 64 lights, 0 laser positions; 64 pictures of the BTF
+  poses           1
+  shots           65, with 136 camera frames
+  on disk         about 135.5 MB of frames; products need additional space
+  predicted time  8.1 s, 0.4 % above the lower bound of 8.1 s
+  nested order    8.1 s, 1.00 times as long
+  note            frames of more than 256² pixels are compressed, and their size depends on their content; mesorig status tells what the session will take by the frames stored so far
+  note            one view: the session will have its pictures under each light (an RTI set, for PTM and HSH) and no other views
+  note            assumed for [camera cam]: 30 pictures a second, because only the camera knows its rate
+  note            assumed for [camera cam]: that it supports the exposures of the session
+  calibration     none: geometry and light are nominal (mesorig calibrate makes one, -c FILE gives it)
+  $ mesorig new-rig --offline --kind dome --lamps 64 --radius 400 dome.conf
+  mesorig: dome.conf exists already: give another name, or --force to replace it
+  [1]
+  $ printf 'ring\narc\n0\n3\n\n' | mesorig new-rig --offline arc.conf
+  arc.conf: a rig of the kind arc with 3 lamps at 400 mm
+  not found: a stepper controller, for [axis turntable]
+  not found: a stepper controller, for [axis arc]
+  not found: a relay board for 3 lamps, for [lamps arc]
+  not found: a camera, for [camera cam]
+  Correct what stands below CHECK and NOT FOUND in the file. Then check it:
+    mesorig plan --offline arc.conf SESSION.conf
+  Kind of rig: dome, turntable or arc [dome]: there is no kind of rig “ring”; choose from: dome, turntable, arc
+  Kind of rig: dome, turntable or arc [dome]: Number of lamps [5]: “0” is not a number of lamps from 1 to 64. Place further lamps in the section of a further bank
+  Number of lamps [5]: Distance of the lamps from the sample, in mm [400]:  (no-eol)
+  $ cat arc.conf
+  # A rig of the kind “arc”, made by “mesorig new-rig”. rig.conf(5) explains every key.
+  # Lengths are in millimetres, angles in degrees. Correct what stands below CHECK and NOT FOUND.
+  
+  [rig]
+  id = arc
+  # CHECK: radius of the arc's inner edge, and width of the arc with its lamps
+  arc_radius_mm = 400
+  arc_width_mm = 30
+  
+  # NOT FOUND: a stepper controller. Write the section that “mesorig devices” prints, or one of
+  # /usr/share/mesorig/devices.
+  [axis turntable]
+  driver = tic-axis
+  serial = 00000001
+  # CHECK: microsteps in a degree of the axis
+  steps_per_deg = 100
+  wraps = yes
+  
+  # NOT FOUND: a stepper controller. Write the section that “mesorig devices” prints, or one of
+  # /usr/share/mesorig/devices.
+  [axis arc]
+  driver = tic-axis
+  serial = 00000002
+  # CHECK: microsteps in a degree of the axis
+  steps_per_deg = 100
+  min_deg = -170
+  max_deg = 170
+  
+  # NOT FOUND: a relay board for 3 lamps. Write the section that “mesorig devices” prints, or one of
+  # /usr/share/mesorig/devices.
+  [lamps arc]
+  driver = modbus-relays
+  bus = /dev/ttyUSB0
+  unit = 1
+  n = 3
+  # CHECK: polar angles of the lamps on the arc, 0 being straight above
+  theta_deg = 15; 45; 75
+  # Their distance from the middle of the turntable's top, or of the sample's place
+  distance_mm = 400
+  
+  # NOT FOUND: a camera. Write the section that “mesorig devices” prints, or one of
+  # /usr/share/mesorig/devices.
+  [camera cam]
+  driver = v4l2-camera
+  device = /dev/video0
+  # CHECK: size of its pictures, in pixels
+  width = 1920
+  height = 1080
+  # CHECK: focal length of the lens divided by the width of a pixel
+  focal_px = 5760
+  # CHECK: its place. It points at the middle of the turntable's top, or of the sample's place
+  theta_deg = 30
+  phi_deg = 180
+  distance_mm = 600
+  $ mesorig new-rig --offline --lamps 2 --json turn.conf --kind turntable < /dev/null
+  {"file": "turn.conf", "kind": "turntable", "lamps": 2, "radius_mm": 400, "missing": ["a stepper controller, for [axis turntable]", "a relay board for 2 lamps, for [lamps ring]", "a camera, for [camera cam]"], "replaced": false}
+  Distance of the lamps from the sample, in mm [400]: 
+  $ mesorig new-rig --offline --kind cube x.conf
+  mesorig new-rig: --kind: there is no kind of rig “cube”; choose from: dome, turntable, arc
+  Usage: mesorig new-rig FILE.conf
+  [2]
+  $ mesorig new-rig --offline --lamps 65 x.conf
+  mesorig new-rig: --lamps: “65” is not a number of lamps from 1 to 64. Place further lamps in the section of a further bank
+  Usage: mesorig new-rig FILE.conf
+  [2]
+  $ mesorig new-rig --offline --radius 4m x.conf
+  mesorig new-rig: --radius: “4m” is not a radius from 10 to 10000 mm
+  Usage: mesorig new-rig FILE.conf
+  [2]
+  $ mesorig new-rig --offline
+  mesorig new-rig: an argument is missing
+  Usage: mesorig new-rig FILE.conf
+  [2]
+  $ ls
+  arc.conf
+  dome.conf
+  turn.conf
