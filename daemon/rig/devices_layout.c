@@ -721,7 +721,10 @@ void layout_clear(struct layout *layout) {
 /* Appends a number so that it reads back as the same double. */
 static void append_number(GString *to, const char *key, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
-    g_string_append_printf(to, "%s = %s\n", key, g_ascii_dtostr(text, sizeof text, value));
+    g_ascii_formatd(text, sizeof text, "%.15g", value);
+    if (g_ascii_strtod(text, NULL) != value)
+        g_ascii_dtostr(text, sizeof text, value);
+    g_string_append_printf(to, "%s = %s\n", key, text);
 }
 
 static void append_lamps(const struct layout_bank *bank, GString *to) {

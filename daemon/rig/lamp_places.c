@@ -187,16 +187,17 @@ static gboolean read_list(GArray *lamps, const struct lamp_place *otherwise, con
 
 /* Indices of the columns of a table, −1 if there is no such column. */
 struct columns {
-    int name, index, v[3], theta, phi, distance, exponent, intensity;
+    int name, bank, index, v[3], theta, phi, distance, exponent, intensity;
 };
 
 static gboolean find_columns(const TextTable *table, double distance_mm, struct columns *ret,
                              GError **error) {
-    static const char *const known[] = {"name",     "index",     "x_mm",    "y_mm",
-                                        "z_mm",     "theta_deg", "phi_deg", "distance_mm",
-                                        "exponent", "intensity", NULL};
+    static const char *const known[] = {"name",        "bank",     "index",     "x_mm",
+                                        "y_mm",        "z_mm",     "theta_deg", "phi_deg",
+                                        "distance_mm", "exponent", "intensity", NULL};
     *ret =
         (struct columns){.name = text_table_column(table, "name"),
+                         .bank = text_table_column(table, "bank"),
                          .index = text_table_column(table, "index"),
                          .v = {text_table_column(table, "x_mm"), text_table_column(table, "y_mm"),
                                text_table_column(table, "z_mm")},
@@ -227,17 +228,17 @@ static gboolean within(const TextTable *table, int row, const char *name, double
                            "%s: %g is out of range: %g to %g", name, value, min, max);
 }
 
-static gboolean take_name(const TextTable *table, int row, const char *name,
-                          struct lamp_place *lamp, GError **error) {
-    gboolean good = strlen(name) < sizeof lamp->name && g_utf8_validate(name, -1, NULL) &&
-                    !strpbrk(name, "[];@");
+static gboolean take_name(const TextTable *table, int row, int column, const char *key,
+                          char ret[RIG_NAME], GError **error) {
+    const char *name = text_table_text(table, row, column);
+    gboolean good =
+        strlen(name) < RIG_NAME && g_utf8_validate(name, -1, NULL) && !strpbrk(name, "[];@");
     for (const char *c = name; *c; c++)
         good &= !g_ascii_iscntrl(*c);
-    g_strlcpy(lamp->name, good ? name : "", sizeof lamp->name);
+    g_strlcpy(ret, good ? name : "", RIG_NAME);
     return good || data_error_fail(text_table_path(table), text_table_line(table, row), error,
-                                   "name: “%s” is not a name of at most %d bytes without [ ] ; "
-                                   "and @",
-                                   name, RIG_NAME - 1);
+                                   "%s: “%s” is not a name of at most %d bytes without [ ] ; and @",
+                                   key, name, RIG_NAME - 1);
 }
 
 static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, const TextTable *table,
@@ -248,7 +249,8 @@ static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, cons
     double v[3] = {0}, index;
 
     if (!check_number(lamps, path, line, error) ||
-        !take_name(table, row, text_table_text(table, row, c->name), &lamp, error) ||
+        !take_name(table, row, c->name, "name", lamp.name, error) ||
+        !take_name(table, row, c->bank, "bank", lamp.bank, error) ||
         !text_table_number(table, row, c->index, -1, &index, error) ||
         !text_table_number(table, row, c->exponent, lamp.exponent, &lamp.exponent, error) ||
         !text_table_number(table, row, c->intensity, lamp.intensity, &lamp.intensity, error) ||
@@ -259,7 +261,10 @@ static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, cons
         return data_error_fail(path, line, error,
                                "index: “%s” is not a whole number from 0 to 1023",
                                text_table_text(table, row, c->index));
+    if (c->bank >= 0 && !*lamp.bank)
+        return data_error_fail(path, line, error, "bank: is empty; name the bank of the lamp");
     lamp.index = (int)index;
+    lamp.line = line;
     for (int i = 0; i < 3; i++)
         if (!text_table_number(table, row, c->v[i], NAN, &v[i], error))
             return FALSE;
@@ -327,8 +332,15 @@ static gboolean add_file(GArray *lamps, const struct bank_fields *fields,
     for (guint i = 0; i < read->len; i++) {
         struct lamp_place *lamp = &g_array_index(read, struct lamp_place, i);
         lamp->phi_deg = azimuth(lamp->phi_deg + fields->phi_deg);
+        if (!*lamp->bank || g_str_equal(lamp->bank, section->name))
+            g_array_append_val(lamps, *lamp);
+        else if (config_has_all_sections(section->config) &&
+                 !config_find(section->config, "lamps", lamp->bank))
+            return config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "positions",
+                                  "%s:%d: bank: there is no section [lamps %s]; name an existing "
+                                  "one",
+                                  path, lamp->line, lamp->bank);
     }
-    g_array_append_vals(lamps, read->data, read->len);
     return TRUE;
 }
 

@@ -21,7 +21,9 @@ struct bank_fields {
 
 struct lamp_place {
     char name[RIG_NAME];
-    int index; /* number in the bank, from 0 */
+    char bank[RIG_NAME]; /* of a table with this column: the bank of the lamp; otherwise empty */
+    int line;            /* of the table */
+    int index;           /* number in the bank, from 0 */
     double theta_deg, phi_deg, distance_mm, exponent, intensity;
 };
 
@@ -38,7 +40,7 @@ GArray *lamp_places_new(const struct bank_fields *fields, const struct config_se
 /* Reads a file of positions. A file whose name ends with ".lp" is a list: first the number of
  * lights, then for each light the name of a picture, which is ignored, and x y z. Any other file is
  * a table (base/text_table.h) with the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and
- * distance_mm. The columns name, index, exponent and intensity are optional.
+ * distance_mm. The columns name, bank, index, exponent and intensity are optional.
  *
  * otherwise has the values of what the file does not say. If its distance_mm is 0, the lengths of
  * x y z in a list are millimetres; otherwise x y z is only a direction, and a table need not have

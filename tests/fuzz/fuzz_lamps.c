@@ -22,6 +22,7 @@ static void read_as(const char *name, double distance_mm, const uint8_t *data, s
         g_assert_true(lamp->exponent >= 0 && lamp->intensity > 0);
         g_assert_true(lamp->index >= -1 && lamp->index <= 1023);
         g_assert_true(g_utf8_validate(lamp->name, -1, NULL));
+        g_assert_true(g_utf8_validate(lamp->bank, -1, NULL));
     }
 }
 

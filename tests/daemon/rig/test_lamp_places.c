@@ -198,6 +198,25 @@ TEST(table) {
     assert_same("positions = angles.csv\ndistance_mm = 500\nexponent = 2\n", "", lamps->str);
 }
 
+/* Two banks share a table, and each takes its own rows. */
+TEST(shared_table) {
+    static const char *const names[] = {"dome_01", "dome_02", "x", "b_02"};
+    static const double theta_deg[] = {10, 30, 20, 40};
+
+    text_file_write(folder, "shared.csv",
+                    "bank,name,theta_deg,phi_deg\ndome,,10,0\nb,x,20,0\ndome,,30,0\nb,,40,0\n");
+    g_autofree struct rig *rig =
+        rig_of(HEAD BANK "positions = shared.csv\ndistance_mm = 400\n\n[lamps b]\ndriver = "
+                         "program-lamps\nprogram = true\npositions = shared.csv\n"
+                         "distance_mm = 400\n" CAMERA);
+    g_assert_cmpint(rig->n_lamps, ==, 4);
+    for (int i = 0; i < 4; i++) {
+        g_assert_cmpstr(rig->lamps[i].name, ==, names[i]);
+        g_assert_cmpfloat(fabs(rig->lamps[i].position_mm.z - 400 * cos(theta_deg[i] * G_PI / 180)),
+                          <, 1e-9);
+    }
+}
+
 /* Random places, as a list, as a table and by hand. */
 TEST(random_files) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(11);
@@ -334,6 +353,9 @@ static const struct bad_file bad_files[] = {
     {"a.csv", "theta_deg,phi_deg,distance_mm\n1,2,0\n", 2, "distance_mm: 0 is out of range"},
     {"a.csv", "theta_deg,phi_deg,distance_mm\n,2,9\n", 2, "theta_deg: nan is out of range"},
     {"a.csv", "name,x_mm,y_mm,z_mm\na;b,1,2,3\n", 2, "name: “a;b” is not a name"},
+    {"a.csv", "bank,x_mm,y_mm,z_mm\ndome,1,2,3\ndme,1,2,3\n", 3,
+     "bank: there is no section [lamps dme]; name an existing one"},
+    {"a.csv", "bank,x_mm,y_mm,z_mm\n,1,2,3\n", 2, "bank: is empty; name the bank of the lamp"},
 };
 
 TEST(mistakes_in_files) {
