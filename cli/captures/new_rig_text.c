@@ -68,7 +68,7 @@ static void append_missing(GString *to, const char *heading, const char *what, G
 
 static void append_axis(GString *to, const char *name, int n, const GPtrArray *found,
                         GPtrArray *missing) {
-    const struct found *device = find(found, "[axis ", n);
+    const struct found *device = find(found, "[axis NAME]\ndriver = tic-axis\n", n);
     g_autofree char *heading = g_strdup_printf("axis %s", name);
 
     if (device) {

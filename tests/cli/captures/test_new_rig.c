@@ -27,6 +27,8 @@ static void plug(GPtrArray *found, const char *address, const char *section) {
 /* What the scans of the drivers report (usb/scan.c, v4l2/scan.c, finder.c). */
 static GPtrArray *plugged(void) {
     GPtrArray *found = found_list_new();
+    /* a drive whose further keys are not known is not used */
+    plug(found, "1-9", "[axis NAME]\ndriver = modbus-axis\nbus = 1-9\n");
     plug(found, "1-2",
          "[axis NAME]\ndriver = tic-axis\nserial = 00366\n"
          "# steps_per_deg = microsteps in a degree of the axis\n");
