@@ -6,7 +6,7 @@
 #include "base/srgb.h"
 #include "drawing/gl/gpu.h"
 #include "drawing/methods/methods.h"
-#include "lib/silhouettes.h"
+#include "lib/silhouettes_fixture.h"
 #include "metrics/flip.h"
 #include "metrics/psnr.h"
 #include "scene/picture.h"
@@ -17,8 +17,8 @@
 
 struct options {
     char *world, *session, *picture, *size, **tiles, **rest;
-    gboolean json, no_floor;
-    int width, height;
+    gboolean json, no_floor, traced_mdf;
+    int width, height, texels;
     double tile_mm, reference_mm;
     struct viewer_settings view;
     const struct silhouettes_shape *shape;
@@ -34,14 +34,18 @@ static gboolean read_grid(struct options *o, const char *path, GError **error) {
     gboolean good = part != NULL && exr_get_double(part, "texel_mm", &texel_mm, error) &&
                     exr_get_double(part, "reference_mm", &o->reference_mm, error);
     if (good)
-        o->tile_mm = texel_mm * part->width;
+        o->tile_mm = texel_mm * (o->texels = part->width);
     exr_file_free(file);
     return good;
 }
 
-static Viewer *open_view(const struct options *o, int tiles_u, int tiles_v, GError **error) {
+static Viewer *open_view(const struct options *o, World *world, int tiles_u, int tiles_v,
+                         GError **error) {
     g_autofree char *material = method_path(methods[0], o->session);
-    g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
+    const struct truth_grid grid = {o->texels, o->texels, o->tile_mm, o->tile_mm, o->reference_mm};
+    g_autofree char *mdf = o->traced_mdf
+                               ? silhouettes_write_truth(world, &grid)
+                               : g_build_filename(o->session, "products", "mdf.exr", NULL);
     const struct scene_options scene = {tiles_u, tiles_v, SCENE_Z_UP, !o->no_floor};
     struct mesh *mesh = scene_make(o->shape->name, &scene, error);
     g_autoptr(Viewer) view = viewer_new(NULL, error);
@@ -147,7 +151,7 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
     struct displaced_shape shape =
         silhouettes_displaced(o->shape, u, v, !o->no_floor, o->tile_mm, o->reference_mm);
     truth_surface(world, &surface);
-    g_autoptr(Viewer) view = open_view(o, u, v, error);
+    g_autoptr(Viewer) view = open_view(o, world, u, v, error);
     if (view == NULL)
         return FALSE;
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
@@ -207,6 +211,9 @@ static gboolean parse(struct options *o, int *argc, char ***argv, GError **error
         {"supersample", 0, 0, G_OPTION_ARG_INT, &s->samples, "Of the picture, each way, default 3",
          "N"},
         {"cylinder", 0, 0, G_OPTION_ARG_NONE, &o->cylinder, "Instead of a torus", NULL},
+        {"traced-mdf", 0, 0, G_OPTION_ARG_NONE, &o->traced_mdf,
+         "With exact distances instead of the session's, for cameras at 15, 30, 45, 60 and 75 deg",
+         NULL},
         {"no-floor", 0, 0, G_OPTION_ARG_NONE, &o->no_floor, "The shape alone", NULL},
         {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg, "As mesorig-view",
          "DEG"},
