@@ -17,7 +17,8 @@ static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver,     &
                                                          &tic_axis_driver,     &gcode_axis_driver,
                                                          &program_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {
-    &sim_lamps_driver, &modbus_relays_driver, &usb_relays_driver, &program_lamps_driver, NULL};
+    &sim_lamps_driver,     &modbus_relays_driver, &usb_relays_driver,
+    &program_lamps_driver, &serial_lamps_driver,  NULL};
 static const struct camera_driver *const camera_drivers[] = {
     &sim_camera_driver,     &aravis_camera_driver,  &v4l2_camera_driver,
     &gphoto2_camera_driver, &program_camera_driver, NULL};

@@ -56,8 +56,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
                                   "shows, often dialout",
                                   path)
                 : g_strdup_printf("for Modbus, which “mesorig devices --modbus %s” searches for "
-                                  "devices, or for a "
-                                  "G-code board (gcode-axis)",
+                                  "devices, for a G-code board (gcode-axis), or for an LED "
+                                  "controller (serial-lamps)",
                                   path);
     }
     return TRUE;
