@@ -6,9 +6,8 @@
  * sent before all other requests, and without waiting for their answers. An "on" is not sent again
  * after an "off" of its lamp.
  *
- * While a lamp is lit, the controller is pinged. It is not pinged while a lamp should be off and
- * has not confirmed it, because then only the watchdog of the controller may be able to switch the
- * lamp off.
+ * While a lamp is lit, the controller is pinged, so that its watchdog keeps the lamp on. A lamp
+ * counts as lit only from its confirmed "on" to its next command.
  */
 #include "devices.h"
 #include "lamp_line.h"
@@ -62,8 +61,7 @@ struct serial_lamps {
     int n, watchdog_ms;
     gint64 fed_us;
     enum lamp_state states[LAMP_LINE_MAX_LAMPS]; /* confirmed, and no command was made since */
-    gboolean off_due[LAMP_LINE_MAX_LAMPS];
-    GError *lost; /* to be reported */
+    GError *lost;                                /* to be reported */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct serial_lamps, name)
@@ -224,25 +222,20 @@ static struct request *add(struct serial_lamps *lamps, enum lamp_request what, i
     *request = (struct request){.what = what, .index = index, .level = level};
     g_queue_push_tail(&lamps->requests, request);
     for (int i = 0; i < lamps->n; i++)
-        if (covers(request, i)) {
+        if (covers(request, i))
             lamps->states[i] = LAMP_UNKNOWN;
-            lamps->off_due[i] |= is_off(request);
-        }
     return request;
 }
 
 /* Keeps an "off" from being undone: an earlier "on" that was not sent ends, and one that was sent
- * is not sent again. The same applies to pings, so that the watchdog is not fed. */
+ * is not sent again. */
 static void overtake(struct serial_lamps *lamps, const struct request *off) {
     for (GList *l = lamps->requests.head; l; l = l->next) {
         struct request *request = l->data;
-        const gboolean ping = request->what == LAMP_PING;
-        if (request->ended || !(ping || (is_on(request) && overlap(request, off))))
+        if (request->ended || !is_on(request) || !overlap(request, off))
             continue;
         request->not_again = TRUE;
-        if (request->number == 0 && ping)
-            end(lamps, request, NULL);
-        else if (request->number == 0)
+        if (request->number == 0)
             end(lamps, request,
                 device_error_new(DEVICE_ERROR_BUSY, lamps->bank->device.who,
                                  "“off” came before lamp %d was on", request->index));
@@ -348,10 +341,8 @@ static void take_answer(struct serial_lamps *lamps, struct request *request,
     if (ok && lamps->n == 0)
         lamps->n = answer->n;
     for (int i = 0; i < lamps->n && ok; i++)
-        if (covers(request, i) && is_last(lamps, request, i)) {
+        if (covers(request, i) && is_last(lamps, request, i))
             lamps->states[i] = is_on(request) ? LAMP_LIT : LAMP_DARK;
-            lamps->off_due[i] = FALSE;
-        }
     lamps->watchdog_ms = answer->watchdog_ms;
     if (ok)
         check_others(lamps, answer);
@@ -427,9 +418,6 @@ static void deliver(struct serial_lamps *lamps) {
 
 static void feed(struct serial_lamps *lamps) {
     const gint64 now = clock_now_us(lamps->bank->device.clock);
-    for (int i = 0; i < lamps->n; i++)
-        if (lamps->off_due[i])
-            return;
     if (any_lit(lamps) && lamps->fd >= 0 && g_queue_is_empty(&lamps->requests) &&
         now - lamps->fed_us >= lamps->watchdog_ms * (gint64)1000 / PINGS)
         add(lamps, LAMP_PING, -1, 0);
