@@ -18,6 +18,8 @@
 #define DARK_MS 2000
 #define LATE_MS 50 /* the driver may send lines this long before the runner is asked */
 
+static const int levels[N_LAMPS] = {255, 1, 20, 255, 128, 254};
+
 static GSubprocess *runner;
 static char *section;
 
@@ -48,7 +50,7 @@ static struct board tell(const char *command) {
                            &pins[3], &pins[4], &pins[5], &board.now_ms, &board.dark_ms),
                     ==, N_LAMPS + 2);
     for (int i = 0; i < N_LAMPS; i++)
-        board.lit |= pins[i];
+        board.lit |= pins[i] > 0;
     return board;
 }
 
@@ -100,7 +102,7 @@ static void set_lamp(struct bench *bench, int index, gboolean on) {
     g_assert_cmpint(bench->n_lost, ==, 0);
 }
 
-/* Each lamp is on its pin. */
+/* Each lamp is on its pin, with its level. */
 static void pins(void) {
     struct bench bench;
     begin(&bench);
@@ -108,7 +110,7 @@ static void pins(void) {
         set_lamp(&bench, i, TRUE);
         const struct board board = tell("state");
         for (int k = 0; k < N_LAMPS; k++)
-            g_assert_cmpint(board.pins[k], ==, k == i);
+            g_assert_cmpint(board.pins[k], ==, k == i ? levels[i] : 0);
         set_lamp(&bench, i, FALSE);
     }
     end(&bench);
@@ -121,7 +123,7 @@ static void stays_lit(void) {
     const double begun_ms = tell("state").now_ms;
     UNTIL (tell("state").now_ms > begun_ms + 3 * DARK_MS) {
         conformance_pass(bench.clock, 0.05);
-        g_assert_cmpint(tell("state").pins[4], ==, 1);
+        g_assert_cmpint(tell("state").pins[4], ==, levels[4]);
     }
     g_assert_cmpint(bench.n_lost, ==, 0);
     end(&bench);
@@ -137,7 +139,7 @@ static void expect_lost(struct bench *bench, const char *words) {
     g_assert_false(tell("state").lit);
     bench->n_lost = 0;
     set_lamp(bench, 1, TRUE);
-    g_assert_cmpint(tell("state").pins[1], ==, 1);
+    g_assert_cmpint(tell("state").pins[1], ==, levels[1]);
     end(bench);
 }
 
@@ -187,7 +189,9 @@ int main(int argc, char **argv) {
     g_autofree char *port = g_build_filename(argv[3], "port", NULL);
     runner = ok(g_subprocess_new(G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE,
                                  ERR, argv[1], argv[2], port, NULL));
-    section = g_strdup_printf("[lamps test]\ndriver = serial-lamps\nport = %s\n", port);
+    section = g_strdup_printf("[lamps test]\ndriver = serial-lamps\nport = %s\n"
+                              "levels = 255;1;20;255;128;254\n",
+                              port);
     board.section = section;
     tell("");
     conformance_lamps(&serial_lamps_driver, &board);

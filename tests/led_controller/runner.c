@@ -6,8 +6,9 @@
  *     runner FIRMWARE.elf LINK
  *
  * LINK becomes a link to the pseudo-terminal. A line on standard input is a command. Its answer has
- * the levels of the pins of lamps 0 to 5, each 0 or 1, the time of the board in ms, and the time at
- * which the last lamp went off:
+ * the levels of the pins of lamps 0 to 5, each 0 to 255, the time of the board in ms, and the time
+ * at which the last lamp went off. A pin that a timer operates has the level of its compare
+ * register:
  *     state            nothing else
  *     wire 0|1|2       0: works; 1: what the board sends is lost; 2: nothing passes
  *     reset            pushes the reset button
@@ -34,11 +35,13 @@
 #define SLICE     (FREQUENCY / 1000) /* cycles between two looks at the host */
 #define N_LAMPS   6
 
-/* The pins 3, 5, 6, 9, 10, 11 of an Arduino Uno. */
+/* The pins 3, 5, 6, 9, 10, 11 of an Arduino Uno, and the registers of their timers in an
+ * ATmega328P: the bit of TCCRnA that connects the pin, and OCRnx. */
 static const struct {
     char port;
-    int pin;
-} pins[N_LAMPS] = {{'D', 3}, {'D', 5}, {'D', 6}, {'B', 1}, {'B', 2}, {'B', 3}};
+    int pin, control, bit, compare;
+} pins[N_LAMPS] = {{'D', 3, 0xb0, 5, 0xb4}, {'D', 5, 0x44, 5, 0x48}, {'D', 6, 0x44, 7, 0x47},
+                   {'B', 1, 0x80, 7, 0x88}, {'B', 2, 0x80, 5, 0x8a}, {'B', 3, 0xb0, 7, 0xb3}};
 
 static avr_t *avr;
 static int wire, fault;
@@ -78,18 +81,21 @@ static void set_up_uart(void) {
     avr_irq_register_notify(avr_io_getirq(avr, uart, UART_IRQ_OUT_XOFF), on_flow, NULL);
 }
 
-/* Whether a pin is an output and high. */
-static int is_high(int lamp) {
+static int level_of(int lamp) {
     avr_ioport_state_t state;
     if (avr_ioctl(avr, AVR_IOCTL_IOPORT_GETSTATE(pins[lamp].port), &state) != 0)
         return 0;
-    return (state.port & state.ddr) >> pins[lamp].pin & 1;
+    if (!(state.ddr >> pins[lamp].pin & 1))
+        return 0;
+    if (avr->data[pins[lamp].control] >> pins[lamp].bit & 1)
+        return avr->data[pins[lamp].compare];
+    return state.port >> pins[lamp].pin & 1 ? 255 : 0;
 }
 
 static void watch_pins(void) {
     int now = 0;
     for (int i = 0; i < N_LAMPS; i++)
-        now |= is_high(i);
+        now |= level_of(i);
     if (lit && !now)
         dark_cycle = avr->cycle;
     lit = now;
@@ -140,7 +146,7 @@ static void obey(const char *line, FILE *answers) {
         return;
     }
     for (int i = 0; i < N_LAMPS; i++)
-        fprintf(answers, "%d ", is_high(i));
+        fprintf(answers, "%d ", level_of(i));
     fprintf(answers, "%.1f %.1f\n", (double)avr->cycle / (FREQUENCY / 1000),
             (double)dark_cycle / (FREQUENCY / 1000));
 }

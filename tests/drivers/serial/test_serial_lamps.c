@@ -131,6 +131,17 @@ TEST(stays_lit) {
     end(&bench);
 }
 
+TEST(close_lit) {
+    struct bench bench;
+    begin(&bench, "");
+    light(&bench, 2);
+    lamps_close(bench.bank);
+    g_assert_false(state_of(&bench).lit);
+    g_assert_cmpint(state_of(&bench).n_watchdog, ==, 0);
+    bench.bank = NULL;
+    end(&bench);
+}
+
 /* A program that hangs: the lamps go off by themselves, and are not switched on again. */
 TEST(program_hangs) {
     struct bench bench;
