@@ -51,11 +51,11 @@ static int run(const struct call *call, GError **error) {
                output, result->width, result->height, PLURAL(result->clusters, "cluster"),
                PLURAL(result->components, "component"), PLURAL(result->levels, "level"),
                result->grid);
-    record_int(to, "mdf_terms", result->mdf_terms);
+    record_boolean(to, "silhouettes", result->shell);
     record_boolean(to, "compressed", result->compressed);
     record_say(to, "%" G_GINT64_FORMAT "{bytes:size}, in %g{real_s:time}\n", result->bytes,
                seconds);
-    if (result->mdf_terms == 0)
+    if (!result->shell)
         record_say(to, "There is no mdf.exr: the page shows no silhouettes of the structure.\n");
     cli_tell_output(to, file);
     return CLI_DONE;

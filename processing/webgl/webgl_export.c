@@ -47,7 +47,7 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
     const struct lpca *lpca = source->levels[0];
     g_autofree char *base = g_path_get_basename(asked->path);
     const struct webgl_pack pack = {lpca->name && *lpca->name ? lpca->name : base, source->levels,
-                                    source->n_levels, source->mdf};
+                                    source->n_levels, source->shell};
     const int n = grid(asked, &pack, error);
     g_autoptr(GBytes) material = n > 0 ? webgl_pack(&pack, n, work, error) : NULL;
     if (!material)
@@ -60,7 +60,7 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
                                         .components = lpca->n_components,
                                         .levels = source->n_levels,
                                         .grid = n,
-                                        .mdf_terms = source->mdf ? source->mdf->n_terms : 0,
+                                        .shell = source->shell != NULL,
                                         .compressed = source->compressed,
                                         .bytes = (gint64)g_bytes_get_size(output)};
     return output_file_write(asked->output, g_bytes_get_data(output, NULL),

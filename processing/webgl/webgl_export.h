@@ -14,7 +14,7 @@ struct webgl_export {
 
 struct webgl_export_result {
     int width, height, clusters, components, levels, grid;
-    int mdf_terms;       /* number of maps of the MDF; 0 if there is no MDF */
+    gboolean shell;      /* whether there is an MDF, from which the shell is made */
     gboolean compressed; /* whether the material was compressed for this export */
     gint64 bytes;
 };

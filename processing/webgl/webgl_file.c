@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define MAGIC "mesoweb1"
+#define MAGIC "mesoweb2"
 #define LEVEL 6
 #define BLOCK 65536
 

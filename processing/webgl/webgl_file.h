@@ -1,6 +1,6 @@
 /* The file format of a material for WebGL, which renderer/web/material_file.js reads:
  *
- *   bytes 0 … 7     "mesoweb1"
+ *   bytes 0 … 7     "mesoweb2"; the digit is the version
  *   bytes 8 … 11    length of the header, little-endian
  *   header          JSON in UTF-8: the caller's description of the material, and "sections", an
  *                   array of {"name", "bytes", "size"}: bytes in the file, size after inflating

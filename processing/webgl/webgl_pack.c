@@ -5,7 +5,6 @@
 
 #include "base/data_error.h"
 #include "codecs/lpca/lpca_volumes.h"
-#include "codecs/mdf_codecs/mdf_tabulated.h"
 #include "exr/exr_half.h"
 
 #define HALF_MAX 65504.0F
@@ -32,16 +31,17 @@ static gsize webgl_pack_block(int n) {
     return 3 * samples * (samples + 1);
 }
 
+static gsize shell_bytes(const struct mdf_shell *s) {
+    return (gsize)s->width * (gsize)s->height * (gsize)s->depth;
+}
+
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
     const struct totals all = webgl_pack_totals(pack);
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
     gsize bytes = all.texels * 2 * (1 + (gsize)all.components);
     bytes += (gsize)all.clusters * (2 + (gsize)all.components) * webgl_pack_block(n);
-    if (pack->mdf) {
-        const gsize layers = mdf_factors_layers(pack->mdf->n_terms);
-        bytes += layers * MDF_TABULATED_MAPS * (gsize)pack->mdf->width * (gsize)pack->mdf->height;
-        bytes += (layers + 1) * sizeof(guint16) * MDF_TABULATED_PAGE;
-    }
+    if (pack->shell)
+        bytes += shell_bytes(pack->shell);
     return (gint64)bytes;
 }
 
@@ -147,33 +147,23 @@ static gboolean webgl_pack_volumes(WebglFile *file, const struct webgl_pack *pac
            webgl_file_add(file, "brdfs", brdfs, clusters * components * block, error);
 }
 
-static gboolean factors(WebglFile *file, const struct mdf_factors *f, GError **error) {
-    const gsize n = (gsize)(mdf_factors_layers(f->n_terms) + 1) * MDF_TABULATED_PAGE;
-    g_autoptr(Directions) views = directions_new(f->theta_deg, f->phi_deg, f->n_views, error);
-    if (!views)
-        return FALSE;
-    g_autofree float *table = mdf_factors_tabulate(f, views);
-    g_autofree guint16 *halves = g_new(guint16, n);
-    exr_half_from_floats(halves, table, n);
-    return webgl_file_add(file, "mdf_factors", halves, sizeof *halves * n, error);
-}
-
-static gboolean webgl_pack_mdf(WebglFile *file, const struct mdf_factors *f, GError **error) {
-    const gsize texels = (gsize)f->width * (gsize)f->height;
-    const gsize layers = (gsize)mdf_factors_layers(f->n_terms);
-    g_autofree guint8 *maps = g_new0(guint8, layers * MDF_TABULATED_MAPS * texels);
-    for (gsize term = 0; term < (gsize)f->n_terms; term++)
-        for (gsize k = 0; k < texels; k++)
-            maps[MDF_TABULATED_MAPS * (term / MDF_TABULATED_MAPS * texels + k) +
-                 term % MDF_TABULATED_MAPS] = f->maps[texels * term + k];
-    return webgl_file_add(file, "mdf_maps", maps, layers * MDF_TABULATED_MAPS * texels, error) &&
-           factors(file, f, error);
+static GVariant *shell_info(const struct mdf_shell *s) {
+    GVariantDict shell;
+    g_variant_dict_init(&shell, NULL);
+    g_variant_dict_insert(&shell, "width", "i", s->width);
+    g_variant_dict_insert(&shell, "height", "i", s->height);
+    g_variant_dict_insert(&shell, "depth", "i", s->depth);
+    g_variant_dict_insert(&shell, "width_mm", "d", s->width_mm);
+    g_variant_dict_insert(&shell, "height_mm", "d", s->height_mm);
+    g_variant_dict_insert(&shell, "depth_mm", "d", s->depth_mm);
+    g_variant_dict_insert(&shell, "top_mm", "d", s->top_mm);
+    g_variant_dict_insert(&shell, "most_per_mm", "d", s->most_per_mm);
+    return g_variant_dict_end(&shell);
 }
 
 static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n) {
     const struct btf_layout *layout = &pack->levels[0]->layout;
-    const struct mdf_factors *f = pack->mdf;
-    GVariantDict info, mdf;
+    GVariantDict info;
     GVariantBuilder levels;
     g_variant_builder_init(&levels, G_VARIANT_TYPE("aax"));
     for (int k = 0; k < pack->n_levels; k++)
@@ -188,17 +178,8 @@ static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct tot
     g_variant_dict_insert(&info, "components", "i", all->components);
     g_variant_dict_insert(&info, "grid", "i", n);
     g_variant_dict_insert(&info, "views", "i", (int)pack->levels[0]->layout.views.n);
-    if (f) {
-        g_variant_dict_init(&mdf, NULL);
-        g_variant_dict_insert(&mdf, "width", "i", f->width);
-        g_variant_dict_insert(&mdf, "height", "i", f->height);
-        g_variant_dict_insert(&mdf, "layers", "i", mdf_factors_layers(f->n_terms));
-        g_variant_dict_insert(&mdf, "table", "i", MDF_TABULATED_SIZE);
-        g_variant_dict_insert(&mdf, "width_mm", "d", f->width * f->texel_mm);
-        g_variant_dict_insert(&mdf, "height_mm", "d", f->height * f->texel_mm);
-        g_variant_dict_insert(&mdf, "deepest_mm", "d", f->deepest_mm);
-        g_variant_dict_insert_value(&info, "mdf", g_variant_dict_end(&mdf));
-    }
+    if (pack->shell)
+        g_variant_dict_insert_value(&info, "shell", shell_info(pack->shell));
     return g_variant_dict_end(&info);
 }
 
@@ -217,7 +198,8 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
     }
     if (!webgl_pack_texels(file, pack, &all, error) ||
         !webgl_pack_volumes(file, pack, &all, n, work, error) ||
-        (pack->mdf && !webgl_pack_mdf(file, pack->mdf, error)))
+        (pack->shell &&
+         !webgl_file_add(file, "shell", pack->shell->values, shell_bytes(pack->shell), error)))
         return NULL;
     return webgl_file_bytes(file, webgl_pack_info(pack, &all, n));
 }

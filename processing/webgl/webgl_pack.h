@@ -1,7 +1,7 @@
 /*
  * The textures from which a WebGL page draws a material. They hold the same numbers as the textures
  * of mesorig-view's method lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h)
- * and of an MDF as factors (mdf_factors.h), so that the page shows the same picture as the viewer.
+ * and of the shell of an MDF (mdf_shell.h), so that the page shows the same picture as the viewer.
  * Any thread.
  *
  * Sections. L is the number of mip levels; K, c and n are in the header of the file ("clusters" of
@@ -11,16 +11,14 @@
  *   scales        K × c floats, by which the weights of a cluster are multiplied
  *   means         K blocks of (n² + 1) × n² × 3 halves
  *   brdfs         K × c blocks of (n² + 1) × n² × 3 signed bytes
- *   mdf_maps      layers of four maps: height × width × 4 bytes
- *   mdf_factors   layers + 1 of 256 × 256 × 4 halves: weights of the maps by direction (times 255);
- *                 the last layer has the weight W_0, which belongs to no map
+ *   shell         the values of mdf_shell.h: depth × height × width bytes; only if there is an MDF.
+ *                 The header has the other members of mdf_shell.h in "shell".
  */
 #pragma once
 
 #include "base/work.h"
 #include "codecs/lpca/lpca.h"
-#include "codecs/mdf_codecs/mdf_factors.h"
-#include "directions/directions.h"
+#include "mdf/mdf_shell.h"
 #include "webgl_file.h"
 
 #define WEBGL_PACK_GRID_MIN 4
@@ -31,7 +29,7 @@ struct webgl_pack {
     const char *name;
     struct lpca *const *levels; /* LPCA_RGB, with more than one cluster if they were packed */
     int n_levels;
-    const struct mdf_factors *mdf; /* NULL if there is none */
+    const struct mdf_shell *shell; /* NULL if there is no MDF */
 };
 
 /* Returns the bytes of all sections before compression, on a grid of n. */

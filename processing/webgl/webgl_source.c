@@ -3,13 +3,11 @@
 #include "base/data_error.h"
 #include "codecs/codecs.h"
 #include "codecs/lpca/lpca_pack.h"
-#include "codecs/mdf_codecs/mdf_blocks.h"
-#include "codecs/mdf_codecs/mdf_packed.h"
+#include "codecs/mdf_codecs/mdf_source.h"
 #include "session/session.h"
 
 #define CLUSTERS   32 /* defaults of “mesorig compress” */
 #define COMPONENTS 8
-#define TERMS      8
 
 /* Returns the BTF that a material of another codec reconstructs. Returns NULL with an error if it
  * does not fit into memory. */
@@ -95,30 +93,15 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     return source->n_levels > 0;
 }
 
-/* Reads an MDF in any form and converts it to factors (TERMS maps if they are computed). */
-static gboolean read_mdf(struct webgl_source *source, const char *file, const struct work *work,
-                         GError **error) {
-    const enum mdf_kind kind = mdf_kind(file);
-    if (!session_check_product(file, error))
+/* Reads an MDF in any form and makes the shell that mesorig-view draws. */
+static gboolean read_shell(struct webgl_source *source, const char *file, GError **error) {
+    struct mdf_source *mdf = mdf_source_read(file, error);
+    if (!mdf)
         return FALSE;
-    if (kind == MDF_KIND_FACTORS) {
-        source->mdf = mdf_factors_read(file, error);
-        return source->mdf != NULL;
-    }
-    g_autoptr(MdfTable) table = NULL;
-    if (kind == MDF_KIND_BLOCKS) {
-        struct mdf_blocks *blocks = mdf_blocks_read(file, error);
-        table = blocks ? mdf_blocks_table(blocks) : NULL;
-        mdf_blocks_free(blocks);
-    } else {
-        table = mdf_table_read(file, error);
-    }
-    if (!table)
-        return FALSE;
-    const int n_measured = table->n_views;
-    mdf_table_add_grazing(table);
-    source->mdf = mdf_factors_compute(table, n_measured, TERMS, 0, work->cancellable, error);
-    return source->mdf != NULL;
+    g_autoptr(MdfTable) decoded = mdf->factors ? mdf_factors_table(mdf->factors) : NULL;
+    source->shell = mdf_shell_new(decoded ? decoded : mdf->table);
+    mdf_source_free(mdf);
+    return TRUE;
 }
 
 gboolean webgl_source_open(struct webgl_source *source, const char *path, const char *mdf,
@@ -135,12 +118,12 @@ gboolean webgl_source_open(struct webgl_source *source, const char *path, const 
                             : convert(source, path, work, error);
     if (!ok || (!mdf && !g_file_test(beside, G_FILE_TEST_EXISTS)))
         return ok;
-    return read_mdf(source, mdf ? mdf : beside, work, error);
+    return read_shell(source, mdf ? mdf : beside, error);
 }
 
 void webgl_source_clear(struct webgl_source *source) {
     for (int k = 0; k < source->n_levels; k++)
         lpca_free(source->levels[k]);
-    mdf_factors_free(source->mdf);
+    mdf_shell_free(source->shell);
     *source = (struct webgl_source){0};
 }

@@ -1,15 +1,15 @@
 /* The source of an export for WebGL, read from a session or a compressed material: a local PCA in
- * R, G, B, and the MDF as factors. Other forms are converted. Any thread. */
+ * R, G, B, and the shell of the MDF. Other forms are converted. Any thread. */
 #pragma once
 
 #include "base/work.h"
 #include "codecs/lpca/lpca_levels.h"
-#include "codecs/mdf_codecs/mdf_factors.h"
+#include "mdf/mdf_shell.h"
 
 struct webgl_source {
     struct lpca *levels[LPCA_MAX_LEVELS];
     int n_levels;
-    struct mdf_factors *mdf; /* NULL if there is none */
+    struct mdf_shell *shell; /* NULL if there is no MDF */
     gboolean compressed;     /* whether the local PCA was computed for this export */
 };
 

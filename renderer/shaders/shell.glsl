@@ -61,6 +61,8 @@ float way_to_base(vec3 v) {
 // ray, in the frame of the mesh. The ray is marched to its deepest point, or to the base. The other
 // half of a ray that leaves again is marched from its other end.
 below below_mesh(vec3 v, float level) {
+    if (mdf_deepest <= 0.0)
+        return below(0.0, 1e30); // a smooth surface
     mat2 b = mat2(bending.x, bending.y, bending.y, bending.z);
     vec3 mm = mesh_mm();
     float slope = max(v.z, MIN_SLOPE), k = bend_along(v, b), deepest = mdf_deepest * mm.z;

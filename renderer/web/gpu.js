@@ -2,7 +2,7 @@
 import { shaders } from "./shaders.js";
 
 // Replaces "#version 330 core". Some samplers have no default precision in WebGL, and others have a
-// low one. There is no index map.
+// low one. There is no index map. Callers define CURVED.
 const head = `#version 300 es
 precision highp float;
 precision highp int;
@@ -14,7 +14,7 @@ precision highp usampler2D;
 precision highp sampler2DShadow;
 precision highp sampler2DArrayShadow;
 #define PLACES 0
-#define CURVED 0
+#define PLACES_LEVEL 0
 `;
 
 // Returns the text of a vertex or fragment shader that consists of these files. constants has lines
@@ -30,7 +30,9 @@ export class Gpu {
     if (!gl.getExtension("EXT_color_buffer_float"))
       throw new Error("This device cannot draw into floating-point textures (EXT_color_buffer_float).");
     this.filtersFloats = gl.getExtension("OES_texture_float_linear") !== null;
+    this.largest = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     this.largest3D = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE);
+    this.mostLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
     this.programs = new Map();
     this.empty = gl.createVertexArray();
     this.blank = this.texture(gl.TEXTURE_2D, gl.RGBA8, 1, 1);

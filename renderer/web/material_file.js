@@ -1,8 +1,8 @@
 // Reads the file that "mesorig export web" writes. Its layout is described in
 // processing/webgl/webgl_file.h and webgl_pack.h.
 
-const magic = "mesoweb1";
-const headAt = magic.length + 4;
+const magic = "mesoweb", version = "2";
+const lengthAt = magic.length + version.length, headAt = lengthAt + 4;
 
 const arrays = {
   clusters: Uint16Array,
@@ -10,13 +10,22 @@ const arrays = {
   scales: Float32Array,
   means: Uint16Array, // halves
   brdfs: Int8Array,
-  mdf_maps: Uint8Array,
-  mdf_factors: Uint16Array, // halves
+  shell: Uint8Array,
 };
 
 async function inflate(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Response(stream).arrayBuffer();
+}
+
+// Checks the numbers of voxels and the lengths in the header, before a texture of this size is made.
+function checkShell({ shell, data }) {
+  const counts = [shell.width, shell.height, shell.depth];
+  const lengths = [shell.width_mm, shell.height_mm, shell.depth_mm, shell.top_mm, shell.most_per_mm];
+  const size = counts.every(n => Number.isInteger(n) && n > 0) ? counts[0] * counts[1] * counts[2] : 0;
+  if (!data.shell || data.shell.length !== size || !lengths.every(x => Number.isFinite(x) && x >= 0) ||
+      shell.width_mm === 0 || shell.height_mm === 0)
+    throw new Error("The material is damaged: its shell does not have the size that the header says.");
 }
 
 // Resolves to the header, with its sections as typed arrays in "data". bytes is a Uint8Array.
@@ -27,7 +36,11 @@ export async function readMaterial(bytes, progress = () => {}) {
   const text = new TextDecoder();
   if (bytes.length < headAt || text.decode(bytes.subarray(0, magic.length)) !== magic)
     throw new Error("This is not a material that “mesorig export web” wrote.");
-  const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(magic.length, true);
+  const found = text.decode(bytes.subarray(magic.length, lengthAt));
+  if (found !== version)
+    throw new Error(`The material has version ${found} of the format, and only version ${version} can be read; ` +
+      "export it again with “mesorig export web”.");
+  const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(lengthAt, true);
   const material = JSON.parse(text.decode(bytes.subarray(headAt, headAt + length)));
   material.data = {};
   let at = headAt + length;
@@ -42,6 +55,7 @@ export async function readMaterial(bytes, progress = () => {}) {
     at += section.bytes;
     progress((at - headAt - length) / whole);
   }
+  if (material.shell) checkShell(material);
   return material;
 }
 

@@ -4,7 +4,7 @@ import { CubeTexture, Data3DTexture, DataArrayTexture, GLSL3, Matrix4, RawShader
 import { Gpu, shaderText } from "./gpu.js";
 import { LocalPca, localPcaShaders } from "./local_pca.js";
 import { Relief } from "./relief.js";
-import { Mesh, vertexShapes } from "./shapes.js";
+import { Mesh, shapeAttributes, shapeStride, vertexShapes } from "./shapes.js";
 
 export { loadMaterial, readMaterial } from "./material_file.js";
 
@@ -27,7 +27,8 @@ void main() {
 const unversioned = text => text.slice(text.indexOf("\n") + 1);
 
 // Adds the attributes that the shaders read in addition to position, normal and uv: tangent, if it
-// is missing, scale (length of a step of 1 in u and in v) and bend (second fundamental form).
+// is missing, scale (length of a step of 1 in u and in v), bend (second fundamental form) and stretch
+// (gradients of ln scale).
 // Returns position, normal, tangent and uv interleaved, as in shapes.js.
 function completeGeometry(geometry) {
   if (!geometry.index) throw new Error("MesorigMaterial needs a geometry with an index; see mergeVertices().");
@@ -38,16 +39,14 @@ function completeGeometry(geometry) {
     vertices.set([position.getX(k), position.getY(k), position.getZ(k), normal.getX(k), normal.getY(k),
       normal.getZ(k), tangent.getX(k), tangent.getY(k), tangent.getZ(k), tangent.getW(k), uv.getX(k),
       uv.getY(k)], 12 * k);
-  if (!geometry.attributes.bend) {
-    const shape = vertexShapes(vertices, geometry.index.array);
-    const scale = new Float32Array(2 * n), bend = new Float32Array(3 * n);
-    for (let k = 0; k < n; k++) {
-      scale.set(shape.subarray(5 * k, 5 * k + 2), 2 * k);
-      bend.set(shape.subarray(5 * k + 2, 5 * k + 5), 3 * k);
+  if (!geometry.attributes.stretch) {
+    const shape = vertexShapes(vertices, geometry.index.array), Attribute = position.constructor;
+    for (const [name, size, at] of shapeAttributes) {
+      const values = new Float32Array(size * n);
+      for (let k = 0; k < n; k++)
+        values.set(shape.subarray(shapeStride * k + at, shapeStride * k + at + size), size * k);
+      geometry.setAttribute(name, new Attribute(values, size));
     }
-    const Attribute = position.constructor;
-    geometry.setAttribute("scale", new Attribute(scale, 2));
-    geometry.setAttribute("bend", new Attribute(bend, 3));
   }
   return vertices;
 }
@@ -78,12 +77,12 @@ export class MesorigMaterial extends RawShaderMaterial {
     this.pca = new LocalPca(this.gpu, material);
     this.relief = new Relief(this.gpu, material);
     renderer.resetState();
-    const constants = "#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
+    const constants = "#define CURVED 1\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n#define AMBIENT 1\n" +
       `#define TONED ${settings.toned === false ? 0 : 1}\n` + this.pca.constants;
     this.vertexShader = unversioned(shaderText("", ["mesh.vert"]));
     this.fragmentShader = unversioned(shaderText(`${constants}#define main shade_surface\n`,
       ["frame.glsl", "places.glsl", ...localPcaShaders, "shadow.glsl", "further.glsl", "lamps.glsl",
-        "visible.glsl", "surface_relief.frag", "tone.glsl"])) + ending;
+        "visible.glsl", "curved.glsl", "surface_relief.frag", "tone.glsl"])) + ending;
     this.put({ clusters: Texture, weights: DataArrayTexture, means: Data3DTexture, brdfs: Data3DTexture,
       view_map: CubeTexture, light_map: CubeTexture, seen: Texture, shadow_map: Texture },
     { ...this.pca.uniforms, n_lamps: 0 });

@@ -176,8 +176,8 @@ function showSettings() {
   $("ambient-value").value = `${Math.round(100 * settings.ambient)} %`;
   if (!settings.tiles) $("tiles").value = 0;
   $("tiles-value").value = `${tiles[0]} × ${tiles[1]}`;
-  $("silhouettes").checked = settings.silhouettes && Boolean(viewer.material.mdf);
-  $("silhouettes").disabled = !viewer.material.mdf;
+  $("silhouettes").checked = settings.silhouettes && Boolean(viewer.material.shell);
+  $("silhouettes").disabled = !viewer.material.shell;
   $("shadows").checked = settings.shadows;
 }
 

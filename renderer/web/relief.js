@@ -8,31 +8,51 @@ const reach = 2;         // distance from the origin to the plane from which a l
 const range = 4;         // length from depth 0 to depth 1, in radii
 const shadowSlack = 2;   // depth bias, in texels of the map
 
-// The MDF of a material as factors on the GPU, or a flat MDF if material is null.
-class Mdf {
-  constructor(gpu, material) {
-    const gl = gpu.gl, mdf = material && material.mdf;
-    this.layers = mdf ? mdf.layers : 0;
-    this.size = mdf ? [mdf.width_mm, mdf.height_mm] : [1, 1];
-    this.deepest = mdf ? mdf.deepest_mm : 0;
-    const width = mdf ? mdf.width : 1, height = mdf ? mdf.height : 1, table = mdf ? mdf.table : 1;
+// Returns the next mip level of a shell: the root of the mean square over each 2 × 2 voxels of a
+// layer, as halve_shell() in renderer/drawing/relief/mdf_texture.c. A Uint8ClampedArray rounds to the
+// nearest integer.
+function halveShell(values, w, h, depth) {
+  const toW = Math.max(w >> 1, 1), toH = Math.max(h >> 1, 1);
+  const ret = new Uint8ClampedArray(toW * toH * depth);
+  for (let at = 0; at < ret.length; at++) {
+    const i = at % toW, j = Math.floor(at / toW) % toH, layer = Math.floor(at / (toW * toH));
+    let sum = 0;
+    for (let k = 0; k < 4; k++) {
+      const x = Math.min(2 * i + (k & 1), w - 1), y = Math.min(2 * j + (k >> 1), h - 1);
+      sum += values[(layer * h + y) * w + x] ** 2;
+    }
+    ret[at] = Math.sqrt(sum / 4);
+  }
+  return ret;
+}
+
+// A smooth surface: its structure is 0 mm deep.
+const smooth = { width: 1, height: 1, depth: 1, width_mm: 1, height_mm: 1, depth_mm: 0, top_mm: 0, most_per_mm: 0 };
+
+// The shell of a material's MDF (processing/mdf/mdf_shell.h) on the GPU.
+class Shell {
+  // shell is that of the header of a material. values has a byte per voxel.
+  constructor(gpu, shell, values) {
+    const gl = gpu.gl, { depth } = shell;
+    let { width: w, height: h } = shell;
+    if (Math.max(w, h) > gpu.largest || depth > gpu.mostLayers)
+      throw new Error(`The material's shell of ${w} × ${h} × ${depth} voxels is too large for this device, whose ` +
+        `textures have ${gpu.largest} × ${gpu.largest} texels in ${gpu.mostLayers} layers.`);
+    this.texture = gl.createTexture();
+    this.size = [shell.width_mm, shell.height_mm];
+    this.uniforms = { mdf_shell: this.texture, mdf_most_per_mm: shell.most_per_mm, mdf_top: shell.top_mm,
+      mdf_size: this.size, mdf_deepest: shell.depth_mm };
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-    this.maps = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.maps);
-    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8, width, height, Math.max(this.layers, 1), 0, gl.RGBA,
-      gl.UNSIGNED_BYTE, mdf ? material.data.mdf_maps : new Uint8Array(4));
-    gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.texture);
     gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_NEAREST);
-    this.factors = gpu.texture(gl.TEXTURE_2D_ARRAY, gl.RGBA16F, table, table, this.layers + 1);
-    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, table, table, this.layers + 1, gl.RGBA, gl.HALF_FLOAT,
-      mdf ? material.data.mdf_factors : new Uint16Array(4));
-    gpu.filter(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-  }
-
-  get uniforms() {
-    return { mdf_depths: this.maps, mdf_factors: this.factors, mdf_layers: this.layers,
-      mdf_size: this.size, mdf_deepest: this.deepest };
+    for (let level = 0; ; level++) {
+      gl.texImage3D(gl.TEXTURE_2D_ARRAY, level, gl.R8, w, h, depth, 0, gl.RED, gl.UNSIGNED_BYTE, values);
+      if (w === 1 && h === 1) break;
+      values = halveShell(values, w, h, depth);
+      w = Math.max(w >> 1, 1);
+      h = Math.max(h >> 1, 1);
+    }
   }
 }
 
@@ -61,18 +81,18 @@ class Visibility {
     gl.disable(gl.CULL_FACE);
   }
 
-  // scene has mesh, mdf, tiles, projection, sight, reach, width and height. Returns a texture with
+  // scene has mesh, shell, tiles, projection, sight, reach, width and height. Returns a texture with
   // four values per pixel: the distance from the eye to the mesh, the distance along the ray from
   // the mesh to the structure, the distance from the mesh to the base of the structure, and 1. All
   // four are 0 where nothing is seen.
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
     const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "sight.glsl",
-      "curved.glsl", "relief.glsl"];
-    const constants = "#define MDF_MAPS 1\n";
+      "curved.glsl", "relief.glsl", "shell.glsl"];
+    const constants = "#define CURVED 0\n#define MDF_SHELL 1\n";
     const backs = gpu.program(constants, [...before, "peel_back.frag"]);
     const fronts = gpu.program(constants, [...before, "peel_front.frag"]);
-    const values = { ...scene.mdf.uniforms, projection: scene.projection, tiles: scene.tiles,
+    const values = { ...scene.shell.uniforms, projection: scene.projection, tiles: scene.tiles,
       sight: scene.sight, reach: scene.reach, straight: false };
     this.back = this.back.map(
       target => gpu.target(target, gl.RGBA32F, gl.DEPTH_COMPONENT24, width, height));
@@ -127,8 +147,8 @@ function lampMatrix(light, radius) {
 export class Relief {
   constructor(gpu, material) {
     this.gpu = gpu;
-    this.mdf = material.mdf ? new Mdf(gpu, material) : null;
-    this.smooth = new Mdf(gpu, null);
+    this.shell = material.shell ? new Shell(gpu, material.shell, material.data.shell) : null;
+    this.smooth = new Shell(gpu, smooth, new Uint8Array(1));
     this.eye = new Visibility(gpu);
     this.lamp = new Visibility(gpu);
     this.uniforms = {};
@@ -137,15 +157,15 @@ export class Relief {
   // scene has mesh, tiles, projection, eye, light, width, height, silhouettes, shadows and
   // shadowMap. Leaves another framebuffer bound. The results are in this.uniforms.
   prepare(scene) {
-    const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.mdf !== null;
-    const mdf = silhouettes ? this.mdf : this.smooth;
+    const { mesh, tiles, light } = scene, silhouettes = scene.silhouettes && this.shell !== null;
+    const shell = silhouettes ? this.shell : this.smooth;
     let seen = null;
     if (silhouettes)
-      seen = this.eye.find({ mesh, tiles, mdf, projection: scene.projection, sight: [...scene.eye, 1],
+      seen = this.eye.find({ mesh, tiles, shell, projection: scene.projection, sight: [...scene.eye, 1],
         reach: 0, width: scene.width, height: scene.height });
-    if (scene.shadows) this.findShadow(mesh, tiles, mdf, light, scene.shadowMap);
+    if (scene.shadows) this.findShadow(mesh, tiles, shell, light, scene.shadowMap);
     this.uniforms = {
-      seen, silhouettes, slack: slack * mesh.radius,
+      seen, silhouettes, slack: slack * mesh.radius, curved: silhouettes, mdf_size: shell.size,
       shadows: scene.shadows, shadow_map: scene.shadows ? this.shadowMap : null,
       shadow_light: light, shadow_right: rightOf(light), shadow_radius: mesh.radius,
       shadow_range: [reach * mesh.radius, range * mesh.radius,
@@ -153,10 +173,10 @@ export class Relief {
     };
   }
 
-  // Draws the shadow map, unless lamp, mesh, tiles, MDF and size are the same as in the last call.
-  findShadow(mesh, tiles, mdf, light, size) {
+  // Draws the shadow map, unless lamp, mesh, tiles, shell and size are the same as in the last call.
+  findShadow(mesh, tiles, shell, light, size) {
     const gl = this.gpu.gl, key = [...light, ...tiles, size];
-    if (this.key && this.key.mesh === mesh && this.key.mdf === mdf &&
+    if (this.key && this.key.mesh === mesh && this.key.shell === shell &&
         key.every((x, k) => x === this.key.values[k])) return;
     if (this.size !== size) {
       gl.deleteTexture(this.shadowMap || null);
@@ -164,7 +184,7 @@ export class Relief {
       this.shadowFrame = this.shadowFrame || gl.createFramebuffer();
       this.size = size;
     }
-    const seen = this.lamp.find({ mesh, tiles, mdf, projection: lampMatrix(light, mesh.radius),
+    const seen = this.lamp.find({ mesh, tiles, shell, projection: lampMatrix(light, mesh.radius),
       sight: [...light, 0], reach: reach * mesh.radius, width: size, height: size });
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.shadowFrame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.shadowMap, 0);
@@ -174,18 +194,14 @@ export class Relief {
       { seen, range: range * mesh.radius });
     this.gpu.fillScreen();
     gl.depthFunc(gl.LESS);
-    this.key = { mesh, mdf, values: key };
+    this.key = { mesh, shell, values: key };
   }
 
   free() {
     const gl = this.gpu.gl;
     this.eye.free();
     this.lamp.free();
-    for (const mdf of [this.mdf, this.smooth]) {
-      if (!mdf) continue;
-      gl.deleteTexture(mdf.maps);
-      gl.deleteTexture(mdf.factors);
-    }
+    for (const shell of [this.shell, this.smooth]) if (shell) gl.deleteTexture(shell.texture);
     gl.deleteTexture(this.shadowMap || null);
     gl.deleteFramebuffer(this.shadowFrame || null);
   }

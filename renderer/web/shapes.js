@@ -4,11 +4,12 @@
 // number of floats of a vertex: position 3, normal 3, tangent 4, uv 2
 const stride = 12;
 // number of floats of the local shape at a vertex: lengths of a step of 1 in u and in v (2), second
-// fundamental form (3)
-const shapeStride = 5;
+// fundamental form (3), gradients of ln scale along tangent and bitangent (4)
+export const shapeStride = 9;
 
 const attributes = [["position", 3, 0], ["normal", 3, 3], ["tangent", 4, 6], ["uv", 2, 10]];
-const shapeAttributes = [["scale", 2, 0], ["bend", 3, 2]];
+// name, number of floats, first float
+export const shapeAttributes = [["scale", 2, 0], ["bend", 3, 2], ["stretch", 4, 5]];
 
 const TAU = 2 * Math.PI;
 
@@ -113,10 +114,11 @@ export const shapeNames = Object.keys(shapes);
 // Number of sums over the triangles around a vertex, in this order: area; area × scale of u; area ×
 // scale of v; then over the edges aa, ab, bb, pa, pb + qa, qb. (a, b) is an edge and (p, q) the
 // change of the normal along it, both in the tangent frame. Least squares over them give the second
-// fundamental form.
-const sums = 9;
+// fundamental form. The last four are the changes of ln scale of u, times a and times b, and those
+// of v. Least squares over them give the gradients of ln scale.
+const sums = 13;
 
-function addScale(v, at, corners, total) {
+function addScale(v, corners, total) {
   const [p, q, r] = corners.map(k => k * stride);
   const e1 = [0, 1, 2].map(k => v[q + k] - v[p + k]), e2 = [0, 1, 2].map(k => v[r + k] - v[p + k]);
   const u1 = v[q + 10] - v[p + 10], v1 = v[q + 11] - v[p + 11];
@@ -134,17 +136,23 @@ function addScale(v, at, corners, total) {
   }
 }
 
-function addEdge(v, corner, from, to, total) {
-  const c = corner * stride, f = from * stride, g = to * stride, at = sums * corner;
+// Returns the bitangent of a vertex.
+function bitangent(v, corner) {
+  const c = corner * stride;
   const n = [v[c + 3], v[c + 4], v[c + 5]], t = [v[c + 6], v[c + 7], v[c + 8]], sign = v[c + 9];
-  const s = [sign * (n[1] * t[2] - n[2] * t[1]), sign * (n[2] * t[0] - n[0] * t[2]),
+  return [sign * (n[1] * t[2] - n[2] * t[1]), sign * (n[2] * t[0] - n[0] * t[2]),
     sign * (n[0] * t[1] - n[1] * t[0])];
+}
+
+function addEdge(v, corner, from, to, total) {
+  const t = corner * stride + 6, f = from * stride, g = to * stride, at = sums * corner;
+  const s = bitangent(v, corner);
   let a = 0, b = 0, p = 0, q = 0;
   for (let k = 0; k < 3; k++) {
     const edge = v[g + k] - v[f + k], change = v[g + 3 + k] - v[f + 3 + k];
-    a += edge * t[k];
+    a += edge * v[t + k];
     b += edge * s[k];
-    p += change * t[k];
+    p += change * v[t + k];
     q += change * s[k];
   }
   total[at + 3] += a * a;
@@ -166,16 +174,50 @@ function solve(total, at) {
   return [(pa - ab * m) / aa, m, (qb - ab * m) / bb].map(x => (Number.isFinite(x) ? x : 0));
 }
 
-// Returns shapeStride numbers per vertex: the attributes "scale" and "bend" of mesh.vert. vertices
-// has stride numbers per vertex.
+// Adds the changes of ln scale from one end of an edge to the other. shape has the scales.
+function addChange(v, corner, from, to, shape, total) {
+  const t = corner * stride + 6, f = from * stride, g = to * stride, at = sums * corner + 9;
+  const s = bitangent(v, corner);
+  let a = 0, b = 0;
+  for (let k = 0; k < 3; k++) {
+    a += (v[g + k] - v[f + k]) * v[t + k];
+    b += (v[g + k] - v[f + k]) * s[k];
+  }
+  for (let c = 0; c < 2; c++) {
+    const change = Math.log(shape[shapeStride * to + c] / shape[shapeStride * from + c]);
+    total[at + 2 * c] += change * a;
+    total[at + 2 * c + 1] += change * b;
+  }
+}
+
+// Returns the gradients of ln scale (u along t, u along b, v along t, v along b): solves (aa, ab; ab,
+// bb) (∂t, ∂b) = (change · a, change · b) for u and for v.
+function solveStretch(total, at) {
+  const aa = total[at + 3], ab = total[at + 4], bb = total[at + 5], determinant = aa * bb - ab * ab;
+  const ret = [0, 0, 0, 0];
+  if (!(determinant > 1e-9 * (aa + bb) ** 2)) return ret;
+  for (let c = 0; c < 2; c++) {
+    const [a, b] = [total[at + 9 + 2 * c], total[at + 10 + 2 * c]];
+    ret[2 * c] = (bb * a - ab * b) / determinant;
+    ret[2 * c + 1] = (aa * b - ab * a) / determinant;
+  }
+  return ret.map(x => (Number.isFinite(x) ? x : 0));
+}
+
+// Calls use(corner, from, to) for each vertex of a triangle and each edge of the triangle.
+function forEachEdge(indices, use) {
+  for (let k = 0; k < indices.length; k += 3)
+    for (let c = 0; c < 3; c++)
+      for (let e = 0; e < 3; e++) use(indices[k + c], indices[k + e], indices[k + (e + 1) % 3]);
+}
+
+// Returns shapeStride numbers per vertex: the shapeAttributes of mesh.vert. vertices has stride
+// numbers per vertex.
 export function vertexShapes(vertices, indices) {
   const n = vertices.length / stride, total = new Float64Array(sums * n);
-  for (let k = 0; k < indices.length; k += 3) {
-    const corners = [indices[k], indices[k + 1], indices[k + 2]];
-    addScale(vertices, 0, corners, total);
-    for (const corner of corners)
-      for (let e = 0; e < 3; e++) addEdge(vertices, corner, corners[e], corners[(e + 1) % 3], total);
-  }
+  for (let k = 0; k < indices.length; k += 3)
+    addScale(vertices, [indices[k], indices[k + 1], indices[k + 2]], total);
+  forEachEdge(indices, (corner, from, to) => addEdge(vertices, corner, from, to, total));
   const ret = new Float32Array(shapeStride * n);
   for (let k = 0; k < n; k++) {
     const at = sums * k, area = total[at];
@@ -183,6 +225,8 @@ export function vertexShapes(vertices, indices) {
       ret[shapeStride * k + c] = Math.max(area > 0 ? total[at + 1 + c] / area : 1, 1e-6);
     ret.set(solve(total, at), shapeStride * k + 2);
   }
+  forEachEdge(indices, (corner, from, to) => addChange(vertices, corner, from, to, ret, total));
+  for (let k = 0; k < n; k++) ret.set(solveStretch(total, sums * k), shapeStride * k + 5);
   return ret;
 }
 

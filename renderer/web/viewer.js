@@ -78,13 +78,13 @@ export class Viewer {
     const { gl, gpu, mesh, relief } = this;
     const { projection, eye } = cameraMatrix(this.fitted(s, width / height), mesh.radius, width / height);
     const light = directionFromDeg(s.lightThetaDeg, s.lightPhiDeg), tiles = s.tiles || mesh.tiles;
-    const structured = s.silhouettes && this.material.mdf, relieved = structured || s.shadows;
+    const structured = s.silhouettes && this.material.shell, relieved = structured || s.shadows;
     relief.prepare({ mesh, tiles, projection, eye, light, width, height, silhouettes: structured,
       shadows: s.shadows && s.lightBrightness > 0, shadowMap: s.shadowMap });
     const names = relieved
-      ? ["shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag"]
+      ? ["shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "curved.glsl", "surface_relief.frag"]
       : ["further.glsl", "lamps.glsl", "surface.frag"];
-    const constants = "#define LAMPS 0\n#define LAMP_SHADOWS 0\n" +
+    const constants = `#define CURVED ${relieved ? 1 : 0}\n#define LAMPS 0\n#define LAMP_SHADOWS 0\n` +
       `#define AMBIENT ${s.ambient > 0 ? 1 : 0}\n`;
     const program = gpu.program(constants + this.pca.constants,
       ["mesh.vert", "frame.glsl", "places.glsl", ...localPcaShaders, ...names]);

@@ -27,7 +27,7 @@
 #define HEIGHT     90
 #define SAMPLES    2
 #define SHADOW_MAP 256
-#define BOUND      0.5 /* mean CIEDE2000 */
+#define BOUND      0.25 /* mean CIEDE2000 */
 #define MB         1000000
 #define SIDE       128 /* of the material whose size is asked */
 #define CLUSTERS   32
@@ -92,7 +92,6 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     settings.light_phi_deg = v->phi_deg;
     settings.samples = SAMPLES;
     settings.silhouettes = settings.shadows = TRUE;
-    settings.visibility.views = TRUE; /* as the page */
     settings.shadow_size = SHADOW_MAP;
     g_autofree guint8 *rgb = ok(view_picture(viewer, &settings, WIDTH, HEIGHT, ERR));
     ok(picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, ERR));
@@ -205,7 +204,7 @@ TEST(file) {
     ok(lpca_write_levels(material, (struct lpca *const[]){lpca}, 1, ERR));
     g_free(process_mesorig(0, "export web %s -o %s", material, file));
     g_assert_true(g_file_get_contents(file, &text, &length, NULL));
-    g_assert_cmpmem(text, 8, "mesoweb1", 8);
+    g_assert_cmpmem(text, 8, "mesoweb2", 8);
     guint32 header;
     memcpy(&header, text + 8, sizeof header);
     header = GUINT32_FROM_LE(header);
@@ -392,6 +391,112 @@ TEST(cut) {
     /* In the middle of a piece of the material, before the program. */
     g_assert_true(g_file_set_contents(cut, text, second - text + 100, NULL));
     check_incomplete(browser, address);
+    browser_free(browser);
+}
+
+/* Opens a page that has the program of an exported page, but does not start it. The functions that
+ * tests call are in the object “parts”; browser_free(). */
+static Browser *open_program(void) {
+    g_autofree char *one = g_strdup(in_folder("program.exr")), *text = NULL;
+    g_autofree char *page = g_strdup(in_folder("program.html"));
+    g_autofree char *address = g_strconcat("file://", page, NULL);
+    webgl_test_write_constant(one, 0, LPCA_RGB);
+    g_unlink(page);
+    g_free(process_mesorig(0, "export web %s -o %s", one, page));
+    g_assert_true(g_file_get_contents(page, &text, NULL, NULL));
+    const char *begin = strstr(text, "<script type=\"module\">");
+    const char *end = begin ? strstr(begin, "window.programBegan = true;") : NULL;
+    g_assert_nonnull(end);
+    g_autofree char *program =
+        g_strdup_printf("<!doctype html>%.*s window.parts = { shapes, shapeStride, vertexShapes, "
+                        "halveShell, Shell, readMaterial };</script>",
+                        (int)(end - begin), begin);
+    g_assert_true(g_file_set_contents(page, program, -1, NULL));
+    Browser *browser = browser_new(640, 480);
+    browser_open(browser, address);
+    browser_wait(browser, "window.parts !== undefined");
+    return browser;
+}
+
+/* On the torus of radii 1 and r = 0.4, a step of u is 2π (1 + r cos b) long. The gradient of its
+ * logarithm is −sin b / (1 + r cos b) along the bitangent, which runs along the angle b of the
+ * tube. A step of v has the same length everywhere. */
+TEST(stretch) {
+    Browser *browser = open_program();
+    g_autofree char *said = browser_value(
+        browser, "(() => { const { vertices, indices } = parts.shapes.torus.make();"
+                 "const shape = parts.vertexShapes(vertices, indices);"
+                 "let worst = 0, most = 0;"
+                 "for (let j = 3; j < 94; j++) for (let i = 3; i < 190; i++) {"
+                 "  const b = 2 * Math.PI * j / 96, at = parts.shapeStride * (193 * j + i);"
+                 "  const is = [0, -Math.sin(b) / (1 + 0.4 * Math.cos(b)), 0, 0];"
+                 "  is.forEach((x, k) => {"
+                 "    worst = Math.max(worst, Math.abs(shape[at + 5 + k] - x));"
+                 "    most = Math.max(most, Math.abs(x)); });"
+                 "} return `${worst} ${most}`; })()");
+    g_auto(GStrv) numbers = g_strsplit(said, " ", 2);
+    const double worst = g_ascii_strtod(numbers[0], NULL), most = g_ascii_strtod(numbers[1], NULL);
+    g_test_message("stretch of the torus, up to %.3f: off by at most %.4f", most, worst);
+    g_assert_cmpfloat(most, >, 1.0);
+    g_assert_cmpfloat(worst, <, 0.01 * most);
+    browser_free(browser);
+}
+
+/* The root of the mean square of each 2 × 2 voxels of a layer, here of two layers of 4 × 3. The
+ * last row has no partner and does not count. */
+TEST(mip_levels) {
+    Browser *browser = open_program();
+    g_autofree char *half = browser_value(
+        browser, "String(parts.halveShell(new Uint8Array([10, 70, 0, 0, 50, 50, 0, 9, 1, 2, 3, "
+                 "4, 255, 255, 3, 5, 255, 255, 4, 6, 5, 6, 7, 8]), 4, 3, 2))");
+    /* √(100 + 4900 + 2500 + 2500) / 2 = 50, 9 / 2 to the even number, 255, √86 / 2 = 4.64 */
+    g_assert_cmpstr(half, ==, "50,4,255,5");
+    g_autofree char *column = browser_value(
+        browser, "String(parts.halveShell(new Uint8Array([6, 8, 3, 4, 0, 1, 30, 40]), 1, 4, 2))");
+    /* √((36 + 64) / 2) = 7.07, √(25 / 2) = 3.54, √(1 / 2) = 0.71, √(2500 / 2) = 35.4 */
+    g_assert_cmpstr(column, ==, "7,4,1,35");
+    browser_free(browser);
+}
+
+/* A file without sections, of this version and with this shell in its header. */
+static void check_refused(Browser *browser, const char *version, const char *shell,
+                          const char *words) {
+    g_autofree char *expression = g_strdup_printf(
+        "(() => { window.refused = null; const text = new TextEncoder();"
+        "const header = text.encode('{\"sections\": [], \"shell\": %s}');"
+        "const length = new Uint8Array(new Uint32Array([header.length]).buffer);"
+        "parts.readMaterial(new Uint8Array([...text.encode('%s'), ...length, ...header]))"
+        ".then(() => { window.refused = 'read'; }, error => { window.refused = error.message; });"
+        "return 'asked'; })()",
+        shell, version);
+    g_free(browser_value(browser, expression));
+    browser_wait(browser, "window.refused !== null");
+    g_autofree char *said = browser_value(browser, "window.refused");
+    assert_has(said, words);
+}
+
+TEST(damaged) {
+    static const char *const shells[] = {
+        "{}",
+        "null, \"none\": 0",
+        "{\"width\": 4, \"height\": 4, \"depth\": 4, \"width_mm\": 1, \"height_mm\": 1, "
+        "\"depth_mm\": 1, \"top_mm\": 0, \"most_per_mm\": 1}",
+        "{\"width\": 0, \"height\": 4, \"depth\": 4, \"width_mm\": 1, \"height_mm\": 1, "
+        "\"depth_mm\": 1, \"top_mm\": 0, \"most_per_mm\": 1}",
+        "{\"width\": 1e9, \"height\": 1e9, \"depth\": 1e9, \"width_mm\": 1, "
+        "\"height_mm\": 1, \"depth_mm\": 1, \"top_mm\": 0, \"most_per_mm\": 1}",
+    };
+    Browser *browser = open_program();
+    check_refused(browser, "mesoweb1", "{}", "has version 1 of the format, and only version 2");
+    check_refused(browser, "mesowebX", "{}", "export it again");
+    check_refused(browser, "mesorig2", "{}", "not a material that");
+    for (gsize k = 0; k < G_N_ELEMENTS(shells); k++)
+        check_refused(browser, "mesoweb2", shells[k], k == 1 ? "read" : "The material is damaged");
+    g_autofree char *large = browser_value(
+        browser, "(() => { try { new parts.Shell({ gl: null, largest: 2048, mostLayers: 256 },"
+                 "{ width: 64, height: 2049, depth: 1 }, null); } catch (error) { return "
+                 "error.message; } })()");
+    assert_has(large, "too large for this device");
     browser_free(browser);
 }
 
