@@ -137,6 +137,9 @@ static void test_pictures(gconstpointer data) {
     }
     g_autofree char *facts = browser_value(browser, "document.getElementById('facts').innerText");
     g_assert_cmpstr(facts, ==, "32 × 32 texels, 8.0 × 8.0 mm");
+    g_autofree char *offered =
+        browser_value(browser, "document.getElementById('silhouettes').checked");
+    g_assert_cmpstr(offered, ==, "true");
     browser_free(browser);
 }
 
