@@ -350,6 +350,7 @@ TEST(homing_moves_many_back) {
         expect(&bench, all[i], AXIS_HOMED);
     for (int i = 0; i < 5; i++)
         move(&bench, all[i], -100.125 - i);
+    virtual_gcode_fail(bench.board, &(struct virtual_gcode_faults){.late_ms = 100});
     home(&bench, &parts[3]);
     for (int i = 0; i < 5; i++)
         assert_at(&bench, i, HOME_AT - 2 * (100.125 + i));
