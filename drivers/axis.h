@@ -42,9 +42,9 @@ struct axis_motion {
     double stamp_ms; /* largest error of the times in these reports */
 };
 
-/* The options of a motion, for a driver's table. The driver adds a row for homing_s. at is the
- * offset of the struct axis_motion that the options fill. speed and accel are the defaults of
- * speed_deg_s and accel_deg_s2; NULL means that the user must give them. */
+/* The options of a motion, for a driver's table. The row for homing_s is AXIS_HOMING_OPTION, or the
+ * driver's own. at is the offset of the struct axis_motion that the options fill. speed and accel
+ * are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must give them. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
@@ -61,6 +61,9 @@ struct axis_motion {
      "Lost motion, taken up by always arriving in the positive direction"},                        \
     {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, AXIS_MOTION(at, settle_ms),            \
      "Time from arrival until the load is still"}
+#define AXIS_HOMING_OPTION(at)                                                                     \
+    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, AXIS_MOTION(at, homing_s),                \
+     "Duration of homing, for predicted times; 0: homing is not included in them"}
 #define AXIS_MOTION(at, field) ((at) + G_STRUCT_OFFSET(struct axis_motion, field))
 /* clang-format on */
 

@@ -64,8 +64,7 @@ static const char *const kind_choices[] = {"holding", "input", NULL};
 static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
-    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "Duration of homing, for predicted times; 0: homing is not included in them"},
+    AXIS_HOMING_OPTION(FIELD(motion)),
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position of the axis when the drive counts 0, which is where homing ends"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),

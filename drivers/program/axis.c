@@ -37,8 +37,7 @@ struct status {
 static const struct option options[] = {
     PROGRAM_OPTIONS(FIELD(command)),
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
-    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "Duration of homing, for predicted times; 0: homing is not included in them"},
+    AXIS_HOMING_OPTION(FIELD(motion)),
     {"tolerance_deg", OPTION_DOUBLE, "deg", 0, 10, "0.05", NULL, FIELD(tolerance_deg),
      "Largest difference between the target of a move and the position that the program reports "
      "at its end"},

@@ -38,8 +38,7 @@ static const struct option options[] = {
      "Units of the board in a degree, which it calls millimetres; negative: the board counts in "
      "the opposite direction"},
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
-    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "Duration of homing, for predicted times; 0: homing is not included in them"},
+    AXIS_HOMING_OPTION(FIELD(motion)),
     {"homing", OPTION_CHOICE, NULL, 0, 0, "all", homings, FIELD(homing),
      "all: the board homes all of its axes together ($H, G28). axis: it homes this axis ($HX, "
      "G28 X), which GRBL itself cannot do. here: no switch, the present position is home_deg"},

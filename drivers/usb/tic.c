@@ -122,8 +122,7 @@ static const struct option options[] = {
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
-    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "Duration of homing, for predicted times; 0: homing is not included in them"},
+    AXIS_HOMING_OPTION(FIELD(motion)),
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
      "Limit switch towards which the axis homes; here: no switch, the present position is "
      "home_deg"},
