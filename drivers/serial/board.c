@@ -482,7 +482,7 @@ static gboolean lock_port(GcodeBoard *board, GError **error) {
 static gboolean connect_port(GcodeBoard *board, GError **error) {
     if (!lock_port(board, error))
         return FALSE;
-    board->fd = gcode_port_open(board->link.port, board->link.baud, error);
+    board->fd = serial_port_open(board->link.port, board->link.baud, error);
     if (board->fd < 0)
         return FALSE;
     board->source = g_unix_fd_add(board->fd, G_IO_IN | G_IO_HUP | G_IO_ERR, on_input, board);

@@ -453,7 +453,7 @@ static gboolean open_port(struct serial_lamps *lamps, GError **error) {
         lock_release(lamps->lock);
         lamps->lock = lock;
     }
-    lamps->fd = gcode_port_open(lamps->port, lamps->baud, error);
+    lamps->fd = serial_port_open(lamps->port, lamps->baud, error);
     if (lamps->fd < 0)
         return FALSE;
     g_string_truncate(lamps->input, 0);

@@ -24,7 +24,7 @@ static gboolean set_raw(int fd, int baud) {
     return ioctl(fd, TCSETS2, &settings) == 0 && ioctl(fd, TCFLSH, TCIOFLUSH) == 0;
 }
 
-int gcode_port_open(const char *path, int baud, GError **error) {
+int serial_port_open(const char *path, int baud, GError **error) {
     int fd = modbus_serial_take(path);
     if (fd >= 0 && set_raw(fd, baud))
         return fd;

@@ -6,4 +6,4 @@
 /* Opens and locks a port that does not block. Discards input that was not read. Returns -1 with a
  * DEVICE_ERROR that names the port on failure. Close the descriptor with close(). On most Arduino
  * boards, opening the port resets the board. */
-int gcode_port_open(const char *path, int baud, GError **error);
+int serial_port_open(const char *path, int baud, GError **error);

@@ -75,7 +75,7 @@ static void fail(gpointer unused, enum conformance_fault fault) {
 
 /* Writes settings into the board, as its owner does with a terminal. */
 static void set_up(const char *const *lines) {
-    int fd = ok(gcode_port_open(port, 115200, ERR));
+    int fd = ok(serial_port_open(port, 115200, ERR));
     g_autoptr(GString) heard = g_string_new(NULL);
     UNTIL (strstr(heard->str, "to unlock]") || strstr(heard->str, "Grbl 1.1")) {
         char byte;
