@@ -3,12 +3,7 @@
 // and peel_front.frag find the face layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
-uniform bool straight;
 out vec4 seen;
-
-bool meets(float front, float back, float way) {
-    return straight ? front + back <= way : min(front, back) <= 0.5 * way;
-}
 
 // Returns the distance of the nearest back face beyond z (1e30 if there is none), and the distance
 // from there back to the structure.

@@ -11,7 +11,6 @@ uniform usampler2D
     mdf_indices; // indices of measured views over the hemisphere; see direction_table.h
 uniform sampler2D mdf_weights;
 uniform float mdf_deepest; // depth of the deepest structure, mm
-uniform bool straight; // the mesh is taken as flat under each ray, with the same scale for all axes
 
 const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
@@ -157,11 +156,3 @@ below below_mesh(vec3 v, float level) {
 }
 
 #endif
-
-// Returns whether a ray that enters at a front face and leaves through a back face after the
-// distance way meets the structure between them. front and back are the MDF distances from either
-// end. With straight, this is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each
-// half of the way has a separate chord.
-bool meets(float front, float back, float way) {
-    return straight ? front + back <= way : min(front, back) <= 0.5 * way;
-}

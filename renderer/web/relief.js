@@ -88,7 +88,7 @@ class Visibility {
   find(scene) {
     const { gpu } = this, gl = gpu.gl, { width, height, mesh } = scene;
     const before = ["mesh.vert", "frame.glsl", "places.glsl", "directions.glsl", "sight.glsl",
-      "curved.glsl", "relief.glsl", "shell.glsl"];
+      "curved.glsl", "meets.glsl", "relief.glsl", "shell.glsl"];
     const constants = "#define CURVED 0\n#define MDF_SHELL 1\n";
     const backs = gpu.program(constants, [...before, "peel_back.frag"]);
     const fronts = gpu.program(constants, [...before, "peel_front.frag"]);

@@ -20,7 +20,9 @@ struct Visibility {
     guint exits, find;
     guint query;
     struct gpu_target back[2], exit, seen;
-    guint stencil; /* stencil buffer of seen: the layer in which the surface of a pixel was found */
+    /* Stencil buffer of seen: with peeling, the layer in which the surface of a pixel was found;
+     * with lists, 1 where a pixel has a list. */
+    guint stencil;
     guint first, first_framebuffer, faces;
     int first_width, first_height;
     guint32 room; /* number of faces for which the buffer has space */
@@ -33,9 +35,9 @@ static gboolean make_programs(guint programs[N_PROGRAMS], enum form form,
         g_strdup_printf("#define CURVED 0\n#define MDF_MAPS %d\n%s%s%s", form == MAPS,
                         form == VOLUME ? "#define MDF_VOLUME 1\n" : "",
                         form == SHELL ? "#define MDF_SHELL 1\n" : "", of_places);
-    const char *names[11] = {"mesh.vert",  "frame.glsl",  "places.glsl", "directions.glsl",
-                             "sight.glsl", "curved.glsl", "relief.glsl"};
-    int n = 7;
+    const char *names[12] = {"mesh.vert",  "frame.glsl",  "places.glsl", "directions.glsl",
+                             "sight.glsl", "curved.glsl", "meets.glsl",  "relief.glsl"};
+    int n = 8;
     if (form == SHELL)
         names[n++] = "shell.glsl";
     names[n] = "peel_back.frag";
@@ -59,7 +61,8 @@ Visibility *visibility_new(GError **error) {
     const struct places_source repeated = {NULL, NULL};
     static const char *const exits[] = {"mesh.vert", "frame.glsl", "sight.glsl", "exits.frag",
                                         NULL};
-    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    static const char *const find[] = {"screen.vert", "meets.glsl", "list_nodes.glsl",
+                                       "list_find.frag", NULL};
     if (!make_programs(v->all_programs[0], VIEWS, &repeated, error) ||
         (gpu_has_43() && ((v->exits = gpu_program_43("", exits, error)) == 0 ||
                           (v->find = gpu_program_43("", find, error)) == 0)))
@@ -114,6 +117,11 @@ struct pass {
     guint textures[2];
 };
 
+static void draw_elements(const struct visibility_part *part) {
+    glDrawElements(GL_TRIANGLES, (GLsizei)part->n_indices, GL_UNSIGNED_INT,
+                   (const char *)NULL + sizeof(guint32) * (gsize)part->first_index);
+}
+
 static void draw_parts(const Visibility *v, const struct visibility_scene *s,
                        const struct pass *pass) {
     glBindVertexArray(s->array);
@@ -132,8 +140,7 @@ static void draw_parts(const Visibility *v, const struct visibility_scene *s,
                                  pass->textures[t]);
         if (pass->program == ADD)
             glUniform1ui(glGetUniformLocation(program, "room"), v->room);
-        glDrawElements(GL_TRIANGLES, (GLsizei)part->n_indices, GL_UNSIGNED_INT,
-                       (const char *)NULL + sizeof(guint32) * (gsize)part->first_index);
+        draw_elements(part);
     }
     glBindVertexArray(0);
 }
@@ -227,8 +234,7 @@ static void find_sure(Visibility *v, const struct visibility_scene *s) {
     glCullFace(GL_FRONT);
     glBindVertexArray(s->array);
     for (int k = 0; k < s->n_parts; k++)
-        glDrawElements(GL_TRIANGLES, (GLsizei)s->parts[k].n_indices, GL_UNSIGNED_INT,
-                       (const char *)NULL + sizeof(guint32) * (gsize)s->parts[k].first_index);
+        draw_elements(&s->parts[k]);
     glBindVertexArray(0);
     glStencilMask(0xff);
     glClearStencil(0);
