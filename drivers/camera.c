@@ -7,8 +7,7 @@
 #define DEADLINE_READOUTS 3
 #define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
 
-/* Largest accepted error of a camera's time stamps after conversion to the scale of the Clock.
- */
+/* Largest accepted error of a camera's time stamp that was converted to a time of the Clock. */
 #define STAMP_TOLERANCE_US 1000
 
 #define N_SEEN     8

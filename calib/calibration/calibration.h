@@ -193,9 +193,10 @@ struct calibration *calibration_from_text(const char *text, const char *path, GE
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 
-/* Checks that the calibration belongs to this rig. These must be the same: the id; the number and
- * names of cameras, lamps and lasers; the size of each camera and its place on the camera arm; and
- * which lamps and lasers the arc carries. Returns FALSE with RIG_ERROR_VALUE otherwise. */
+/* Checks that the calibration belongs to this rig. The id must be the same, and the number and
+ * names of cameras, lamps and lasers. The size of each camera and its place on the camera arm must
+ * be the same. The arc must carry the same lamps and lasers. Returns FALSE with RIG_ERROR_VALUE
+ * otherwise. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
 

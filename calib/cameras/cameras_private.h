@@ -121,8 +121,8 @@ gboolean cameras_solve(struct cameras_work *work, GError **error);
 
 /* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
  * error that names the mistake and returns TRUE. fitted says that the first fit has succeeded.
- * Returns FALSE at once if the residual is small. Otherwise returns FALSE after the fit without a
- * mistake was repeated, and sets unexplained_px if fitted. */
+ * Returns FALSE at once if the residual is small. If no mistake is found, it repeats the fit
+ * without a correction, sets unexplained_px if fitted, and returns FALSE. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
 /* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);

@@ -44,9 +44,9 @@ struct rig_camera {
     int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2, k4, k5, k6;
-    /* Relative excess of the lens's magnification of red, green and blue light about (cx, cy),
-     * compared with the parameters above, which are those of the mean of a colour filter's pixels.
-     * Within ± RIG_MAX_LATERAL; 0: there is no lateral colour, or it is not known. */
+    /* By how much the lens magnifies red, green and blue light more than the parameters above say,
+     * relative, about (cx, cy). The parameters are those of the mean of a colour filter's pixels.
+     * Within ± RIG_MAX_LATERAL. 0 means that there is no lateral colour, or that it is unknown. */
     double lateral_colour[3];
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;

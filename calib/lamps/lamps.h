@@ -126,8 +126,8 @@ gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *targ
 void lamps_result_clear(struct lamps_result *result);
 
 /* Predict the end of a post's shadow, and a ball's highlight. They return FALSE if the shadow or
- * highlight does not exist or is not visible. lamp_mm, and foot_mm or centre_mm, are in the same
- * frame, z up from the turntable. ret_radius_mm is the radius of the shadow's end, and may be
+ * highlight does not exist or is not visible. lamp_mm, foot_mm and centre_mm are in the same frame,
+ * with z up from the turntable. ret_radius_mm gets the radius of the shadow's end. It may be
  * NULL. */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm);

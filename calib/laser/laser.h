@@ -54,8 +54,8 @@ struct laser_result {
         stretch_error[RIG_MAX_LASERS];
     /* standard error of the bend, also if the bend is not significant */
     double bend_error_rad[RIG_MAX_LASERS];
-    /* TRUE if more than a quarter of a variance comes from the prior of the arc's axis and not from
-     * the measurement: of position, axis, zero, stretch. */
+    /* For the variances of position, axis, zero and stretch: TRUE if more than a quarter of the
+     * variance comes from the prior of the arc's axis instead of the measurement. */
     gboolean from_prior[RIG_MAX_LASERS][4];
     /* includes the part of the RMS that noise does not explain */
     struct rig_sheet_errors sheet[RIG_MAX_LASERS];

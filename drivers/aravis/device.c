@@ -258,7 +258,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
                      (guint)(options->resend_ms * 1000), "packet-timeout",
                      (guint)(options->resend_ms * 4000), "frame-retention",
                      (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
-        /* Aravis sets the size of the receive buffer only when the first packet arrives, too
+        /* Aravis sets the size of the receive buffer when the first packet arrives. This is too
          * late for the first frame. */
         socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), room);
     }

@@ -25,8 +25,7 @@
 /* a light is dark below this share of the upper quartile of all lights */
 #define DARK    0.02
 #define MIN_COS 0.1
-/* minimum of a texel's largest value, relative to the largest value of all; darker texels are not
- * used */
+/* A texel is used if its largest value is at least this share of the largest value of all. */
 #define MIN_VALUE  0.02
 #define STEPS      10 /* number of fits of a texel, each with the weights of the fit before */
 #define MIN_MISFIT 0.05

@@ -364,9 +364,10 @@ static gboolean has_sheet(const struct calibration_laser *known) {
     return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
 }
 
-/* Returns the standard errors of a laser's turn and roll. A turn by an angle moves the sheet at the
- * sample by this angle times the laser's distance. Calibrations of earlier versions do not have the
- * errors of the sheet; the errors of the laser's normal and axis are then used. */
+/* Returns the standard errors of a laser's turn and roll. If the laser
+ * turns, the sheet at the sample moves by the angle times the distance of the laser. Calibrations
+ * of earlier versions do not have the errors of the sheet. The errors of the laser's normal and
+ * axis are then used. */
 static struct laser_known catalogue_laser(const struct calibration_laser *known,
                                           const struct rig_laser *laser) {
     const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;

@@ -329,7 +329,7 @@ static void check_fins(gboolean views) {
         const double x = cos(angle) * (double)l[k] - sin(angle) * (double)l[k + 2];
         turned += fabs((double)end_l[k] - x) + fabs((double)end_l[k + 1] - (double)l[k + 1]);
     }
-    g_test_message("the BTF is looked up %.3f mm beside the fins, light %.4f off",
+    g_test_message("the BTF is looked up %.3f mm from the side of a fin; the light is off by %.4f",
                    miss_mm / MAX(n, 1), turned / MAX(n, 1));
     if (!views) {
         g_assert_cmpfloat(miss_mm, <, 0.4 * n);

@@ -4,7 +4,7 @@
 
 #include "btf/btf_checkpoint.h"
 
-/* version of the checkpoint's content; to be increased when the content changes */
+/* Version of the checkpoint's content. Increase it when the content changes. */
 #define KEPT_FORM 1
 
 static const char *const names[] = {

@@ -285,7 +285,7 @@ static void rotate_axes(int k, gpointer data) {
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
 }
 
-/* Replaces the weights w of each texel by T w, with the c × c matrix T of the texel's cluster in
+/* Replaces the weights w of each texel by T w. T is the c × c matrix of the texel's cluster, in
  * refine->rotations. */
 static void rotate_weights(int block, gpointer data) {
     const struct refine *refine = data;
