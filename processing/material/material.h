@@ -108,11 +108,36 @@ struct mesorig_hit {
     float normal[3]; /* unit normal of the surface at the point, as seen in this view */
 };
 
-/* Intersects n rays. uv is n × 2, view is n × 3. The distance is that of the MDF (Wang et al. 2005
- * §3), interpolated between texels and views. It is therefore also valid for structures that no
- * height field describes. Without relief the surface is the reference plane. */
+/* Intersects n rays with the flat sample. uv is n × 2, view is n × 3. The distance is that of the
+ * MDF (Wang et al. 2005 §3), interpolated between texels and views. Where interpolation would mix
+ * two surfaces, a ray is marched through a volume made from the MDF instead. The distance is
+ * therefore also valid for structure that no height field describes, such as grass. Without relief
+ * the surface is the reference plane. The first call prepares the volume. */
 int mesorig_material_intersect(const mesorig_material *material, size_t n, const float *uv,
                                const float *view, struct mesorig_hit *ret);
+
+/* A mesh at the point where a ray enters, in the frame of tangent (along u), bitangent (against v)
+ * and normal. Lengths are in the unit of the caller, the same for all. */
+struct mesorig_surface {
+    float tile[2]; /* length of a tile along u and along v */
+    /* second fundamental form (L, M, N). The normal curvature along the unit vector (a, b) is
+     * L a² + 2 M a b + N b², positive where the mesh bends away; 0 for a flat mesh */
+    float bend[3];
+    /* gradients along tangent and bitangent, first of ln tile[0], then of ln tile[1] */
+    float stretch[4];
+};
+
+/* Marches n rays through the relief of a curved mesh, for silhouettes and shadows. uv is n × 2,
+ * view is n × 3 and points against the ray, in the frame of the mesh. surface has n elements. limit
+ * (n) is the distance at which a ray ends, in the unit of the caller; NULL means that no ray ends.
+ * ret_distance (n) is the distance from the mesh to the structure, in the unit of the caller. It is
+ * −1 if the ray does not meet the structure before its limit, or if an argument is not valid: such
+ * a ray leaves the mesh again through a back face. Seen from there it can be marched as well, and
+ * the two halves of the ray are then nearer to the mesh. Without relief all distances are 0. The
+ * first call prepares the volume of mesorig_material_intersect(). */
+int mesorig_material_march(const mesorig_material *material, size_t n, const float *uv,
+                           const float *view, const struct mesorig_surface *surface,
+                           const float *limit, float *ret_distance);
 
 /* Draws n light directions with a density approximately proportional to the light that the material
  * reflects to the view. random is n × 2 in [0, 1); ret_light is n × 3. ret_pdf (n) is the density

@@ -3,28 +3,22 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_SLOPE 0.01 /* minimum slope of rays, as in renderer/shaders/relief.glsl */
+#define MIN_SLOPE 0.01 /* smallest z of a view that is divided by, as in shell_ray.c */
 
-/* D (x, y) is the depth of the ray below the reference plane for one view v. The distance is D /
- * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
- * (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). The product of this vector with v is v_z, so that it
- * faces the eye. */
 static void hit(const mesorig_material *m, const float *uv, struct vec3 v,
                 struct mesorig_hit *ret) {
-    double depth = 0, slope[2] = {0, 0}, width = 1, height = 1;
-    const double down = MAX(v.z, MIN_SLOPE);
-    const double view[3] = {v.x, v.y, v.z};
+    double depth = 0, width = 1, height = 1;
+    struct vec3 normal = vec3(0, 0, 1);
     if (m->relief) {
-        depth = material_relief_depth(m->relief, uv[0], uv[1], view, slope);
+        depth = material_relief_depth(m->relief, (double)uv[0], (double)uv[1], v, &normal);
         material_relief_size_mm(m->relief, &width, &height);
     }
-    const double distance = depth / down;
-    const struct vec3 normal =
-        vec3_unit(vec3(slope[0], slope[1], 1 - (v.x * slope[0] + v.y * slope[1]) / down));
+    const double distance = depth / MAX(v.z, MIN_SLOPE);
     *ret = (struct mesorig_hit){
         .hit = 1,
         .distance_mm = (float)distance,
-        .uv = {(float)(uv[0] - distance * v.x / width), (float)(uv[1] + distance * v.y / height)},
+        .uv = {(float)((double)uv[0] - distance * v.x / width),
+               (float)((double)uv[1] + distance * v.y / height)},
         .normal = {(float)normal.x, (float)normal.y, (float)normal.z},
     };
 }
@@ -39,6 +33,42 @@ int mesorig_material_intersect(const mesorig_material *m, size_t n, const float 
         memset(&ret[k], 0, sizeof ret[k]);
         if (isfinite(uv[2 * k]) && isfinite(uv[2 * k + 1]) && isfinite(length) && v.z > 0)
             hit(m, uv + 2 * k, vec3_scale(v, 1 / length), &ret[k]);
+    }
+    return MESORIG_OK;
+}
+
+static float march(const struct mdf_shell *shell, const float *uv, struct vec3 v,
+                   const struct mesorig_surface *s, double limit) {
+    const struct shell_surface surface = {
+        .tile = {(double)s->tile[0], (double)s->tile[1]},
+        .bend = {(double)s->bend[0], (double)s->bend[1], (double)s->bend[2]},
+        .stretch = {(double)s->stretch[0], (double)s->stretch[1], (double)s->stretch[2],
+                    (double)s->stretch[3]},
+    };
+    struct shell_hit hit;
+    return shell_ray_march(shell, &surface, (double)uv[0], (double)uv[1],
+                           (const double[]){v.x, v.y, v.z}, limit, &hit)
+               ? (float)hit.distance
+               : -1.0F;
+}
+
+int mesorig_material_march(const mesorig_material *m, size_t n, const float *uv, const float *view,
+                           const struct mesorig_surface *surface, const float *limit,
+                           float *ret_distance) {
+    if (!m || (n > 0 && (!uv || !view || !surface || !ret_distance)))
+        return MESORIG_ERROR_ARGUMENT;
+    const struct mdf_shell *shell = m->relief ? material_relief_shell(m->relief) : NULL;
+    for (size_t k = 0; k < n; k++) {
+        const struct vec3 v =
+            vec3((double)view[3 * k], (double)view[3 * k + 1], (double)view[3 * k + 2]);
+        const double length = vec3_length(v);
+        const gboolean valid = isfinite(uv[2 * k]) && isfinite(uv[2 * k + 1]) && isfinite(length) &&
+                               v.z > 0 && surface[k].tile[0] > 0 && surface[k].tile[1] > 0;
+        const double end = limit ? (double)limit[k] : INFINITY;
+        ret_distance[k] =
+            !valid  ? -1.0F
+            : shell ? march(shell, uv + 2 * k, vec3_scale(v, 1 / length), &surface[k], end)
+                    : 0.0F;
     }
     return MESORIG_OK;
 }

@@ -3,9 +3,16 @@
 #include "codecs/mdf_codecs/mdf_source.h"
 #include "directions/directions.h"
 
+#include <math.h>
+
+#define AGREEMENT  0.25 /* in texels */
+#define MIN_SLOPE  0.01 /* smallest z of a view that is divided by, as in shell_ray.c */
+#define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
+
 struct material_relief {
     const struct mdf_table *table;
     Directions *views;
+    gsize shell; /* a struct mdf_shell *; 0 before it is first used */
 };
 
 struct material_relief *material_relief_read(const char *path, GError **error) {
@@ -30,6 +37,7 @@ void material_relief_free(struct material_relief *relief) {
         return;
     mdf_table_free((struct mdf_table *)relief->table);
     directions_free(relief->views);
+    mdf_shell_free((struct mdf_shell *)relief->shell);
     g_free(relief);
 }
 
@@ -41,6 +49,13 @@ void material_relief_size_mm(const struct material_relief *relief, double *ret_w
                              double *ret_height) {
     *ret_width = relief->table->width * relief->table->texel_mm;
     *ret_height = relief->table->height * relief->table->texel_mm;
+}
+
+const struct mdf_shell *material_relief_shell(const struct material_relief *relief) {
+    gsize *shell = (gsize *)&relief->shell;
+    if (g_once_init_enter(shell))
+        g_once_init_leave(shell, (gsize)mdf_shell_new(relief->table));
+    return (const struct mdf_shell *)*shell;
 }
 
 static int wrap(double i, int n) {
@@ -58,8 +73,10 @@ static void add(const float *depth, const gsize at[4], double p, double q, doubl
     sum[2] += share * ((1 - p) * (c - a) + p * (d - b));
 }
 
-double material_relief_depth(const struct material_relief *relief, double u, double v,
-                             const double view[3], double ret_slope[2]) {
+/* Returns the depth that the MDF gives, interpolated between texels and between views. ret_slope
+ * gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters. */
+static double interpolated_depth(const struct material_relief *relief, double u, double v,
+                                 struct vec3 view, double ret_slope[2]) {
     const struct mdf_table *t = relief->table;
     const double x = (u - floor(u)) * t->width - 0.5, y = (v - floor(v)) * t->height - 0.5;
     const int left = wrap(floor(x), t->width), right = (left + 1) % t->width;
@@ -75,7 +92,7 @@ double material_relief_depth(const struct material_relief *relief, double u, dou
     double sum[3] = {0};
     int n_pole;
     const int *pole = directions_pole(relief->views, &n_pole);
-    directions_weights(relief->views, vec3(view[0], view[1], view[2]), &weights);
+    directions_weights(relief->views, view, &weights);
     for (int k = 0; k < 4; k++) {
         const gboolean is_pole = weights.index[k] >= t->n_views;
         const int members = is_pole ? n_pole : 1;
@@ -87,4 +104,47 @@ double material_relief_depth(const struct material_relief *relief, double u, dou
     ret_slope[0] = sum[1] / t->texel_mm;
     ret_slope[1] = -sum[2] / t->texel_mm;
     return MAX(sum[0], 0);
+}
+
+/* D (x, y) is the depth of the ray below the reference plane for one view v. The distance is D /
+ * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
+ * (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). The product of this vector with v is v_z, so the
+ * vector faces the eye. */
+static struct vec3 normal_of_slopes(const double slope[2], struct vec3 v) {
+    const double down = fmax(v.z, MIN_SLOPE);
+    return vec3_unit(vec3(slope[0], slope[1], 1.0 - (v.x * slope[0] + v.y * slope[1]) / down));
+}
+
+/* The surface of the shell is normal to the gradient of g. */
+static struct vec3 normal_of_shell(const struct mdf_shell *shell, const struct shell_hit *hit,
+                                   struct vec3 v) {
+    double gradient[3];
+    shell_ray_value(shell, hit->u, hit->v, hit->depth_mm, gradient);
+    struct vec3 n = vec3(-gradient[0], -gradient[1], -gradient[2]);
+    const double length = vec3_length(n);
+    if (!(length > 0.0))
+        return v;
+    n = vec3_scale(n, 1.0 / length);
+    const double missing = MIN_FACING - vec3_dot(n, v);
+    return missing > 0.0 ? vec3_unit(vec3_add(n, vec3_scale(v, missing))) : n;
+}
+
+/* Between measured directions, the interpolated depth is more exact than the shell on smooth
+ * structure. At edges and under overhangs it is a mean of two surfaces, where the shell has one of
+ * them. So the interpolated depth is taken where the shell confirms it. */
+double material_relief_depth(const struct material_relief *relief, double u, double v,
+                             struct vec3 view, struct vec3 *ret_normal) {
+    const struct mdf_shell *shell = material_relief_shell(relief);
+    const struct shell_surface flat = {.tile = {shell->width_mm, shell->height_mm}};
+    struct shell_hit hit;
+    double slope[2];
+    const double depth = interpolated_depth(relief, u, v, view, slope);
+    if (shell_ray_march(shell, &flat, u, v, (const double[]){view.x, view.y, view.z}, INFINITY,
+                        &hit) &&
+        fabs(hit.depth_mm - depth) > AGREEMENT * relief->table->texel_mm) {
+        *ret_normal = normal_of_shell(shell, &hit, view);
+        return hit.depth_mm;
+    }
+    *ret_normal = normal_of_slopes(slope, view);
+    return depth;
 }

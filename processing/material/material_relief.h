@@ -1,7 +1,8 @@
-/* The distances (MDF) of a material, to be queried on the CPU. Any thread. */
+/* The relief of a material, to be queried on the CPU. Any thread. */
 #pragma once
 
-#include <glib.h>
+#include "base/vec.h"
+#include "mdf/shell_ray.h"
 
 struct material_relief;
 
@@ -11,13 +12,17 @@ void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 
 double material_relief_deepest_mm(const struct material_relief *relief);
 
-/* Returns the depth in mm below the reference plane at which a ray meets the surface. The ray
- * enters the reference plane at (u, v), in tiles. view is the unit vector from there to the eye,
- * above the horizon. ret_slope gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where
- * the ray enters. */
-double material_relief_depth(const struct material_relief *relief, double u, double v,
-                             const double view[3], double ret_slope[2]);
-
 /* Gives the size of a tile. */
 void material_relief_size_mm(const struct material_relief *relief, double *ret_width,
                              double *ret_height);
+
+/* Returns the shell of the MDF, which belongs to the relief. The first call makes it, in about a
+ * second for 60 views of 64² texels. */
+const struct mdf_shell *material_relief_shell(const struct material_relief *relief);
+
+/* Returns the depth in mm below the reference plane at which a ray meets the surface of the flat
+ * sample. The ray enters the reference plane at (u, v), in tiles. view is the unit vector from
+ * there to the eye, above the horizon. ret_normal is the unit normal of the surface, on the side of
+ * the eye, with y upwards. */
+double material_relief_depth(const struct material_relief *relief, double u, double v,
+                             struct vec3 view, struct vec3 *ret_normal);

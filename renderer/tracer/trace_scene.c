@@ -1,6 +1,7 @@
 #include "trace_scene.h"
 
 #include "base/direction.h"
+#include "shapes/mesh_shape.h"
 #include "trace_relief.h"
 
 #include <embree3/rtcore.h>
@@ -163,6 +164,8 @@ TraceScene *trace_scene_read(const char *path, GError **error) {
     scene->surfaces = g_array_new(FALSE, FALSE, sizeof(struct trace_surface));
     scene->areas = g_array_new(FALSE, FALSE, sizeof(struct trace_area));
     scene->part_areas = g_array_new(FALSE, FALSE, sizeof(gint64));
+    scene->part_shapes = g_ptr_array_new_full(scene->gltf->parts->len, g_free);
+    g_ptr_array_set_size(scene->part_shapes, (int)scene->gltf->parts->len);
     scene->lamps = g_array_ref(scene->gltf->lamps);
     g_array_set_clear_func(scene->surfaces, surface_clear);
     scene_take_materials(scene);
@@ -199,6 +202,7 @@ void trace_scene_free(TraceScene *scene) {
     g_array_unref(scene->surfaces);
     g_array_unref(scene->areas);
     g_array_unref(scene->part_areas);
+    g_ptr_array_unref(scene->part_shapes);
     g_array_unref(scene->lamps);
     gltf_scene_free(scene->gltf);
     g_free(scene);
@@ -258,7 +262,7 @@ gboolean trace_scene_set_material(TraceScene *scene, const char *name, const cha
         mesorig_material_close(surface->material);
         surface->material = material;
         surface->tiles = tiles;
-        surface->relief.deepest_mm = 0.0;
+        surface->has_relief = FALSE;
         g_free(surface->path);
         surface->path = g_strdup(path);
         memset(surface->emission, 0, sizeof surface->emission);
@@ -289,9 +293,18 @@ static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf
                     surface->name);
         return FALSE;
     }
-    surface->relief = (struct trace_relief){
-        info.deepest_mm, {info.width * info.texel_mm, info.height * info.texel_mm}};
+    surface->has_relief = TRUE;
     return TRUE;
+}
+
+/* Computes the shape of the parts with relief. */
+static void scene_measure_parts(TraceScene *scene) {
+    for (guint k = 0; k < scene->gltf->parts->len; k++) {
+        const struct gltf_part *part = scene_part(scene, k);
+        gpointer *shapes = &g_ptr_array_index(scene->part_shapes, k);
+        if (*shapes == NULL && part_surface(scene, part)->has_relief)
+            *shapes = mesh_shapes(part->mesh);
+    }
 }
 
 gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
@@ -311,6 +324,7 @@ gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char 
                     "with --material as well",
                     name);
     scene->has_relief |= found;
+    scene_measure_parts(scene);
     return found;
 }
 
@@ -354,25 +368,21 @@ static struct RTCRay scene_ray(struct vec3 from, struct vec3 direction, double f
                            .mask = G_MAXUINT32};
 }
 
-/* Computes |∂P/∂u| and |∂P/∂v| of a triangle, from its edges e and their texture coordinates (a,
- * b):
- *   e_k = ∂P/∂u a_k + ∂P/∂v b_k */
-static void scene_fill_unit(const struct mesh *mesh, const guint32 corners[3], double ret[2]) {
-    const struct vertex *p = &mesh->vertices[corners[0]];
-    struct vec3 e[2];
-    double a[2], b[2];
-    for (int k = 0; k < 2; k++) {
-        const struct vertex *q = &mesh->vertices[corners[k + 1]];
-        e[k] = vec3_sub(of_floats(q->position), of_floats(p->position));
-        a[k] = (double)q->uv[0] - (double)p->uv[0];
-        b[k] = (double)q->uv[1] - (double)p->uv[1];
+/* Interpolates the shape of a mesh with relief at a point of a triangle. */
+static struct mesorig_surface scene_mesh_at(const struct vertex_shape *shapes,
+                                            const guint32 corners[3], const double share[3],
+                                            double tiles) {
+    struct mesorig_surface ret = {0};
+    for (int c = 0; c < 3; c++) {
+        const struct vertex_shape *s = &shapes[corners[c]];
+        for (int k = 0; k < 2; k++)
+            ret.tile[k] += (float)(share[c] * (double)s->scale[k] / tiles);
+        for (int k = 0; k < 3; k++)
+            ret.bend[k] += (float)(share[c] * (double)s->bend[k]);
+        for (int k = 0; k < 4; k++)
+            ret.stretch[k] += (float)(share[c] * (double)s->stretch[k]);
     }
-    const double determinant = a[0] * b[1] - a[1] * b[0];
-    const double over = determinant != 0.0 ? 1.0 / determinant : 0.0;
-    ret[0] =
-        vec3_length(vec3_scale(vec3_sub(vec3_scale(e[0], b[1]), vec3_scale(e[1], b[0])), over));
-    ret[1] =
-        vec3_length(vec3_scale(vec3_sub(vec3_scale(e[1], a[0]), vec3_scale(e[0], a[1])), over));
+    return ret;
 }
 
 /* Interpolates the values of the vertices at a point of a triangle, and computes the frame there. z
@@ -398,7 +408,6 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
         sense = (double)v->tangent[3];
     }
     facet = vec3_unit(facet);
-    scene_fill_unit(part->mesh, corners, ret->unit);
     const gboolean front = vec3_dot(facet, direction) < 0.0;
     const gint64 first = g_array_index(scene->part_areas, gint64, ray->hit.geomID);
     ret->area = first >= 0 && front ? first + (gint64)ray->hit.primID : -1;
@@ -411,6 +420,9 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
     ret->part = ray->hit.geomID;
     ret->is_front = front;
     ret->surface = part_surface(scene, part);
+    const struct vertex_shape *shapes = g_ptr_array_index(scene->part_shapes, ray->hit.geomID);
+    if (shapes != NULL)
+        ret->mesh = scene_mesh_at(shapes, corners, share, ret->surface->tiles);
     ret->position = position;
     ret->facet = facet;
     ret->z = vec3_unit(normal);
@@ -441,7 +453,7 @@ static gboolean scene_nearest(const TraceScene *scene, struct vec3 from, struct 
 static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hit,
                              struct vec3 direction, struct vec3 *ret_from) {
     struct trace_hit back;
-    if (!(hit->surface->relief.deepest_mm > 0.0) || !hit->is_front ||
+    if (!hit->surface->has_relief || !hit->is_front ||
         !scene_nearest(scene, trace_scene_leave(scene, hit, direction), direction, &back) ||
         back.part != hit->part || back.is_front || trace_relief_meets(hit, &back, direction))
         return FALSE;

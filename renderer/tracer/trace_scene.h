@@ -40,6 +40,7 @@ typedef struct trace_scene {
     GArray *lamps;           /* struct gltf_lamp */
     TraceSky *sky;           /* NULL for black */
     gboolean has_relief;     /* a surface has relief */
+    GPtrArray *part_shapes;  /* struct vertex_shape * of each part with relief; NULL for others */
     struct trace_camera camera;
 } TraceScene;
 

@@ -22,10 +22,7 @@ struct trace_surface {
     char *path;                 /* path of material; owned */
     /* Number of tiles of material in one unit of the texture coordinates. */
     double tiles;
-    struct trace_relief {
-        double deepest_mm; /* 0 if rays end on the mesh */
-        double tile_mm[2];
-    } relief;
+    gboolean has_relief; /* if FALSE, rays end on the mesh */
 };
 
 /* The texture coordinates of the mesh at a hit, with v upwards. */
@@ -44,9 +41,7 @@ struct trace_hit {
     gint64 area; /* index of the scene's area whose lit side was hit; −1 if there is none */
     guint part;  /* index of the part in the glTF scene */
     gboolean is_front;
-    /* Length of one unit of the texture's u and v at the point. 0 if there are no texture
-     * coordinates. */
-    double unit[2];
+    struct mesorig_surface mesh; /* only on a surface with relief */
 };
 
 /* The distribution of drawn directions: the distribution of the material, or for comparison an even

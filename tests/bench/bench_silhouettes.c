@@ -10,16 +10,19 @@
  *   shell      the viewer's: rays are marched through a volume made from the MDF
  *   views      the viewer's with --mdf-views; the relief of grazing views is raised as the MDF says
  *   true       with --true-grazing: as views, with grazing views traced over the true surface
+ * With --rays instead: where single rays meet the flat samples (silhouettes_rays.c).
  */
 #include "bench.h"
 #include "lib/mdf_copy.h"
 #include "lib/silhouettes_fixture.h"
 #include "scene/picture.h"
+#include "silhouettes_rays.h"
 
 #include <stdio.h>
 #include <string.h>
 
-#define TILE_MM 25.0
+#define TILE_MM   25.0
+#define MAX_RINGS 8
 
 static const struct material {
     const char *kind;
@@ -33,7 +36,7 @@ static const struct material {
     {"mail", 1.8, 2.5, 5, TRUE},
 };
 
-static gboolean true_grazing;
+static gboolean true_grazing, rays;
 static int texels = 64, azimuths = 12, width = 400, height = 300;
 static double distance_mm = 650.0;
 /* As in mdf_grazing.c. */
@@ -47,15 +50,21 @@ static double theta_deg(const struct material *m, int ring) {
     return m->rings == 8 ? 12 + 9 * ring : 15 * (ring + 1);
 }
 
-static World *new_world(const struct material *m) {
+/* The angle between a ring of views and the next one, or 80° after the last one. */
+static double between_deg(const struct material *m, int ring) {
+    return ring + 1 < m->rings ? 0.5 * (theta_deg(m, ring) + theta_deg(m, ring + 1)) : 80.0;
+}
+
+/* Makes a world with a camera at each ring, and n further ones. */
+static World *new_world(const struct material *m, const double *further_deg, int n) {
     g_autoptr(GString) text = g_string_new("[world]\nnoise=no\ngather_rays=0\n");
     g_string_append_printf(text,
                            "[sample]\nkind=%s\nseed=3\nwidth_mm=50\nheight_mm=50\nbase_mm=0.4\n"
                            "relief_mm=%g\ntop_mm=5\nperiod_mm=%g\ngrid=320\nrepeats=%d\n",
                            m->kind, m->relief_mm, m->period_mm, m->repeats ? 2 : 1);
-    for (int k = 0; k < m->rings + N_GRAZING; k++)
+    for (int k = 0; k < m->rings + n; k++)
         g_string_append_printf(text, "[camera c%d]\ntheta_deg=%g\ndistance_mm=%g\n", k,
-                               k < m->rings ? theta_deg(m, k) : grazing_deg[k - m->rings],
+                               k < m->rings ? theta_deg(m, k) : further_deg[k - m->rings],
                                distance_mm);
     return world_fixture_new(text->str);
 }
@@ -151,30 +160,34 @@ static struct mdf_table *joined(const struct mdf_table *table, const struct mdf_
     return t;
 }
 
+/* With ret_path, also gives the path of the file of the table. */
 static struct mdf_table *true_table(World *world, const struct truth_grid *grid, int first,
-                                    const double *rings_deg, int n_rings, int n_phi) {
+                                    const double *rings_deg, int n_rings, int n_phi,
+                                    char **ret_path) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path =
         silhouettes_write_truth_rings(world, grid, first, rings_deg, n_rings, n_phi);
     struct mdf_table *table = mdf_table_read(path, &error);
+    if (ret_path)
+        *ret_path = g_strdup(path);
     bench_check(error);
     return table;
 }
 
 static void measure_material(const struct material *m) {
     static const char *const usual[] = {"8x3", "6x2", "3x1", "2x1", NULL};
-    g_autoptr(World) world = new_world(m);
+    g_autoptr(World) world = new_world(m, grazing_deg, N_GRAZING);
     struct truth_surface surface;
     truth_surface(world, &surface);
     const double reference_mm = highest_mm(&surface) + 0.02;
     const struct truth_grid grid = {texels, texels, TILE_MM, TILE_MM, reference_mm};
-    double rings[8];
+    double at[MAX_RINGS];
     for (int k = 0; k < m->rings; k++)
-        rings[k] = theta_deg(m, k);
-    g_autoptr(MdfTable) table = true_table(world, &grid, 0, rings, m->rings, azimuths);
+        at[k] = theta_deg(m, k);
+    g_autoptr(MdfTable) table = true_table(world, &grid, 0, at, m->rings, azimuths, NULL);
     g_autoptr(MdfTable) flat = NULL, all = NULL;
     if (true_grazing) {
-        flat = true_table(world, &grid, m->rings, grazing_deg, N_GRAZING, GRAZING_PHI);
+        flat = true_table(world, &grid, m->rings, grazing_deg, N_GRAZING, GRAZING_PHI, NULL);
         all = joined(table, flat);
     }
     for (const char *const *tiles = tilings ? (const char *const *)tilings : usual; *tiles;
@@ -188,6 +201,24 @@ static void measure_material(const struct material *m) {
     /* Tiles of the cylinder are nearly square with 5 × 2. */
     if (!tilings)
         measure_scene(m, &silhouettes_cylinder, 5, 2, &surface, reference_mm, table, all);
+}
+
+static void measure_rays(const struct material *m) {
+    double at[MAX_RINGS], between[MAX_RINGS];
+    for (int k = 0; k < m->rings; k++) {
+        at[k] = theta_deg(m, k);
+        between[k] = between_deg(m, k);
+    }
+    g_autoptr(World) world = new_world(m, between, m->rings);
+    struct truth_surface surface;
+    truth_surface(world, &surface);
+    const struct truth_grid grid = {texels, texels, TILE_MM, TILE_MM, highest_mm(&surface) + 0.02};
+    /* Both tables have the same file, so the file must be written last from which path is read. */
+    g_autofree char *path = NULL;
+    g_autoptr(MdfTable) truth =
+        true_table(world, &grid, m->rings, between, m->rings, 2 * azimuths, NULL);
+    g_autoptr(MdfTable) table = true_table(world, &grid, 0, at, m->rings, azimuths, &path);
+    silhouettes_rays(m->kind, table, path, truth);
 }
 
 int main(int argc, char **argv) {
@@ -206,6 +237,8 @@ int main(int argc, char **argv) {
          "Of the cameras that the MDF is seen by, mm; default 650", "MM"},
         {"true-grazing", 0, 0, G_OPTION_ARG_NONE, &true_grazing,
          "Also with grazing views of the true surface", NULL},
+        {"rays", 0, 0, G_OPTION_ARG_NONE, &rays,
+         "Measure where rays between the measured directions meet the flat samples", NULL},
         {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Pixels, default 400x300", "WxH"},
         {NULL}};
     char end;
@@ -221,7 +254,7 @@ int main(int argc, char **argv) {
     bench_begin_list(NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(materials); k++)
         if (!kinds || g_strv_contains((const char *const *)kinds, materials[k].kind))
-            measure_material(&materials[k]);
+            (rays ? measure_rays : measure_material)(&materials[k]);
     bench_end();
     g_strfreev(kinds);
     g_strfreev(tilings);

@@ -5,6 +5,7 @@
 #include "lib/material_fixture.h"
 #include "lib/mdf_file.h"
 #include "lib/ok.h"
+#include "lib/plate.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 
@@ -153,6 +154,96 @@ TEST(waves) {
     m = mesorig_material_open_memory(bytes, n, mdf_bytes, mdf_n, &error);
     g_assert_nonnull(m);
     check_rays(m, TRUE, 0.02, cos(2 * DEG));
+    mesorig_material_close(m);
+}
+
+static void write_plate(const char *path) {
+    g_autoptr(MdfTable) table = plate_table();
+    g_autoptr(ExrFile) file = exr_file_new();
+    const int n = table->width * table->height;
+    for (int k = 0; k < table->n_views; k++) {
+        const double theta_deg = (double)table->theta_deg[k];
+        struct exr_part *part = mdf_file_add_view(file, k, table->width, table->height, theta_deg,
+                                                  (double)table->phi_deg[k], table->texel_mm);
+        for (int i = 0; i < n; i++)
+            part->planes[0][i] = (float)((double)table->depth_mm[k * n + i] / cos(theta_deg * DEG));
+    }
+    g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
+}
+
+static mesorig_material *plate_material(const char *folder) {
+    g_autofree char *path = g_build_filename(folder, "plate.exr", NULL);
+    g_autofree char *mdf = g_build_filename(folder, "plate_mdf.exr", NULL);
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    struct mesorig_error error = {0};
+    material_fixture_write(path, codecs_find("ward"), btf, "");
+    write_plate(mdf);
+    mesorig_material *m = mesorig_material_open(path, mdf, &error);
+    g_assert_cmpstr(error.text, ==, "");
+    return m;
+}
+
+/* Between measured directions, interpolation mixes the plate and the floor. */
+TEST(overhang) {
+    TEMPORARY_FOLDER(folder);
+    mesorig_material *m = plate_material(folder);
+    double sum = 0;
+    int n = 0, n_side = 0;
+    for (double theta = 22; theta < 85; theta += 15)
+        for (double phi = 10; phi < 360; phi += 40)
+            for (int i = 0; i < 50; i++, n++) {
+                const float uv[] = {(float)i / 50.0F, 0.12F + 0.015F * (float)i};
+                const float view[] = {(float)(sin(theta * DEG) * cos(phi * DEG)),
+                                      (float)(sin(theta * DEG) * sin(phi * DEG)),
+                                      (float)cos(theta * DEG)};
+                const double x = (double)uv[0] * PLATE_TILE, dx = plate_slant(theta, phi);
+                const double depth = plate_depth(x, dx);
+                struct mesorig_hit hit;
+                g_assert_cmpint(mesorig_material_intersect(m, 1, uv, view, &hit), ==, MESORIG_OK);
+                sum += fabs((double)hit.distance_mm * cos(theta * DEG) - depth);
+                const float *normal = hit.normal;
+                g_assert_cmpfloat(normal[0] * view[0] + normal[1] * view[1] + normal[2] * view[2],
+                                  >, 0.0);
+                /* In the middle of a side of the plate, the normal points outwards. */
+                if (fabs(depth - 1.5) > 0.2)
+                    continue;
+                n_side++;
+                g_assert_cmpfloat(normal[0] * (float)dx, <, 0.0F);
+                g_assert_cmpfloat(fabsf(normal[0]), >, 0.3F);
+            }
+    g_test_message("mean error of depths %.3f mm, %d of %d rays meet a side", sum / n, n_side, n);
+    g_assert_cmpfloat(sum / n, <, 0.2);
+    g_assert_cmpint(n_side, >, 20);
+    mesorig_material_close(m);
+}
+
+/* Rays over a curved mesh; test_shell_ray.c has their hits. */
+TEST(march) {
+    TEMPORARY_FOLDER(folder);
+    mesorig_material *m = plate_material(folder);
+    /* A tile is 10 units wide, so that 1 mm is 0.4. The ray goes level along the plate. */
+    struct mesorig_surface mesh[2] = {{.tile = {10, 10}}, {.tile = {10, 10}}};
+    const float uv[] = {0.5F, 0.5F, 0.5F, 0.5F}, view[] = {0, 3, 4, 0, 3, 4};
+    const float limits[] = {INFINITY, 0.4F};
+    float distance[2];
+    g_assert_cmpint(mesorig_material_march(m, 2, uv, view, mesh, limits, distance), ==, MESORIG_OK);
+    g_assert_cmpfloat_with_epsilon(distance[0], 0.4 * PLATE_TOP / 0.8, 0.06);
+    g_assert_cmpfloat(distance[1], ==, -1);
+    /* On a narrow cylinder along x the ray leaves again above the plate: its deepest point is
+     * R (1 − 0.6) = 0.2 below the mesh, which is 0.5 mm. */
+    mesh[0].bend[2] = 2;
+    g_assert_cmpint(mesorig_material_march(m, 1, uv, view, mesh, NULL, distance), ==, MESORIG_OK);
+    g_assert_cmpfloat(distance[0], ==, -1);
+    mesh[0].bend[2] = 0.4F; /* 1 unit, 2.5 mm */
+    g_assert_cmpint(mesorig_material_march(m, 1, uv, view, mesh, NULL, distance), ==, MESORIG_OK);
+    g_assert_cmpfloat_with_epsilon(distance[0], 2 - sqrt(4 - 1.84), 0.1);
+
+    mesh[1].tile[0] = 0;
+    g_assert_cmpint(mesorig_material_march(m, 2, uv, view, mesh, NULL, distance), ==, MESORIG_OK);
+    g_assert_cmpfloat(distance[0], >, 0);
+    g_assert_cmpfloat(distance[1], ==, -1);
+    g_assert_cmpint(mesorig_material_march(m, 1, uv, view, NULL, NULL, distance), ==,
+                    MESORIG_ERROR_ARGUMENT);
     mesorig_material_close(m);
 }
 

@@ -1,0 +1,20 @@
+/* The MDF of a plate that stands over a floor like a table, so that rays go under it. Its distances
+ * have closed forms. Lengths are in mm. */
+#pragma once
+
+#include "mdf/mdf_table.h"
+
+#define PLATE_TEXELS 32
+#define PLATE_TILE   25.0
+#define PLATE_TOP    1.0 /* of the plate */
+#define PLATE_BOTTOM 2.0
+#define PLATE_FLOOR  4.0
+#define PLATE_LEFT   8.0 /* edges of the plate along x; it has no end along y */
+#define PLATE_RIGHT  17.0
+
+/* Returns the depth at which a ray from (x, y) on the reference plane stops. x grows by dx for each
+ * mm of depth. */
+double plate_depth(double x, double dx);
+/* Returns dx of a ray. The angles are those of the view, from which the ray comes. */
+double plate_slant(double theta_deg, double phi_deg);
+struct mdf_table *plate_table(void);
