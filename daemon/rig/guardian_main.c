@@ -7,13 +7,11 @@
 #include "drivers/lock.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/pidfd.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #define HANG_US                                                                                    \
@@ -23,8 +21,7 @@
 #define END_MS  5000                 /* time limit for a killed daemon to end */
 /* time after which a new daemon that waits for the rig gets a refusal */
 #define WAIT_US  (2 * G_USEC_PER_SEC)
-#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which let_pipes_go() is called */
-#define REPEAT_S 60                   /* time between two messages about the same device */
+#define REPEAT_S 60 /* time between two messages about the same device */
 
 struct guarding {
     const char *rig_path;
@@ -140,19 +137,6 @@ static enum news watch_daemon(struct guarding *guarding) {
     }
 }
 
-/* Replaces standard output and standard error by /dev/null if they are pipes. The reader of a pipe
- * may wait until all writers have closed it, as a shell does with $(mesorig …). */
-static void let_pipes_go(void) {
-    for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
-        struct stat file;
-        if (fstat(fd, &file) < 0 || !S_ISFIFO(file.st_mode))
-            continue;
-        const int none = open("/dev/null", O_WRONLY | O_CLOEXEC);
-        if (none >= 0 && dup2(none, fd) >= 0)
-            close(none);
-    }
-}
-
 /* Makes the rig safe, until nothing is left to try. If a new daemon waits for the rig
  * (daemon_waits), it gets a refusal after WAIT_US. *ret_safe is TRUE if every device is safe.
  * Returns FALSE if another guardian has asked for the place. */
@@ -160,13 +144,12 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
                      gboolean *ret_safe) {
     const gint64 began_us = g_get_monotonic_time();
     SafeWork *work = safe_work_new(guarding->state, until, REPEAT_S);
-    gboolean asked = FALSE, has_left = FALSE, going = TRUE;
+    gboolean asked = FALSE, going = TRUE;
 
     while (going && !asked) {
         struct pollfd at[1 + PLACE_MAX_ASKERS];
         const int n = place_poll(&guarding->place, at);
         const gint64 past_us = g_get_monotonic_time() - began_us;
-        const gint64 next_us = daemon_waits ? WAIT_US : LEAVE_US;
         if (daemon_waits && past_us >= WAIT_US) {
             g_autofree char *unsafe = safe_work_unsafe(work);
             g_autofree char *refusal = g_strdup_printf(
@@ -176,12 +159,8 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
             answer(refusal);
             daemon_waits = FALSE;
         }
-        if (!has_left && past_us >= LEAVE_US) {
-            let_pipes_go();
-            has_left = TRUE;
-        }
-        const gint64 wait_us = MAX(next_us - past_us, 0);
-        going = safe_work_run(work, at, n, has_left ? -1 : (int)(wait_us / 1000) + 1);
+        const int wait_ms = daemon_waits ? (int)((WAIT_US - past_us) / 1000) + 1 : -1;
+        going = safe_work_run(work, at, n, wait_ms);
         asked = place_serve(&guarding->place, at, n, 0);
     }
     if (asked)

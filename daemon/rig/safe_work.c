@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <syslog.h>
 #include <unistd.h>
@@ -15,7 +16,8 @@
 #define MAX_PAUSE_US (500 * 1000)         /* maximum pause between two attempts */
 #define LIMIT_US                                                                                   \
     (30 * G_USEC_PER_SEC) /* time by which the process of a line may exceed its lifetime */
-#define END_MS 1000       /* time limit for a killed process to end */
+#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which let_pipes_go() works */
+#define END_MS   1000                 /* time limit for a killed process to end */
 /* Maximum pause before a process is begun after crashes. */
 #define MAX_RESTART_US (5 * G_USEC_PER_SEC)
 
@@ -43,7 +45,8 @@ struct task {
 struct SafeWork {
     const SafeState *state;
     enum safe_until until;
-    gint64 life_us; /* lifetime of a process */
+    gint64 life_us;  /* lifetime of a process */
+    gint64 leave_us; /* time for let_pipes_go(); -1 if it has nothing left to do */
     struct task *tasks;
     GArray *lines; /* of struct line */
     gboolean announced, ended;
@@ -95,6 +98,7 @@ SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double re
     work->until = until;
     work->life_us =
         until == SAFE_UNTIL_TIRED ? PATIENCE_US : (gint64)(repeat_s * (double)G_USEC_PER_SEC);
+    work->leave_us = until == SAFE_UNTIL_TIRED ? -1 : g_get_monotonic_time() + LEAVE_US;
     work->tasks = g_new0(struct task, MAX(safe_state_n(state), 1));
     work->lines = g_array_new(FALSE, FALSE, sizeof(struct line));
     for (int i = 0; i < safe_state_n(state); i++) {
@@ -138,6 +142,23 @@ void safe_work_free(SafeWork *work) {
     g_free(work);
 }
 
+/* LEAVE_US after the work has begun, replaces standard output and standard error by /dev/null if
+ * they are pipes. The reader of a pipe may wait until all writers have closed it, as a shell does
+ * with $(mesorig …). The processes of lines are writers as well. */
+static void let_pipes_go(SafeWork *work) {
+    if (work->leave_us < 0 || g_get_monotonic_time() < work->leave_us)
+        return;
+    work->leave_us = -1;
+    for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
+        struct stat file;
+        if (fstat(fd, &file) < 0 || !S_ISFIFO(file.st_mode))
+            continue;
+        const int none = open("/dev/null", O_WRONLY | O_CLOEXEC);
+        if (none >= 0 && dup2(none, fd) >= 0)
+            close(none);
+    }
+}
+
 /* The work of the child process of a line: tries the open tasks of the line until all are done or
  * life_us has passed, and writes reports to fd. Each process of a line begins with a different
  * task, so that a task whose driver crashes does not block the others. */
@@ -153,6 +174,7 @@ static void work_line(SafeWork *work, const struct line *line, gint64 life_us, i
             pause_us = MIN(2 * pause_us, MAX_PAUSE_US);
         }
         late = g_get_monotonic_time() > until;
+        let_pipes_go(work);
         for (int k = 0; k < n; k++) {
             const int i = (k + line->n_begun) % n;
             struct report report = {.task = i, .last = late};
@@ -346,6 +368,11 @@ static gboolean is_at_work(const SafeWork *work) {
     return FALSE;
 }
 
+/* Returns the earlier one of two times, of which -1 means never. */
+static gint64 earlier(gint64 a, gint64 b) {
+    return a >= 0 && b >= 0 ? MIN(a, b) : MAX(a, b);
+}
+
 static int wait_until(gint64 us) {
     return us < 0 ? -1 : (int)MAX((us - g_get_monotonic_time() + 999) / 1000, 0);
 }
@@ -358,6 +385,7 @@ gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms) 
 
     do {
         const gint64 next = tend_lines(work);
+        let_pipes_go(work);
         if (!is_at_work(work))
             break;
         announce(work);
@@ -366,7 +394,7 @@ gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms) 
                                      .events = POLLIN};
         for (int i = 0; i < n; i++)
             fds[n_lines + (guint)i] = more[i];
-        const int at = wait_until(next >= 0 && until >= 0 ? MIN(next, until) : MAX(next, until));
+        const int at = wait_until(earlier(earlier(next, until), work->leave_us));
         if (poll(fds, n_lines + (guint)n, at) < 0)
             continue;
         for (guint i = 0; i < n_lines; i++)

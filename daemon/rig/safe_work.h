@@ -4,7 +4,8 @@
  *
  * Each line of devices (safe_state_line()) has a child process, so that a driver that hangs or
  * crashes does not delay other lines. A process works for a limited time, and is then replaced by
- * another one.
+ * another one. Except with SAFE_UNTIL_TIRED, pipes at standard output and standard error are closed
+ * after 5 s in all these processes, because their reader may wait for that.
  *
  * A SafeWork belongs to one thread, and the process must have no other threads. While the SafeWork
  * exists, it waits only for its own children.
