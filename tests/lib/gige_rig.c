@@ -4,6 +4,13 @@
 #include "lib/painted.h"
 #include "lib/wait.h"
 
+/* A frame may take READOUT_MS on a busy computer. The driver waits for the triple, and then for 2 s
+ * longer. */
+#define READOUT_MS "1000"
+/* The driver reads the clock of a camera so often, and takes the quickest answer. */
+#define CLOCK_ASKED 5
+#define ROUNDING_US 20 /* of the clocks and their stamps */
+
 VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
     struct virtual_camera_options options = {.serial = serial,
                                              .width = width,
@@ -32,9 +39,9 @@ void eye_on_event(Camera *camera, enum camera_event event, Frame *frame, const G
 }
 
 gboolean eye_open(struct eye *eye, const char *keys, GError **error) {
-    g_autofree char *text =
-        g_strdup_printf("[camera eye]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n%s\n",
-                        eye->where ? eye->where : virtual_gige_address(eye->device), keys);
+    g_autofree char *text = g_strdup_printf(
+        "[camera eye]\ndriver = aravis\ndevice = %s\nreadout_ms = " READOUT_MS "\n%s\n",
+        eye->where ? eye->where : virtual_gige_address(eye->device), keys);
     g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
     eye->clock = clock_new_real();
     eye->camera = camera_open(&aravis_camera_driver, config_find(config, "camera", "eye"), NULL,
@@ -96,6 +103,36 @@ void eye_shoot_together(struct eye *eyes, int n, int shots) {
 void eye_recover(struct eye *eye, guint64 shot) {
     UNTIL (camera_arm(eye->camera, NULL) && eye_shoot(eye, shot) == CAMERA_FRAME)
         conformance_pass(eye->clock, 0.1);
+}
+
+void eye_expect_lost(struct eye *eye, enum device_error code, const char *words) {
+    g_autoptr(GError) error = NULL;
+    UNTIL (g_error_matches(error, DEVICE_ERROR, (int)code) && strstr(error->message, words)) {
+        conformance_pass(eye->clock, 0.1);
+        g_clear_error(&error);
+        if (camera_arm(eye->camera, &error))
+            camera_disarm(eye->camera);
+    }
+}
+
+/* The driver reads the clock of an armed camera, and later from time to time before a trigger. The
+ * quickest answer took at most an even share of the time that was there for all of them, and the
+ * mapping is wrong by at most half of that. */
+void eye_check_times(struct eye *eye, int shots, gint64 exposure_us,
+                     gint64 (*triggered_us)(const struct eye *eye)) {
+    gint64 since_us, longest_us = 0;
+    camera_disarm(eye->camera);
+    since_us = g_get_monotonic_time();
+    ok(camera_arm(eye->camera, ERR));
+    for (int shot = 1; shot <= shots; shot++) {
+        g_assert_cmpint(eye_shoot(eye, (guint64)shot), ==, CAMERA_FRAME);
+        const gint64 at_us = triggered_us(eye), off_us = eye->frame->exposure_start_us - at_us;
+        longest_us = MAX(longest_us, at_us - since_us);
+        since_us = at_us;
+        g_assert_cmpint(ABS(off_us), <=, longest_us / CLOCK_ASKED / 2 + ROUNDING_US);
+        g_assert_cmpint(eye->frame->exposure_end_us - eye->frame->exposure_start_us, ==,
+                        exposure_us);
+    }
 }
 
 void eye_check_formats(struct eye *eye, enum cfa cfa, const struct eye_depth *depths, int n,

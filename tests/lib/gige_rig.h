@@ -44,6 +44,15 @@ void eye_shoot_together(struct eye *eyes, int n, int shots);
 /* Arms and triggers again until a picture arrives, as the sequencer does. Fails after WAIT_S. */
 void eye_recover(struct eye *eye, guint64 shot);
 
+/* Waits until the driver refuses to arm a camera that was lost, with this error. */
+void eye_expect_lost(struct eye *eye, enum device_error code, const char *words);
+
+/* Checks the time stamps of the camera, which the driver maps to ours, against the times at which
+ * the virtual camera was triggered. triggered_us returns that of the last trigger. The pictures are
+ * exposed for exposure_us. */
+void eye_check_times(struct eye *eye, int shots, gint64 exposure_us,
+                     gint64 (*triggered_us)(const struct eye *eye));
+
 /* Takes a picture of painted.h in each pixel format, which must show what was painted. more has
  * further lines of the section. */
 struct eye_depth {

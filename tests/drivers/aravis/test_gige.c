@@ -64,30 +64,25 @@ TEST(packet_size) {
     eye_end(&eye, NULL);
 }
 
-/* The camera's own time stamps are mapped to ours: checked against when it was triggered. */
+static gint64 eye_triggered_us(const struct eye *eye) {
+    struct virtual_camera_state state;
+    virtual_gige_state(eye->device, &state);
+    return state.triggered_us;
+}
+
 static void times(struct eye *eye, gconstpointer unused) {
-    for (guint64 shot = 1; shot <= 10; shot++) {
-        struct virtual_camera_state state;
-        g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
-        virtual_gige_state(eye->device, &state);
-        gint64 off_us = eye->frame->exposure_start_us - state.triggered_us;
-        g_assert_cmpint(ABS(off_us), <, 1000);
-        g_assert_cmpint(eye->frame->exposure_end_us - eye->frame->exposure_start_us, ==, 1000);
-    }
+    eye_check_times(eye, 10, 1000, eye_triggered_us);
 }
 
 /* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
 TEST(stamps_of_the_end) {
     struct eye eye;
-    struct virtual_camera_state state;
     struct virtual_camera_faults faults = {.stamps_end = TRUE};
     struct camera_settings settings = {.exposure_us = 200000};
     eye_begin(&eye, "stamp = end");
     virtual_gige_fail(eye.device, &faults);
     g_assert_true(camera_configure(eye.camera, &settings, NULL));
-    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
-    virtual_gige_state(eye.device, &state);
-    g_assert_cmpint(ABS(eye.frame->exposure_start_us - state.triggered_us), <, 1000);
+    eye_check_times(&eye, 1, settings.exposure_us, eye_triggered_us);
     eye_end(&eye, NULL);
     /* Not told so, it does not take them for something else. */
     eye_begin(&eye, "");
@@ -98,19 +93,27 @@ TEST(stamps_of_the_end) {
     eye_end(&eye, NULL);
 }
 
-/* Lamps may go on while the picture is still being sent. */
+/* Returns whether the end of the exposure was told at least 20 ms before the frame. */
+static gboolean is_told_early(struct eye *eye, guint64 shot) {
+    const int n = eye->n_ended;
+    eye->n_exposed = 0;
+    eye_trigger(eye, shot);
+    conformance_wait(eye->clock, &eye->n_exposed, 1, 5);
+    const gint64 exposed_us = clock_now_us(eye->clock);
+    const gboolean early = eye->n_ended == n;
+    conformance_wait(eye->clock, &eye->n_ended, n + 1, 5);
+    g_assert_cmpint(eye->last, ==, CAMERA_FRAME);
+    g_assert_cmpint(eye->frame->exposure_end_us, <=, exposed_us);
+    return early && clock_now_us(eye->clock) - exposed_us > 20000;
+}
+
+/* Lamps may go on while the picture is still being sent. A busy computer may run this program only
+ * when the picture is there. */
 static void exposed_before_it_is_here(struct eye *eye, gconstpointer unused) {
-    for (guint64 shot = 1; shot <= 3; shot++) {
-        eye->n_exposed = 0;
-        eye_trigger(eye, shot);
-        conformance_wait(eye->clock, &eye->n_exposed, 1, 5);
-        g_assert_cmpint(eye->n_ended, <, (int)shot);
-        gint64 exposed_us = clock_now_us(eye->clock);
-        conformance_wait(eye->clock, &eye->n_ended, (int)shot, 5);
-        g_assert_cmpint(eye->last, ==, CAMERA_FRAME);
-        g_assert_cmpint(eye->frame->exposure_end_us, <=, exposed_us);
-        g_assert_cmpint(clock_now_us(eye->clock) - exposed_us, >, 20000);
-    }
+    guint64 shot = 1;
+    for (int i = 0; i < 3; i++)
+        UNTIL (is_told_early(eye, shot++))
+            ;
 }
 
 static void without_clock(struct eye *eye, gconstpointer unused) {
@@ -327,7 +330,7 @@ BEFORE_TESTS {
     static struct conformance with = {.name = "gige", .real_clock = TRUE};
     conforming = eye_device("CONFORMANCE", 640, 480, CFA_RGGB);
     with.section = section =
-        g_strdup_printf("[camera test]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n",
+        g_strdup_printf("[camera test]\ndriver = aravis\ndevice = %s\nreadout_ms = 3000\n",
                         virtual_gige_address(conforming));
     conformance_camera(&aravis_camera_driver, &with);
     for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {

@@ -95,7 +95,7 @@ static void exposed_longer_than_said(struct eye *eye, gconstpointer unused) {
     for (guint64 shot = 1; shot <= 3; shot++) /* announced, but as quick as it says */
         g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
     slow = faults;
-    slow.slow_us = 60000;
+    slow.slow_us = 2000000; /* longer than this program is held up on a busy computer */
     virtual_gige_fail(eye->device, &slow);
     g_assert_cmpint(eye_shoot(eye, 4), ==, CAMERA_FAULT);
     eye_assert_said(eye, DEVICE_ERROR_PROTOCOL,
@@ -114,18 +114,13 @@ static void no_picture(struct eye *eye, gconstpointer unused) {
 }
 
 static void control_stolen(struct eye *eye, gconstpointer unused) {
-    GError *error = NULL;
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FRAME);
     virtual_gige_steal(eye->device, TRUE);
     g_assert_cmpint(eye_shoot(eye, 2), ==, CAMERA_FAULT);
     eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "no other program uses it");
     g_assert_false(camera_is_armed(eye->camera));
-    conformance_pass(eye->clock, 1.5);
-    g_assert_false(camera_arm(eye->camera, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
-    g_assert_cmpstr(error->message, ==,
+    eye_expect_lost(eye, DEVICE_ERROR_BUSY,
                     "camera eye: another program controls it; end that program");
-    g_clear_error(&error);
     virtual_gige_steal(eye->device, FALSE);
     eye_recover(eye, 2);
 }
@@ -146,16 +141,11 @@ static void power_lost(struct eye *eye, gconstpointer unused) {
 }
 
 static void unplugged(struct eye *eye, gconstpointer unused) {
-    GError *error = NULL;
     struct virtual_camera_faults faults = {.unplugged = TRUE}, none = {0};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
     eye_assert_said(eye, DEVICE_ERROR_TIMEOUT, "check the camera's cable");
-    for (int i = 0; i < 40 && camera_arm(eye->camera, &error); i++) {
-        camera_disarm(eye->camera);
-        conformance_pass(eye->clock, 0.25);
-    }
-    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT, "it does not answer");
+    eye_expect_lost(eye, DEVICE_ERROR_TIMEOUT, "it does not answer");
     virtual_gige_fail(eye->device, &none);
     eye_recover(eye, 1);
 }
@@ -240,14 +230,15 @@ static const struct {
     void (*run)(struct eye *eye, gconstpointer unused);
     const char *keys;
 } cases[] = {
-    {"/gige/loss", loss, "packet_size = 1500"},
+    {"/gige/loss", loss, "packet_size = 1500\nretention_ms = 2000"},
     {"/gige/loss-without-resend", loss_without_resend, "packet_size = 1500\nretention_ms = 50"},
     {"/gige/cut", cut, "retention_ms = 50"},
     {"/gige/old-picture", old_picture, ""},
     {"/gige/late-picture", late_picture, ""},
     {"/gige/stamp-in-the-future", stamp_in_the_future, ""},
     {"/gige/another-size", another_size, ""},
-    {"/gige/exposed-longer-than-said", exposed_longer_than_said, "trigger_ms = 5"},
+    {"/gige/exposed-longer-than-said", exposed_longer_than_said,
+     "trigger_ms = 200\nretention_ms = 10000"},
     {"/gige/no-picture", no_picture, ""},
     {"/gige/control-stolen", control_stolen, ""},
     {"/gige/power-lost", power_lost, ""},

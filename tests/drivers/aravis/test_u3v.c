@@ -3,6 +3,7 @@
 #include "lib/ok.h"
 #include "lib/painted.h"
 #include "lib/test.h"
+#include "lib/wait.h"
 
 #include "virtual/cameras/u3v.h"
 #include "virtual/testbed.h"
@@ -63,19 +64,20 @@ TEST(large) {
     eye_close(&eye);
 }
 
-/* The camera's own time stamps are mapped to ours: checked against when it was triggered. */
+static VirtualU3v *timed; /* the camera of times() */
+
+static gint64 timed_triggered_us(const struct eye *eye) {
+    struct virtual_camera_state state;
+    virtual_u3v_state(timed, &state);
+    return state.triggered_us;
+}
+
 TEST(times) {
     struct eye eye;
-    g_autoptr(VirtualU3v) device = begin(&eye, "");
-    for (guint64 shot = 1; shot <= 10; shot++) {
-        struct virtual_camera_state state;
-        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
-        virtual_u3v_state(device, &state);
-        gint64 off_us = eye.frame->exposure_start_us - state.triggered_us;
-        g_assert_cmpint(ABS(off_us), <, 5000); /* an answer takes a millisecond or two here */
-        g_assert_cmpint(eye.frame->exposure_end_us - eye.frame->exposure_start_us, ==, 1000);
-    }
+    timed = begin(&eye, "");
+    eye_check_times(&eye, 10, 1000, timed_triggered_us);
     eye_close(&eye);
+    g_clear_pointer(&timed, virtual_u3v_free);
 }
 
 TEST(several) {
@@ -159,41 +161,39 @@ TEST(stamp_in_the_future) {
 TEST(unplugged) {
     struct eye eye;
     struct virtual_camera_state state;
-    struct camera_settings settings = {.exposure_us = 500000};
-    GError *error = NULL;
+    struct camera_settings settings = {.exposure_us = 3000000};
     g_autoptr(VirtualU3v) device = begin(&eye, "");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     g_assert_true(camera_configure(eye.camera, &settings, NULL));
+    virtual_u3v_state(device, &state);
+    const gint64 before_us = state.triggered_us;
     eye_trigger(&eye, 2);
+    UNTIL (state.triggered_us != before_us) {
+        conformance_pass(eye.clock, 0.01);
+        virtual_u3v_state(device, &state);
+    }
     conformance_pass(eye.clock, 0.1);
     virtual_u3v_unplug(device);
     conformance_wait(eye.clock, &eye.n_ended, 2, 3);
     g_assert_cmpint(eye.last, ==, CAMERA_FAULT);
     eye_assert_said(&eye, DEVICE_ERROR_DISCONNECTED, "check its power and cable");
-    conformance_pass(eye.clock, 3);
-    g_assert_false(camera_arm(eye.camera, &error));
-    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                             "no camera \"EYE\" was found");
+    eye_expect_lost(&eye, DEVICE_ERROR_DISCONNECTED, "no camera \"EYE\" was found");
     virtual_u3v_plug(device);
     eye_recover(&eye, 2);
     virtual_u3v_state(device, &state);
-    g_assert_cmpint(state.exposure_us, ==, 500000);
+    g_assert_cmpint(state.exposure_us, ==, 3000000);
     g_assert_false(state.automatic);
     eye_close(&eye);
 }
 
 TEST(unplugged_idle) {
     struct eye eye;
-    GError *error = NULL;
     g_autoptr(VirtualU3v) device = begin(&eye, "");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     camera_disarm(eye.camera);
     conformance_pass(eye.clock, 0.2);
     virtual_u3v_unplug(device);
-    conformance_pass(eye.clock, 1);
-    g_assert_false(camera_arm(eye.camera, &error));
-    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
-    g_clear_error(&error);
+    eye_expect_lost(&eye, DEVICE_ERROR_DISCONNECTED, "");
     virtual_u3v_plug(device);
     eye_recover(&eye, 1);
     eye_close(&eye);
@@ -222,7 +222,9 @@ static gboolean is_fatal(const char *domain, GLogLevelFlags level, const char *m
 static void bus_fails(gconstpointer data) {
     struct eye eye;
     enum virtual_usb_fault fault = (enum virtual_usb_fault)GPOINTER_TO_INT(data);
-    g_autoptr(VirtualU3v) device = begin(&eye, "");
+    /* Aravis sends the trigger several times before it gives up. That takes longer than a frame on
+     * a busy computer. */
+    g_autoptr(VirtualU3v) device = begin(&eye, "trigger_ms = 20000");
     g_test_log_set_fatal_handler(is_fatal, NULL);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_usb_set_fault(virtual_u3v_usb(device), fault);
@@ -250,7 +252,7 @@ static VirtualU3v *conforming; /* the camera of the conformance suite */
 BEFORE_TESTS {
     static const struct conformance with = {
         .name = "u3v",
-        .section = "[camera test]\ndriver = aravis\ndevice = CONFORMANCE\nreadout_ms = 10\n",
+        .section = "[camera test]\ndriver = aravis\ndevice = CONFORMANCE\nreadout_ms = 3000\n",
         .real_clock = TRUE};
     conforming = plug_in("CONFORMANCE", 9, 640, 480, CFA_RGGB);
     conformance_camera(&aravis_camera_driver, &with);
