@@ -59,8 +59,9 @@ enum modbus_turn {
     MODBUS_URGENT, /* begins before all other jobs */
 };
 
-/* Carries out a copy of the job. The job may take at most deadline_ms from its beginning; the time
- * in the queue does not count. Jobs of the same kind keep their order. */
+/* Carries out a copy of the job. The job may take at most deadline_ms from its beginning. The time
+ * in the queue does not count, and neither does time in which this program was suspended. Jobs of
+ * the same kind keep their order. */
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
                       enum modbus_turn turn, double deadline_ms, ModbusFunc func, gpointer data);
 

@@ -192,7 +192,9 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
         return try_connect(line, deadline_us, error);
     while (!line->connected) {
         gint64 now = g_get_monotonic_time();
-        if (MAX(now, line->next_attempt_us) >= deadline_us) {
+        /* Make at least one attempt, even if this program was suspended until the deadline. */
+        if ((last || line->next_attempt_us > now) &&
+            MAX(now, line->next_attempt_us) >= deadline_us) {
             if (last)
                 g_propagate_error(error, g_steal_pointer(&last));
             else
@@ -410,9 +412,13 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         gboolean is_late;
         if (!modbus_line_connect(line, deadline_us, error))
             return FALSE;
+        gint64 began_us = g_get_monotonic_time();
         int why = attempt(line, unit, request, deadline_us, &is_late);
         if (why == 0)
             return TRUE;
+        /* An attempt takes longer than try_us if this program was suspended, as on a busy
+         * computer. That time does not count, because no answer could be read in it. */
+        deadline_us += MAX(g_get_monotonic_time() - began_us - try_us, 0);
         gboolean final = is_exception(why) && !is_busy(why);
         /* This program may have been suspended during the first attempt. Its failure then proves
          * nothing, so a second attempt gets the same time. */

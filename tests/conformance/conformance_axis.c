@@ -1,5 +1,6 @@
 #include "conformance_private.h"
 #include "lib/ok.h"
+#include "lib/wait.h"
 
 #include <math.h>
 
@@ -154,21 +155,41 @@ static void homes(struct bench *bench) {
     home(bench);
 }
 
+/* Moves to a position. Returns whether that took about as long as predicted. */
+static gboolean moves_in_time(struct bench *bench, double to) {
+    const double predicted =
+        axis_move_time_s(&bench->axis->motion, axis_position_deg(bench->axis), to);
+    const gint64 start = clock_now_us(bench->clock);
+    start_move(bench, to);
+    expect(bench, AXIS_ARRIVED);
+    assert_at(bench, to);
+    return (double)(clock_now_us(bench->clock) - start) / 1e6 <= predicted * 1.5 + 2;
+}
+
+/* A computer that is busy makes any move late on a real clock. The move is then made again. */
+static void move_in_time(struct bench *bench, double to) {
+    const double from = axis_position_deg(bench->axis);
+    UNTIL (moves_in_time(bench, to)) {
+        g_assert_true(bench->with->real_clock);
+        start_move(bench, from);
+        expect(bench, AXIS_ARRIVED);
+    }
+}
+
 static void moves(struct bench *bench) {
     static const double fractions[] = {0.5, 0.75, 0.25, 0.26, 0.255};
     home(bench);
     for (gsize i = 0; i < G_N_ELEMENTS(fractions); i++) {
-        double to = at(bench, fractions[i]);
-        double predicted =
-            axis_move_time_s(&bench->axis->motion, axis_position_deg(bench->axis), to);
-        gint64 start = clock_now_us(bench->clock);
-        start_move(bench, to);
-        expect(bench, AXIS_ARRIVED);
-        assert_at(bench, to);
-        double took = (double)(clock_now_us(bench->clock) - start) / 1e6;
-        g_assert_cmpfloat(took, <=, predicted * 1.5 + 2);
+        move_in_time(bench, at(bench, fractions[i]));
         expect_silence(bench, 0.3);
     }
+}
+
+/* A motion that should be under way may have ended on a real clock, if this program did not run in
+ * the meantime. Asserts that it did not: in less than half of its time no motion ends. */
+static void assert_held_up(struct bench *bench, gint64 start_us, double motion_s) {
+    g_assert_true(bench->with->real_clock);
+    g_assert_cmpfloat((double)(clock_now_us(bench->clock) - start_us) / 1e6, >=, motion_s / 2);
 }
 
 static void refuses_turn(struct bench *bench, double by_deg, double speed_deg_s) {
@@ -180,13 +201,41 @@ static void refuses_turn(struct bench *bench, double by_deg, double speed_deg_s)
     g_assert_cmpfloat(axis_position_deg(bench->axis), ==, before);
 }
 
-/* At the times that it told it was where it said it would be, at a steady speed, and it arrives;
- * or it says that it cannot, and nothing moves. */
+/* Turns, and returns whether the axis has reported its position before and after the middle of the
+ * turn. The reports must be right: the axis was where they say, at a steady speed, and it
+ * arrives. */
+static gboolean turns_with_reports(struct bench *bench, double from, double by, double speed) {
+    const struct axis_motion *m = &bench->axis->motion;
+    double deg, later_deg;
+    bench->n_passing = 0;
+    bench->said_first_us = bench->said_last_us = 0;
+    bench->passing_deg = axis_position_deg(bench->axis) + by / 2;
+    bench->in_call = TRUE;
+    ok(axis_turn(bench->axis, by, speed, ERR));
+    bench->in_call = FALSE;
+    bench->passing_deg = axis_turned_from_deg(bench->axis) + by / 2;
+    expect(bench, AXIS_ARRIVED);
+    assert_at(bench, from + by);
+    g_assert_false(axis_was_at(bench->axis, clock_now_us(bench->clock) + 1, &deg));
+    const gint64 later_us = bench->said_last_us + (gint64)(by / 8 / speed * 1e6);
+    if (bench->n_passing < 3 || bench->said_first_us == 0 || bench->said_last_us == 0 ||
+        !axis_was_at(bench->axis, bench->said_last_us, &deg) ||
+        !axis_was_at(bench->axis, later_us, &later_deg))
+        return FALSE;
+    const double off = tolerance(bench) + speed * 2e-3 * m->stamp_ms;
+    g_assert_cmpfloat((double)ABS(bench->said_last_us - bench->said_first_us) * 1e-6 * speed, <=,
+                      2 * off + 0.05 * by);
+    g_assert_cmpfloat(fabs(deg - bench->passing_deg), <=, 2 * off);
+    g_assert_cmpfloat(fabs(later_deg - deg - by / 8), <=, 2 * off + 0.01 * by / 8);
+    return TRUE;
+}
+
+/* It turns as it reports, or says that it cannot, and nothing moves. Drivers leave out a report
+ * whose answer took too long, as on a busy computer. The turn is then made again. */
 static void turns(struct bench *bench) {
     const struct axis_motion *m = &bench->axis->motion;
     const double from = at(bench, 0.25), by = at(bench, 0.75) - from;
-    double speed = m->speed_deg_s / 2, deg, later_deg;
-    GError *error = NULL;
+    double speed = m->speed_deg_s / 2;
     home(bench);
     start_move(bench, from);
     expect(bench, AXIS_ARRIVED);
@@ -198,33 +247,12 @@ static void turns(struct bench *bench) {
     refuses_turn(bench, by, 0);
     refuses_turn(bench, -by, speed);
     speed = MIN(speed, sqrt(by * m->accel_deg_s2 / 4)); /* half of the way at it, at least */
-    bench->passing_deg = axis_position_deg(bench->axis) + by / 2;
-    bench->in_call = TRUE;
-    g_assert_true(axis_turn(bench->axis, by, speed, &error));
-    bench->in_call = FALSE;
-    g_assert_no_error(error);
-    bench->passing_deg = axis_turned_from_deg(bench->axis) + by / 2;
-    expect(bench, AXIS_ARRIVED);
-    assert_at(bench, from + by);
-    g_assert_cmpint(bench->n_passing, >=, 3);
-    g_assert_cmpint(bench->said_first_us, >, 0);
-    g_assert_cmpint(bench->said_last_us, >, 0);
-    const double off = tolerance(bench) + speed * 2e-3 * m->stamp_ms;
-    g_assert_cmpfloat((double)ABS(bench->said_last_us - bench->said_first_us) * 1e-6 * speed, <=,
-                      2 * off + 0.05 * by);
-    g_assert_true(axis_was_at(bench->axis, bench->said_last_us, &deg));
-    g_assert_cmpfloat(fabs(deg - bench->passing_deg), <=, 2 * off);
-    const double later_s = by / 8 / speed;
-    g_assert_true(
-        axis_was_at(bench->axis, bench->said_last_us + (gint64)(later_s * 1e6), &later_deg));
-    g_assert_cmpfloat(fabs(later_deg - deg - by / 8), <=, 2 * off + 0.01 * by / 8);
-    g_assert_false(axis_was_at(bench->axis, clock_now_us(bench->clock) + 1, &deg));
-    /* A move afterwards is as quick as ever. */
-    const double predicted = axis_move_time_s(m, from + by, from);
-    const gint64 start = clock_now_us(bench->clock);
-    start_move(bench, from);
-    expect(bench, AXIS_ARRIVED);
-    g_assert_cmpfloat((double)(clock_now_us(bench->clock) - start) / 1e6, <=, predicted * 1.5 + 2);
+    UNTIL (turns_with_reports(bench, from, by, speed)) {
+        g_assert_true(bench->with->real_clock);
+        start_move(bench, from);
+        expect(bench, AXIS_ARRIVED);
+    }
+    move_in_time(bench, from); /* as quick as ever */
 }
 
 /* In the middle of a turn. */
@@ -235,9 +263,19 @@ static void stops_turning(struct bench *bench) {
     expect(bench, AXIS_ARRIVED);
     if (!axis_can_turn(bench->axis))
         return;
-    g_assert_true(axis_turn(bench->axis, by, bench->axis->motion.speed_deg_s / 2, NULL));
-    conformance_pass(bench->clock, by / bench->axis->motion.speed_deg_s);
-    g_assert_true(axis_is_moving(bench->axis));
+    const double half_s = by / bench->axis->motion.speed_deg_s;
+    gint64 start_us = 0;
+    UNTIL (start_us != 0 && axis_is_moving(bench->axis)) {
+        if (start_us != 0) {
+            assert_held_up(bench, start_us, 2 * half_s);
+            expect(bench, AXIS_ARRIVED);
+            start_move(bench, from);
+            expect(bench, AXIS_ARRIVED);
+        }
+        start_us = clock_now_us(bench->clock);
+        g_assert_true(axis_turn(bench->axis, by, bench->axis->motion.speed_deg_s / 2, NULL));
+        conformance_pass(bench->clock, half_s);
+    }
     g_assert_true(axis_stop(bench->axis, NULL));
     expect(bench, AXIS_STOPPED);
     expect_silence(bench, 0.5);
@@ -280,30 +318,50 @@ static void busy(struct bench *bench) {
     assert_at(bench, at(bench, 0.4));
 }
 
-/* A move, and a third of its time: braking from then on, it must stand before the target. */
-static void start_some(struct bench *bench, double from_deg, double to_deg) {
-    start_move(bench, from_deg);
-    expect(bench, AXIS_ARRIVED);
-    double predicted = axis_move_time_s(&bench->axis->motion, from_deg, to_deg);
-    start_move(bench, to_deg);
-    conformance_pass(bench->clock, predicted * 0.3);
-    g_assert_true(axis_is_moving(bench->axis));
+/* A move, and a third of its time: braking from then on, it must stand before the target. Returns
+ * the time at which the move began. */
+static gint64 start_some(struct bench *bench, double from_deg, double to_deg) {
+    const double predicted = axis_move_time_s(&bench->axis->motion, from_deg, to_deg);
+    gint64 start_us = 0;
+    UNTIL (start_us != 0 && axis_is_moving(bench->axis)) {
+        if (start_us != 0) {
+            assert_held_up(bench, start_us, predicted);
+            expect(bench, AXIS_ARRIVED);
+        }
+        start_move(bench, from_deg);
+        expect(bench, AXIS_ARRIVED);
+        start_us = clock_now_us(bench->clock);
+        start_move(bench, to_deg);
+        conformance_pass(bench->clock, predicted * 0.3);
+    }
+    return start_us;
 }
 
-static void stops(struct bench *bench) {
-    home(bench);
-    double from = at(bench, 0.3), to = at(bench, 0.7);
-    start_some(bench, from, to);
+/* Returns FALSE if the axis had arrived before this program could stop it. */
+static gboolean stops_on_the_way(struct bench *bench, double from, double to) {
+    const gint64 start_us = start_some(bench, from, to);
     bench->in_call = TRUE;
     g_assert_true(axis_stop(bench->axis, NULL));
     bench->in_call = FALSE;
     expect(bench, AXIS_STOPPED);
-    double stopped = axis_position_deg(bench->axis);
+    const double stopped = axis_position_deg(bench->axis);
+    if (fabs(stopped - to) <= tolerance(bench)) {
+        assert_held_up(bench, start_us, axis_move_time_s(&bench->axis->motion, from, to));
+        return FALSE;
+    }
     g_assert_cmpfloat(stopped, >, from);
     g_assert_cmpfloat(stopped, <, to);
     expect_silence(bench, 0.5);
     g_assert_cmpfloat(fabs(axis_position_deg(bench->axis) - stopped), <=, tolerance(bench));
     g_assert_true(axis_is_homed(bench->axis));
+    return TRUE;
+}
+
+static void stops(struct bench *bench) {
+    const double from = at(bench, 0.3);
+    home(bench);
+    UNTIL (stops_on_the_way(bench, from, at(bench, 0.7)))
+        ;
     start_move(bench, from);
     expect(bench, AXIS_ARRIVED);
     assert_at(bench, from);
