@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#define LONGEST_FOLDER  80 /* the path of a socket has at most 107 bytes */
-#define CONNECT_WAIT_MS 5000
+#define LONGEST_FOLDER  80    /* the path of a socket has at most 107 bytes */
+#define CONNECT_WAIT_MS 15000 /* a mesorigd on a busy computer may need several seconds */
 #define UNIX_PATH       "unix:path="
 
 const char *bus_client_address(void) {

@@ -19,7 +19,7 @@
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
-#define WAIT_US (60 * G_USEC_PER_SEC)
+#define WAIT_US (120 * G_USEC_PER_SEC)
 
 struct fixture {
     char *folder, *socket, *address, *directory, *session;

@@ -18,7 +18,7 @@
 
 #define RIG        SOURCE_DIR "/tests/small/rig.conf"
 #define MESORIGD   BUILD_DIR "/bin/mesorigd"
-#define WAIT_MS    20000
+#define WAIT_MS    120000
 #define ROUNDS     5
 #define MAX_SHARE  0.25 /* of the CPU time that a flood of calls costs mesorigd */
 #define N_CALLS    20000

@@ -18,7 +18,7 @@
 
 #define RIG      SOURCE_DIR "/tests/small/rig.conf"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define WAIT_US  (60 * G_USEC_PER_SEC)
+#define WAIT_US  (120 * G_USEC_PER_SEC)
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BusRig1, g_object_unref)
 
