@@ -25,12 +25,15 @@
 #define FEW_CELLS 29 /* the short form of the matrix takes each 29th cell */
 #define STALLS    3
 #define STALL_US  (G_USEC_PER_SEC * 46 / 10) /* a little more than a hang takes */
+#define ALONE_US  (G_USEC_PER_SEC / 2)       /* the guardian goes on earlier than the daemon */
 #define SLACK_US  (G_USEC_PER_SEC * 3 / 2)   /* a machine with more to do than this */
 
 struct fixture {
     char *folder, *rig, *socket;
     struct lines lines;
     GSubprocess *daemon;
+    GSubprocess *safe_state; /* between begin_safe_state() and end_safe_state() */
+    GPid holder;             /* between hold() and the end of a test_held() */
     GDBusConnection *client;
     char *said;
 };
@@ -89,17 +92,24 @@ static gboolean is_dark(struct fixture *fixture) {
            !lines_has_light(fixture->lines.devices[BANK]);
 }
 
+static void begin_safe_state(struct fixture *fixture) {
+    fixture->safe_state =
+        process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, NULL,
+                      (const char *[]){MESORIGD, "--safe-state", fixture->rig, NULL});
+}
+
 /* Its exit code; what it prints is kept. */
-static int safe_state(struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(GSubprocess) process =
-        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, &error,
-                         MESORIGD, "--safe-state", fixture->rig, NULL);
-    g_assert_no_error(error);
+static int end_safe_state(struct fixture *fixture) {
+    g_autoptr(GSubprocess) process = g_steal_pointer(&fixture->safe_state);
     g_clear_pointer(&fixture->said, g_free);
-    g_assert_true(g_subprocess_communicate_utf8(process, NULL, NULL, &fixture->said, NULL, &error));
+    ok(g_subprocess_communicate_utf8(process, NULL, NULL, &fixture->said, NULL, ERR));
     g_test_message("%s", fixture->said);
     return g_subprocess_get_if_exited(process) ? g_subprocess_get_exit_status(process) : -1;
+}
+
+static int safe_state(struct fixture *fixture) {
+    begin_safe_state(fixture);
+    return end_safe_state(fixture);
 }
 
 static void assert_says_not(struct fixture *fixture, const char *words) {
@@ -119,18 +129,50 @@ static void test_well(struct fixture *fixture, gconstpointer data) {
     assert_has(fixture->said, "lamps and lasers are off, axes stand\n");
 }
 
-/* What a device's end says of it, and that nothing else is kept from being safe. */
-static void test_gone(struct fixture *fixture, gconstpointer data) {
-    static const char *const names[N_DEVICES] = {"laser top",      "lamps bank", "",
-                                                 "axis turntable", "axis arc",   "axis sweep"};
-    const enum line gone = (enum line)GPOINTER_TO_INT(data);
-    g_autofree char *unsafe = g_strconcat(names[gone], ": NOT safe: ", NULL);
+/* `mesorigd --safe-state` gives up after five seconds. Such tests have rigs of their own, and run
+ * at the same time. */
+#define N_TOGETHER 3
+
+struct unsafe {
+    void (*begin)(struct fixture *fixture, enum line line);
+    void (*check)(struct fixture *fixture, enum line line, int code);
+    enum line line;
+    gboolean serial_laser;
+};
+
+static void run_together(const struct unsafe *tests, int n) {
+    for (int first = 0; first < n; first += N_TOGETHER) {
+        struct fixture fixtures[N_TOGETHER] = {0};
+        const int last = MIN(first + N_TOGETHER, n);
+        for (int i = first; i < last; i++) {
+            struct fixture *fixture = &fixtures[i - first];
+            (tests[i].serial_laser ? set_up_serial_laser : set_up)(fixture, NULL);
+            tests[i].begin(fixture, tests[i].line);
+            begin_safe_state(fixture);
+        }
+        for (int i = first; i < last; i++) {
+            struct fixture *fixture = &fixtures[i - first];
+            tests[i].check(fixture, tests[i].line, end_safe_state(fixture));
+        }
+        for (int i = first; i < last; i++)
+            tear_down(&fixtures[i - first], NULL);
+    }
+}
+
+static void begin_gone(struct fixture *fixture, enum line gone) {
     /* Not where it was: another test may have a device there by now. */
     g_autofree char *bus =
         g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->lines.devices[gone]));
     replace(fixture, bus, lines_is_axis(gone) ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
     write_lit_rig(fixture);
-    g_assert_cmpint(safe_state(fixture), ==, gone == DOOR ? 0 : 1);
+}
+
+/* What a device's end says of it, and that nothing else is kept from being safe. */
+static void check_gone(struct fixture *fixture, enum line gone, int code) {
+    static const char *const names[N_DEVICES] = {"laser top",      "lamps bank", "",
+                                                 "axis turntable", "axis arc",   "axis sweep"};
+    g_autofree char *unsafe = g_strconcat(names[gone], ": NOT safe: ", NULL);
+    g_assert_cmpint(code, ==, gone == DOOR ? 0 : 1);
     g_assert_true(gone == LASER || !lines_has_light(fixture->lines.devices[LASER]));
     g_assert_true(gone == BANK || !lines_has_light(fixture->lines.devices[BANK]));
     for (int i = 0; i < N_DEVICES; i++) {
@@ -144,6 +186,13 @@ static void test_gone(struct fixture *fixture, gconstpointer data) {
         assert_has(fixture->said, "the rig is NOT safe");
         assert_says_not(fixture, "lamps and lasers are off, axes stand");
     }
+}
+
+static void test_gone(void) {
+    struct unsafe tests[N_DEVICES];
+    for (int i = 0; i < N_DEVICES; i++)
+        tests[i] = (struct unsafe){begin_gone, check_gone, (enum line)i, FALSE};
+    run_together(tests, N_DEVICES);
 }
 
 /* Of other devices, and in keys that do not say which device it is. */
@@ -215,11 +264,14 @@ static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
     assert_has(fixture->said, "[laser top] colour: there is no such key");
 }
 
-static void test_deaf(struct fixture *fixture, gconstpointer data) {
+static void begin_deaf(struct fixture *fixture, enum line line) {
     const struct virtual_modbus_faults deaf = {.deaf = TRUE};
     write_lit_rig(fixture);
-    virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
-    g_assert_cmpint(safe_state(fixture), ==, 1);
+    virtual_modbus_fail(fixture->lines.devices[line], &deaf);
+}
+
+static void check_deaf(struct fixture *fixture, enum line line, int code) {
+    g_assert_cmpint(code, ==, 1);
     g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
     assert_has(fixture->said, "laser top: NOT safe: ");
     assert_has(fixture->said, "lamps bank: off, read back\n");
@@ -251,11 +303,14 @@ static GPid hold(VirtualModbus *device, double seconds) {
     return pid;
 }
 
-static void test_held(struct fixture *fixture, gconstpointer data) {
-    const enum line which = (enum line)GPOINTER_TO_INT(data);
+static void begin_held(struct fixture *fixture, enum line which) {
     write_lit_rig(fixture);
-    const GPid pid = hold(fixture->lines.devices[which], 60);
-    g_assert_cmpint(safe_state(fixture), ==, 1);
+    fixture->holder = hold(fixture->lines.devices[which], WAIT_S);
+}
+
+static void check_held(struct fixture *fixture, enum line which, int code) {
+    const GPid pid = fixture->holder;
+    g_assert_cmpint(code, ==, 1);
     kill(pid, SIGKILL);
     waitpid(pid, NULL, 0);
     g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
@@ -264,6 +319,13 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
     g_autofree char *holder = g_strdup_printf("(process %d) uses it", pid);
     assert_has(fixture->said, holder);
     assert_has(fixture->said, "lamps bank: off, read back\n");
+}
+
+static void test_held_or_deaf(void) {
+    static const struct unsafe tests[] = {{begin_deaf, check_deaf, LASER, FALSE},
+                                          {begin_held, check_held, ARC, FALSE},
+                                          {begin_held, check_held, LASER, TRUE}};
+    run_together(tests, G_N_ELEMENTS(tests));
 }
 
 static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
@@ -318,19 +380,23 @@ static void run_daemon(struct fixture *fixture) {
                                        "--listen", address, "--rig", fixture->rig, NULL});
 }
 
-static void start_daemon(struct fixture *fixture) {
-    write_rig(fixture);
-    run_daemon(fixture);
-    for (int i = 0; i < 3000 && !g_file_test(fixture->socket, G_FILE_TEST_EXISTS); i++)
-        g_usleep(10000);
-    g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
-    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
-}
-
 static void read_log(struct fixture *fixture) {
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_clear_pointer(&fixture->said, g_free);
     g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+}
+
+static void start_daemon(struct fixture *fixture) {
+    write_rig(fixture);
+    run_daemon(fixture);
+    UNTIL (g_file_test(fixture->socket, G_FILE_TEST_EXISTS)) {
+        g_main_context_iteration(NULL, FALSE);
+        read_log(fixture);
+        if (!g_subprocess_get_identifier(fixture->daemon))
+            g_error("the daemon has ended: %s", fixture->said);
+        g_usleep(10000);
+    }
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
 }
 
 /* The daemon or the guardian says it in the end. */
@@ -406,18 +472,38 @@ static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
         wait_said(fixture, "is still trying");
 }
 
-/* A computer that stands still for a while holds guardian and daemon up alike. */
-static void test_stalled(struct fixture *fixture, gconstpointer data) {
-    start_daemon(fixture);
-    const pid_t guardian = find_guardian(fixture->rig);
+/* Stops guardian and daemon STALLS times, and lets the guardian go on first. Returns the longest
+ * time for which only the daemon was stopped, which is longer on a busy computer. */
+static gint64 stall(struct fixture *fixture, pid_t guardian) {
+    gint64 longest_us = 0;
     for (int i = 0; i < STALLS; i++) {
         g_subprocess_send_signal(fixture->daemon, SIGSTOP);
         kill(guardian, SIGSTOP);
         g_usleep(STALL_US);
+        const gint64 alone_us = g_get_monotonic_time();
         kill(guardian, SIGCONT);
-        g_usleep(G_USEC_PER_SEC / 2); /* the guardian is the first one that goes on */
+        g_usleep(ALONE_US);
         g_subprocess_send_signal(fixture->daemon, SIGCONT);
+        longest_us = MAX(longest_us, g_get_monotonic_time() - alone_us);
         g_usleep(G_USEC_PER_SEC * 3 / 2);
+    }
+    return longest_us;
+}
+
+/* A computer that stands still for a while holds guardian and daemon up alike. */
+static void test_stalled(struct fixture *fixture, gconstpointer data) {
+    pid_t guardian = 0;
+    gboolean alike = FALSE;
+    UNTIL (alike) {
+        if (guardian !=
+            0) { /* the daemon may have been stopped alone for long enough to be killed */
+            tear_down(fixture, NULL);
+            *fixture = (struct fixture){0};
+            set_up(fixture, NULL);
+        }
+        start_daemon(fixture);
+        guardian = find_guardian(fixture->rig);
+        alike = stall(fixture, guardian) < 4 * ALONE_US;
     }
     read_log(fixture);
     assert_says_not(fixture, "no heartbeat");
@@ -726,17 +812,54 @@ static void test_started_again(struct fixture *fixture, gconstpointer data) {
     start_daemon(fixture);
 }
 
-/* ExecStopPost leaves a guardian to what is not safe. That lets the pipe go in time, at which this
- * program waits. */
+/* Returns the only child of the guardian that does not wait for its parent to notice its end, or 0
+ * if it has none or several. */
+static pid_t find_line_process(const struct fixture *fixture) {
+    const pid_t guardian = find_guardian(fixture->rig);
+    g_autofree char *path = g_strdup_printf("/proc/%d/task/%d/children", guardian, guardian);
+    g_autofree char *text = NULL;
+    if (guardian == 0 || !g_file_get_contents(path, &text, NULL, NULL))
+        return 0;
+    g_auto(GStrv) children = g_strsplit(g_strstrip(text), " ", -1);
+    const pid_t child = (pid_t)g_ascii_strtoll(children[0] ? children[0] : "0", NULL, 10);
+    g_autofree char *status = g_strdup_printf("/proc/%d/status", child);
+    g_autofree char *state = NULL;
+    if (g_strv_length(children) != 1 || !g_file_get_contents(status, &state, NULL, NULL) ||
+        strstr(state, "State:\tZ"))
+        return 0;
+    return child;
+}
+
+static void on_printed(GObject *process, GAsyncResult *result, gpointer data) {
+    struct fixture *fixture = data;
+    ok(g_subprocess_communicate_utf8_finish(G_SUBPROCESS(process), result, &fixture->said, NULL,
+                                            ERR));
+}
+
+/* ExecStopPost leaves a guardian to what is not safe. The guardian and its processes let the pipe
+ * go, at which this program waits, while they go on: the laser's process is not a new one. */
 static void test_service(struct fixture *fixture, gconstpointer data) {
+    pid_t last = 0;
     write_lit_rig(fixture);
     lines_fail(&fixture->lines, LASER, SILENT);
     g_setenv("SERVICE_RESULT", "signal", TRUE);
-    g_assert_cmpint(safe_state(fixture), ==, 1);
+    g_autoptr(GSubprocess) process =
+        process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, NULL,
+                      (const char *[]){MESORIGD, "--safe-state", fixture->rig, NULL});
     g_unsetenv("SERVICE_RESULT");
+    g_subprocess_communicate_utf8_async(process, NULL, NULL, on_printed, fixture);
+    UNTIL (fixture->said) {
+        const pid_t child = find_line_process(fixture);
+        last = child ? child : last;
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(10000);
+    }
+    g_subprocess_wait(process, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(process), ==, 1);
     g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
     assert_has(fixture->said, "is still trying");
-    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
+    g_assert_cmpint(last, !=, 0);
+    g_assert_cmpint(find_line_process(fixture), ==, last);
     lines_repair(&fixture->lines, LASER);
     wait_for_dark(fixture);
     wait_for_guardian_end(fixture);
@@ -747,19 +870,11 @@ int main(int argc, char **argv) {
 #define ADD(path, func, data)                                                                      \
     g_test_add(path, struct fixture, GINT_TO_POINTER(data), set_up, func, tear_down)
     ADD("/safe-state/well", test_well, 0);
-    ADD("/safe-state/laser-gone", test_gone, LASER);
-    ADD("/safe-state/lamps-gone", test_gone, BANK);
-    ADD("/safe-state/interlock-gone", test_gone, DOOR);
-    ADD("/safe-state/turntable-gone", test_gone, TURNTABLE);
-    ADD("/safe-state/arc-gone", test_gone, ARC);
-    ADD("/safe-state/sweep-gone", test_gone, SWEEP);
+    g_test_add_func("/safe-state/gone", test_gone);
     ADD("/safe-state/mistakes", test_mistakes, 0);
     ADD("/safe-state/doubts", test_doubts, 0);
     ADD("/safe-state/unknown-key", test_unknown_key, 0);
-    ADD("/safe-state/deaf", test_deaf, 0);
-    ADD("/safe-state/axis-held", test_held, ARC);
-    g_test_add("/safe-state/laser-held", struct fixture, GINT_TO_POINTER(LASER),
-               set_up_serial_laser, test_held, tear_down);
+    g_test_add_func("/safe-state/held-or-deaf", test_held_or_deaf);
     g_test_add("/safe-state/laser-held-for-a-while", struct fixture, NULL, set_up_serial_laser,
                test_held_for_a_while, tear_down);
     ADD("/safe-state/moving", test_moving, 0);
