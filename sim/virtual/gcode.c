@@ -1,13 +1,11 @@
 #include "gcode_private.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <gio/gio.h>
 #include <glib-unix.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <poll.h>
-#include <pty.h>
 #include <string.h>
 #include <termios.h>
 #include <unistd.h>
@@ -56,9 +54,9 @@ static void flush_out(VirtualGcode *board) {
                                      board->n_sent % (guint)board->faults.damage_sent == 0;
             g_string_append_c(bytes, damaged ? (char)(*at ^ 0x15) : *at);
         }
-        if (!board->faults.cut && !board->faults.silent && board->wire >= 0 &&
-            write(board->wire, bytes->str, bytes->len) < 0)
-            tcflush(board->wire, TCIOFLUSH);
+        if (!board->faults.cut && !board->faults.silent && board->terminal.wire >= 0 &&
+            write(board->terminal.wire, bytes->str, bytes->len) < 0)
+            tcflush(board->terminal.wire, TCIOFLUSH);
         out_free(out);
     }
 }
@@ -258,32 +256,9 @@ static void receive(VirtualGcode *board, const char *bytes, gssize n) {
     }
 }
 
-static void close_wire(VirtualGcode *board) {
-    if (board->wire >= 0)
-        close(board->wire);
-    if (board->slave >= 0)
-        close(board->slave);
-    board->wire = board->slave = -1;
-}
-
 static gboolean open_wire(VirtualGcode *board) {
-    struct termios raw = {0};
-    char name[64];
-    cfmakeraw(&raw);
-    raw.c_cflag |= CS8 | CREAD | CLOCAL;
-    if (openpty(&board->wire, &board->slave, name, &raw, NULL) != 0)
-        return FALSE;
-    fcntl(board->wire, F_SETFL, O_NONBLOCK);
-    fcntl(board->wire, F_SETFD, FD_CLOEXEC);
-    fcntl(board->slave, F_SETFD, FD_CLOEXEC);
-    /* Without the slave, the wire reports whether a program has the port open. */
-    if (board->options.resets_on_open) {
-        close(board->slave);
-        board->slave = -1;
-    }
     board->was_open = FALSE;
-    g_unlink(board->port);
-    return symlink(name, board->port) == 0;
+    return terminal_open(&board->terminal, board->port, board->options.resets_on_open);
 }
 
 /* A program has opened the port. */
@@ -298,7 +273,8 @@ static void serve(VirtualGcode *board, short events) {
     char bytes[512];
     watch_opening(board, events);
     advance(board);
-    for (gssize n; board->wire >= 0 && (n = read(board->wire, bytes, sizeof bytes)) > 0;)
+    for (gssize n;
+         board->terminal.wire >= 0 && (n = read(board->terminal.wire, bytes, sizeof bytes)) > 0;)
         receive(board, bytes, n);
     advance(board);
     if (g_get_monotonic_time() >= board->deaf_until_us) {
@@ -319,7 +295,7 @@ static gpointer gcode_run(gpointer data) {
         const gboolean busy = board->motion != GCODE_STANDING || board->waits ||
                               board->rx->len > 0 || !g_queue_is_empty(&board->out) ||
                               board->options.resets_on_open;
-        struct pollfd fds[] = {{board->wake[0], POLLIN, 0}, {board->wire, POLLIN, 0}};
+        struct pollfd fds[] = {{board->wake[0], POLLIN, 0}, {board->terminal.wire, POLLIN, 0}};
         g_mutex_unlock(&board->mutex);
         if (poll(fds, G_N_ELEMENTS(fds), busy ? 1 : 20) < 0 && errno != EINTR)
             return NULL;
@@ -344,7 +320,8 @@ static void wake(VirtualGcode *board) {
 VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GError **error) {
     VirtualGcode *board = g_new0(VirtualGcode, 1);
     board->options = *options;
-    board->wire = board->slave = board->wake[0] = board->wake[1] = -1;
+    board->terminal = (struct terminal)TERMINAL_CLOSED;
+    board->wake[0] = board->wake[1] = -1;
     board->rx = g_string_new(NULL);
     g_mutex_init(&board->mutex);
     board->folder = g_dir_make_tmp("mesorig-gcode-XXXXXX", error);
@@ -376,7 +353,7 @@ void virtual_gcode_free(VirtualGcode *board) {
         wake(board);
         g_thread_join(board->thread);
     }
-    close_wire(board);
+    terminal_close(&board->terminal);
     for (int i = 0; i < 2; i++)
         if (board->wake[i] >= 0)
             close(board->wake[i]);
@@ -432,7 +409,7 @@ void virtual_gcode_reset(VirtualGcode *board) {
 
 void virtual_gcode_unplug(VirtualGcode *board) {
     g_mutex_lock(&board->mutex);
-    close_wire(board);
+    terminal_unplug(&board->terminal);
     g_unlink(board->port);
     g_mutex_unlock(&board->mutex);
     wake(board);
@@ -440,7 +417,6 @@ void virtual_gcode_unplug(VirtualGcode *board) {
 
 void virtual_gcode_plug(VirtualGcode *board) {
     g_mutex_lock(&board->mutex);
-    close_wire(board);
     if (!open_wire(board))
         g_warning("virtual G-code board: %s", g_strerror(errno));
     g_mutex_unlock(&board->mutex);

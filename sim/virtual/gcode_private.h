@@ -3,6 +3,7 @@
 #pragma once
 
 #include "gcode.h"
+#include "terminal.h"
 
 #define GCODE_RX     127 /* bytes that GRBL's receive buffer holds */
 #define GCODE_BLOCKS 15
@@ -16,7 +17,8 @@ struct gcode_block {
 struct VirtualGcode {
     struct virtual_gcode_options options;
     char *folder, *port;
-    int wire, slave, wake[2];
+    struct terminal terminal;
+    int wake[2];
     GThread *thread;
 
     GMutex mutex; /* guards what follows */

@@ -1,12 +1,11 @@
 #include "leds.h"
+#include "terminal.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <gio/gio.h>
 #include <glib-unix.h>
 #include <glib/gstdio.h>
 #include <poll.h>
-#include <pty.h>
 #include <string.h>
 #include <termios.h>
 #include <unistd.h>
@@ -21,7 +20,8 @@ struct out {
 struct VirtualLeds {
     struct virtual_leds_options options;
     char *folder, *port;
-    int wire, slave, wake[2];
+    struct terminal terminal;
+    int wake[2];
     GThread *thread;
 
     GMutex mutex; /* guards what follows */
@@ -173,39 +173,16 @@ static void flush_out(VirtualLeds *leds) {
                 faults->damage_sent > 0 && count % (guint)faults->damage_sent == 0;
             g_string_append_c(bytes, damaged ? (char)(*at ^ 0x01) : *at);
         }
-        if (!faults->cut && !faults->silent && leds->wire >= 0 &&
-            write(leds->wire, bytes->str, bytes->len) < 0)
-            tcflush(leds->wire, TCIOFLUSH);
+        if (!faults->cut && !faults->silent && leds->terminal.wire >= 0 &&
+            write(leds->terminal.wire, bytes->str, bytes->len) < 0)
+            tcflush(leds->terminal.wire, TCIOFLUSH);
         out_free(out);
     }
 }
 
-static void close_wire(VirtualLeds *leds) {
-    if (leds->wire >= 0)
-        close(leds->wire);
-    if (leds->slave >= 0)
-        close(leds->slave);
-    leds->wire = leds->slave = -1;
-}
-
 static gboolean open_wire(VirtualLeds *leds) {
-    struct termios raw = {0};
-    char name[64];
-    cfmakeraw(&raw);
-    raw.c_cflag |= CS8 | CREAD | CLOCAL;
-    if (openpty(&leds->wire, &leds->slave, name, &raw, NULL) != 0)
-        return FALSE;
-    fcntl(leds->wire, F_SETFL, O_NONBLOCK);
-    fcntl(leds->wire, F_SETFD, FD_CLOEXEC);
-    fcntl(leds->slave, F_SETFD, FD_CLOEXEC);
-    /* Without the slave, the wire reports whether a program has the port open. */
-    if (leds->options.resets_on_open) {
-        close(leds->slave);
-        leds->slave = -1;
-    }
     leds->was_open = FALSE;
-    g_unlink(leds->port);
-    return symlink(name, leds->port) == 0;
+    return terminal_open(&leds->terminal, leds->port, leds->options.resets_on_open);
 }
 
 static void serve(VirtualLeds *leds, short events) {
@@ -214,7 +191,8 @@ static void serve(VirtualLeds *leds, short events) {
     if (leds->options.resets_on_open && is_open && !leds->was_open)
         boot(leds);
     leds->was_open = is_open;
-    for (gssize n; leds->wire >= 0 && (n = read(leds->wire, bytes, sizeof bytes)) > 0;)
+    for (gssize n;
+         leds->terminal.wire >= 0 && (n = read(leds->terminal.wire, bytes, sizeof bytes)) > 0;)
         receive(leds, bytes, (gsize)n);
     if (leds->state.lit &&
         g_get_monotonic_time() - leds->fed_us > leds->options.dark_ms * (gint64)1000) {
@@ -232,7 +210,7 @@ static gpointer leds_run(gpointer data) {
         g_mutex_lock(&leds->mutex);
         const gboolean busy =
             leds->state.lit || !g_queue_is_empty(&leds->out) || leds->options.resets_on_open;
-        struct pollfd fds[] = {{leds->wake[0], POLLIN, 0}, {leds->wire, POLLIN, 0}};
+        struct pollfd fds[] = {{leds->wake[0], POLLIN, 0}, {leds->terminal.wire, POLLIN, 0}};
         g_mutex_unlock(&leds->mutex);
         if (poll(fds, G_N_ELEMENTS(fds), busy ? 2 : 20) < 0 && errno != EINTR)
             return NULL;
@@ -243,10 +221,10 @@ static gpointer leds_run(gpointer data) {
             g_usleep(1000);
         g_mutex_lock(&leds->mutex);
         if (leds->unplugged)
-            close_wire(leds);
-        else if (leds->wire < 0 && !open_wire(leds))
+            terminal_unplug(&leds->terminal);
+        else if (leds->terminal.wire < 0 && !open_wire(leds))
             g_warning("virtual LED controller: %s", g_strerror(errno));
-        serve(leds, leds->wire == fds[1].fd ? fds[1].revents : POLLHUP);
+        serve(leds, leds->terminal.wire == fds[1].fd ? fds[1].revents : POLLHUP);
         quit = leds->quit;
         g_mutex_unlock(&leds->mutex);
     }
@@ -261,7 +239,7 @@ VirtualLeds *virtual_leds_new(const struct virtual_leds_options *options, GError
     leds->options = *options;
     leds->folder = g_steal_pointer(&folder);
     leds->port = g_build_filename(leds->folder, "port", NULL);
-    leds->wire = leds->slave = -1;
+    leds->terminal = (struct terminal)TERMINAL_CLOSED;
     leds->rx = g_string_new(NULL);
     g_mutex_init(&leds->mutex);
     boot(leds);
@@ -294,7 +272,7 @@ void virtual_leds_free(VirtualLeds *leds) {
         wake(leds);
         g_thread_join(leds->thread);
     }
-    close_wire(leds);
+    terminal_close(&leds->terminal);
     for (int i = 0; i < 2; i++)
         if (leds->wake[i] >= 0)
             close(leds->wake[i]);
@@ -333,7 +311,7 @@ static void set_unplugged(VirtualLeds *leds, gboolean unplugged) {
     /* Return when it has happened. */
     for (gboolean done = FALSE; !done; g_usleep(1000)) {
         g_mutex_lock(&leds->mutex);
-        done = (leds->wire < 0) == unplugged;
+        done = (leds->terminal.wire < 0) == unplugged;
         g_mutex_unlock(&leds->mutex);
     }
 }

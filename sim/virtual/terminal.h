@@ -1,0 +1,28 @@
+/*
+ * The pseudo-terminal of a virtual device on a serial port. The port is a link to it, as in
+ * /dev/serial/by-id. Functions set errno on failure. A struct belongs to one thread at a time.
+ */
+#pragma once
+
+#include <glib.h>
+
+struct terminal {
+    int wire;  /* descriptor of the device, which does not block; −1 if it is unplugged */
+    int slave; /* other end of the wire, held open by the device; −1 if it is not held open */
+    int kept;  /* other end of the wire that was unplugged last, or −1 */
+};
+
+#define TERMINAL_CLOSED                                                                            \
+    { -1, -1, -1 }
+
+/* Opens a new pseudo-terminal, and makes the link to it. With reports_opening, the wire reports
+ * POLLHUP while no program has the port open. */
+gboolean terminal_open(struct terminal *terminal, const char *link, gboolean reports_opening);
+
+/* Closes the wire, so that the program at the port is told that it has hung up. No other program
+ * gets a terminal with the same number before the next call of terminal_unplug() or
+ * terminal_close(). A driver holds the lock of the number until it opens the port again. */
+void terminal_unplug(struct terminal *terminal);
+
+/* Closes all descriptors. */
+void terminal_close(struct terminal *terminal);
