@@ -33,10 +33,10 @@ Local PCA:
   other.exr: done in … s: 1 cluster of 1 component, error 33.34 % at the measured directions (33.31 % before rounding), 288 bytes, 1:21.3 of the BTF in half floats; 4.0 kB on disk
   it replaces the “lpca” that Mesorig had written there
   $ mesorig compress S -k 1 --components 1 --error 0.0001% --force
-  mesorig: an error of 0.0001 % is not reached with 1 clusters of 1 components (16.7 %); allow more of them
+  mesorig: an error of 0.0001 % is not reached: with 1 cluster of 1 component it is 16.7 %; allow more clusters or components
   [1]
   $ mesorig compress S --size 10B -o other.exr --force
-  mesorig: 10 bytes is too little: one cluster of one component takes 384 bytes
+  mesorig: a size of 10 bytes is too small: one cluster of one component already takes 384 bytes; allow a larger size
   [1]
 
 Memory that is too little is told together with what would be enough.
@@ -44,7 +44,7 @@ Memory that is too little is told together with what would be enough.
   $ mesorig compress S --memory 1kB -k 1 --components 1 -o other.exr --force 2>told
   [1]
   $ cat told
-  mesorig: 1 clusters of 1 components for 8 × 8 texels, 4 views and 4 lights take 322.1 kB of memory, but the limit is 1.0 kB; allow more memory, or fewer clusters or components
+  mesorig: 1 cluster of 1 component for 8 × 8 texels, 4 views and 4 lights take 322.1 kB of memory, but --memory allows 1.0 kB; allow more memory, or fewer clusters or components
   $ enough=$(sed -n 's/.*take \([0-9.]*\)[^0-9A-Za-z]*\([kM]B\).*/\1\2/p' told)
   $ mesorig compress S --memory $enough -k 1 --components 1 -o other.exr --force
   other.exr: done in … s: 1 cluster of 1 component, error 16.66 % at the measured directions (16.66 % before rounding), 384 bytes, 1:16 of the BTF in half floats; 3.3 kB on disk
@@ -62,13 +62,13 @@ Eigen-maps. A view takes 3 kB as floats.
   other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --memory 5kB --components 1 -o other.exr --force
-  mesorig: 1 eigen-maps of 8 × 8 texels and 4 lights take 3.1 kB of memory each, and reading one view takes the same. The limit is 5.0 kB; allow more
+  mesorig: --memory gives 5.0 kB, which is too little for 1 eigen-map of 8 × 8 texels and 4 lights. Each takes 3.1 kB, and reading one view takes as much; allow at least 6.1 kB
   [1]
   $ mesorig compress S -m eigenmaps --error 99% -o other.exr --force
   other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr --force
-  mesorig: an error of 0.0001 % is not reached with 1 eigen-maps (19.5 %); allow more
+  mesorig: an error of 0.0001 % is not reached: with 1 eigen-map it is 19.5 %; allow more eigen-maps or a larger error
   [1]
 
 Other methods:
@@ -83,10 +83,10 @@ Other methods:
   other.exr: done in … s: ptm, 4 mip levels, luminance off by 0.0014 on average, error 0.66 % at the measured directions (0.66 % before rounding), 6.1 kB, 1:1 of the BTF in half floats; 14.3 kB on disk
   it replaces the existing file
   $ mesorig compress S -m ptm --error 0.0001%
-  mesorig: an error of 0.0001 % is not reached by ptm (0.66 %); use lpca
+  mesorig: an error of 0.0001 % is not reached: ptm has an error of 0.66 %; allow a larger error or use --method=lpca
   [1]
   $ mesorig compress S -m fields --components 4
-  mesorig: model 0 of 4 lobes: unknown model, or a number of lobes that it cannot have; give 1 to 3 lobes
+  mesorig: fields cannot have 4 lobes; give 1 to 3 lobes
   [1]
 
 Places where nothing can be written:
@@ -166,7 +166,7 @@ What does not go together:
   Usage: mesorig compress DIR
   [2]
   $ mesorig compress S -q packed --error 40% --mips -o other.exr
-  mesorig compress: --quantise=packed has one cluster, no --grid, no --mips, and needs --colours=rgb
+  mesorig compress: --quantise=packed cannot be combined with -k, --grid, --mips or --colours=log
   Usage: mesorig compress DIR
   [2]
 

@@ -13,12 +13,12 @@
 
 /* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
-    /* name that distinguishes the material from others: that of its file or session, or of a
-     * method */
+    /* name that distinguishes the material from others: the name of its file, session or method */
     char *label;
     const char *kind; /* "btf", or the name of the material's codec */
     const struct btf_layout *layout;
-    gint64 bytes; /* bytes in a renderer's memory; for a BTF those of its values as halves */
+    /* bytes in a renderer's memory; for a BTF, the bytes of its values as half floats */
+    gint64 bytes;
 };
 
 /* The input of encode(). */
@@ -27,24 +27,30 @@ struct codec_job {
     const struct btf_matrix *btf;
     /* values of the options, in the struct that the codec's option table describes */
     gconstpointer options;
-    /* maximum bytes for values and work; 0 if not limited. Only for bounded codecs */
+    /* maximum number of bytes for the BTF's values and the work; 0 if not limited. Only codecs with
+     * `bounded` keep to the maximum */
     gint64 memory;
     const struct work *work; /* never NULL */
-    /* stores the state of the work, or NULL. Only for resumable codecs */
+    /* keeps the state of the work, so that a later call can continue; NULL if no state is kept.
+     * Only codecs with `resumable` use the checkpoint */
     Checkpoint *checkpoint;
 };
 
 /* The result of encode(). The caller sets all members to 0, and frees levels. */
 struct codec_result {
-    /* models with a free function: that of the BTF, then those of its mip levels */
+    /* the model of the BTF, then the models of its mip levels; the array frees them */
     GPtrArray *levels;
-    /* numbers of clusters and of components (terms, lobes, …), and n of an n × n grid; 0 if
-     * there are none */
+    /* number of clusters, number of components (terms, lobes, …), and n if the directions are an n
+     * × n grid; each is 0 if the model has none */
     int clusters, components, grid;
-    double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, after the numbers were rounded for the file */
-    double exact_error; /* ‖A − Â‖_F / ‖A‖_F before the numbers were rounded for the file */
-    double luminance_error; /* mean |Y − Ŷ| of the luminance; −1 if the codec does not compute it */
-    /* whether the size of the result is that of its file, not that in a renderer's memory */
+    /* ‖A − Â‖_F / ‖A‖_F of R, G, B, where A is the BTF and Â the model as the file stores it */
+    double error;
+    /* the same ratio for the model before its numbers were rounded for the file */
+    double exact_error;
+    /* mean of |Y − Ŷ|, the luminances of A and Â; −1 if the codec does not compute it */
+    double luminance_error;
+    /* whether the file is much smaller than the model in a renderer's memory, so that users are
+     * told the size of the file */
     gboolean packed;
 };
 
@@ -57,7 +63,9 @@ struct codec_point {
      * label */
     char *label;
     gint64 bytes; /* bytes in a renderer's memory */
-    double error; /* relative RMS error of the BTF; −1 if the CodecPoint function must measure it */
+    /* relative RMS error of the model against the BTF; −1 if the CodecPoint function must measure
+     * it */
+    double error;
     gconstpointer model;
 };
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
@@ -93,14 +101,15 @@ struct codec {
      * fallback. */
     const struct option *options;
     gsize options_size;
-    /* Checks whether options contradict each other. Returns a sentence without a full stop that
-     * says how, or NULL if they do not. The member may be NULL. */
+    /* Returns NULL, or a sentence without a full stop that says how the options contradict each
+     * other. The function pointer is NULL if they cannot. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded; /* whether encode() keeps within --memory */
     /* whether encode() stores its state in a checkpoint, from which it can continue */
     gboolean resumable;
-    /* “mesorig process” writes products/NAME.exr, so that “mesorig compress” needs -o */
+    /* whether “mesorig process” writes products/NAME.exr with this codec. “mesorig compress” then
+     * needs -o for its own file */
     gboolean from_process;
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
@@ -133,7 +142,8 @@ struct codec {
      * if the files of the codec have only level 0. */
     GPtrArray *(*read_levels)(const char *path, GError **error);
 
-    /* Encodes the BTF at several sizes and reports each by calling tell(). */
+    /* Encodes the BTF as models of several sizes, and calls tell() for each. Stops when tell()
+     * fails. */
     gboolean (*curve)(const struct codec *codec, const struct btf_matrix *btf,
                       const struct work *work, CodecPoint tell, gpointer data, GError **error);
 };

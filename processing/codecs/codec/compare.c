@@ -18,7 +18,7 @@
 #define SAME       0.01F
 #define MAX_FLOATS (32 << 20) /* maximum number of values of the pictures of a material */
 #define TIMED_US   50000      /* duration of the measurement of compare_evaluation_ns() */
-/* number of pairs of directions, each with a texel, in a round of that measurement */
+/* number of evaluations in a round of that measurement, each of a texel for a view and a light */
 #define TIMED 256
 
 /* Sums over the values of one view, of one light or of all. */
@@ -31,8 +31,7 @@ struct compare_totals {
 struct compare_block {
     struct compare_totals *totals; /* one for each view, then one for each light */
     double largest;                /* maximum of |a − b| */
-    /* the source that has an infinite value or a NaN at `texel`, where the block stops; otherwise
-     * NULL */
+    /* NULL, or the source that has an infinite value or a NaN at `texel`. The block stops there */
     const struct compare_source *damaged;
     int texel;
 };
@@ -131,8 +130,8 @@ static int by_pair(gconstpointer a, gconstpointer b) {
     return ((const struct compare_picture *)a)->pair - ((const struct compare_picture *)b)->pair;
 }
 
-/* Draws different pairs of a view and a light at random, sorts them by their number and allocates
- * their pictures. */
+/* Draws distinct pairs of a view and a light at random, sorts them by `pair` and allocates their
+ * pictures. */
 static void choose_pictures(struct compare_run *run) {
     const int pairs = run->size->n_views * run->size->n_lights;
     const gsize floats = COLOURS * (gsize)run->n_texels;
@@ -170,8 +169,8 @@ static gboolean check(const struct compare_run *run, GError **error) {
         if (!block->damaged)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: its values at texel (%d, %d) are not finite; make "
-                    "or compress it again",
+                    "%s: texel (%d, %d) has a value that is infinite or not a number; make or "
+                    "compress this material again",
                     block->damaged->label, block->texel % run->size->width,
                     block->texel / run->size->width);
         return FALSE;
@@ -256,12 +255,13 @@ static struct comparison *compare_pair(const Material *a, const Material *b, int
                        : !same_directions(&of_a->lights, &of_b->lights) ? "lights"
                                                                         : NULL;
     if (what) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) "
-                    "cannot be compared: they have different %s",
-                    material_info(a)->label, of_a->width, of_a->height, of_a->views.n,
-                    of_a->lights.n, material_info(b)->label, of_b->width, of_b->height,
-                    of_b->views.n, of_b->lights.n, what);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) cannot be "
+            "compared, because they have different %s; give two forms of the same BTF",
+            material_info(a)->label, of_a->width, of_a->height, of_a->views.n, of_a->lights.n,
+            material_info(b)->label, of_b->width, of_b->height, of_b->views.n, of_b->lights.n,
+            what);
         return NULL;
     }
     const struct compare_size size = {(int)of_a->width, (int)of_a->height, (int)of_a->views.n,

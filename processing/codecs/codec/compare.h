@@ -9,38 +9,43 @@
 #include "material.h"
 
 struct compare_sums {
-    /* ‖A − B‖_F / ‖A‖_F of R, G, B; if A is black, 0 if B is black and otherwise ∞ */
+    /* ‖A − B‖_F / ‖A‖_F of R, G, B, where A and B are the values of a and b. If A is black: 0 if B
+     * is black too, else ∞ */
     double error;
-    double luminance_error; /* mean of |Y_A − Y_B| (Meseth et al. 2003, Table 1) */
-    double delta_e;         /* mean CIEDE2000, relative to the white diffuser of pipeline.h */
-    double psnr_db;         /* PSNR of all values (metrics/psnr.h); ∞ if they are equal */
+    /* mean of |Y_A − Y_B|, the luminances of A and B (Meseth et al. 2003, Table 1) */
+    double luminance_error;
+    double delta_e; /* mean CIEDE2000 of A and B; the white diffuser of pipeline.h is white */
+    double psnr_db; /* PSNR of all values (metrics/psnr.h); ∞ if they are equal */
 };
 
 struct comparison {
     int n_views, n_lights;
     struct compare_sums all;
-    struct compare_sums *views, *lights; /* one for each view and light */
-    double largest;                      /* maximum of |A − B| */
+    /* for each view over all lights; for each light over all views */
+    struct compare_sums *views, *lights;
+    double largest; /* maximum of |A − B| */
     /* Means over pictures of the sample, each in one view under one light. A pixel is a texel.
-     * n_pictures is the number of all pairs of views and lights, but at most 64, and fewer if the
-     * pictures are large. The pairs are drawn at random, and are the same for every B. */
+     * There are n_pictures, at most one for each pair of a view and a light, at most
+     * COMPARE_PICTURES (compare_private.h), and fewer if they are large. The pairs are drawn at
+     * random. Calls with the same numbers of texels, views and lights draw the same pairs. */
     int n_pictures;
     double ssim; /* mean of metrics/ssim.h; NaN if the sample has less than 11 × 11 texels */
     double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */
 };
 
-/* Both materials must have the same texels and directions (to 0.01°); otherwise the error says what
- * differs. The progress stage is "compare"; work may be NULL. */
+/* Compares two materials at all texels, views and lights. Fails if the numbers of texels differ, or
+ * a direction differs by 0.01° or more. The error says which of these differs. The progress stage
+ * is "compare"; work may be NULL. */
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error);
-/* Compares a BTF, with values in memory, with a codec's model of the BTF. Gives the relative RMS
- * error of R, G, B and the mean error of luminance. */
+/* Compares a model with its BTF, whose values are in memory. Gives `error` and `luminance_error` of
+ * struct compare_sums over all views and lights. */
 gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
                        const struct work *work, double *ret_error, double *ret_luminance_error,
                        GError **error);
-/* Gives the time in ns of an evaluation of one texel at any view and light, which includes finding
- * the measured directions around them (place.h). The function evaluates random texels in rounds for
- * a twentieth of a second, on one thread. The mean of the fastest round counts. Returns FALSE with
- * an error if the directions of the material are not valid. */
+/* Gives the time in ns that one thread needs to evaluate one texel for one view and one light. This
+ * includes finding the measured directions around view and light (place.h). The function evaluates
+ * random texels in rounds for a twentieth of a second. The time is the mean of the fastest round.
+ * Returns FALSE with an error if the directions of the material are not valid. */
 gboolean compare_evaluation_ns(const Material *material, double *ret_ns, GError **error);
 void comparison_free(struct comparison *comparison); /* NULL is ignored */

@@ -1,4 +1,4 @@
-/* Shared by compare.c and held_out.c. */
+/* compare.c and held_out.c share this comparison of any two sources of values. */
 #pragma once
 
 #include "compare.h"
@@ -7,10 +7,12 @@
 struct compare_source {
     const char *label; /* name of the form in errors */
     gconstpointer data;
-    /* Gives the values of a texel: n_views × n_lights × 3. Any thread. */
+    /* Gives the values of a texel: n_views × n_lights × 3 (R, G, B). Several threads call the
+     * function at the same time. */
     void (*values)(gconstpointer data, int texel, float *ret);
 };
 
+/* The numbers of values that both sources have, and of pictures for SSIM and FLIP. */
 struct compare_size {
     int width, height, n_views, n_lights;
     int max_pictures; /* maximum of n_pictures in struct comparison; 0 for no pictures */

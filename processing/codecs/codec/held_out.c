@@ -38,8 +38,8 @@ static gboolean enough(gsize n, int left_out, const char *what, GError **error) 
         return TRUE;
     g_set_error(
         error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%d of %zu %s cannot be left out, because at least %d must be kept; leave out fewer",
-        left_out, n, what, HELD_OUT_MIN_KEPT);
+        "%d of %zu %s cannot be left out, because at least %d must be kept; leave out fewer %s",
+        left_out, n, what, HELD_OUT_MIN_KEPT, what);
     return FALSE;
 }
 
@@ -106,7 +106,8 @@ struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held
     return ret;
 }
 
-/* The directions at which a model is compared, and the query of each pair of them. */
+/* The views and lights at which a model is compared, and the query for each pair of a view and a
+ * light. */
 struct held_out_pairs {
     const struct btf_matrix *btf;
     const Material *model;
@@ -144,8 +145,8 @@ static void modelled(gconstpointer data, int texel, float *ret) {
             codec->evaluate(model, &pairs->places[i].query, &texels, ret + (gsize)i * COLOURS);
 }
 
-/* Prepares a query for each pair. If the view or the light is on the horizon, the query stays
- * empty, because nothing is reflected. */
+/* Prepares a query for each pair. If the view or the light is on or below the horizon, the query
+ * stays empty, because nothing is reflected. */
 static void set_places(struct held_out_pairs *pairs) {
     const struct btf_layout *layout = &pairs->btf->layout;
     const gsize n_views = codec_place_views(&pairs->tables),

@@ -1,18 +1,19 @@
 /*
- * Errors of a codec at directions that it has not seen. Views and lights of a BTF are left out, the
- * rest is encoded, and the model is evaluated at the directions that were left out, as a renderer
- * evaluates it between the measured directions (place.h). The truth is the measured value. Any
- * thread.
+ * These functions measure the error of a codec at directions that it has not seen. Views and lights
+ * of a BTF are left out, the rest is encoded, and the model is evaluated at the directions that
+ * were left out, as a renderer evaluates it between the measured directions (place.h). The truth is
+ * the measured value. Any thread.
  *
- * The error is that of the codec and of the interpolation together. The error of the BTF itself
- * (material_btf_codec) is that of the interpolation only.
+ * The error is that of the codec and of the interpolation together. If the model is the remaining
+ * BTF itself (material_btf_codec), the error is that of the interpolation only.
  */
 #pragma once
 
 #include "compare.h"
 
-/* The views and lights that are left out, as ascending indices. If one of the numbers is 0, all
- * views or all lights are kept. If both are 0, the error is that at the measured directions. */
+/* The views and lights that are left out, as ascending indices. If n_views is 0, all views are
+ * kept, and if n_lights is 0, all lights. If both are 0, the error is that at the measured
+ * directions. */
 struct held_out {
     int n_views, n_lights;
     int *views, *lights;
@@ -36,8 +37,8 @@ struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held
 
 /* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
  * that was left out. If no view was left out, all views are compared. If no light was left out, all
- * lights are compared. The directions of the result are in the order of held. Progress stages are
- * those of compare_materials(). */
+ * lights are compared. views and lights of the result are in the order of held->views and
+ * held->lights. Progress stages are those of compare_materials(). */
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
 

@@ -25,9 +25,9 @@ void codec_tables_clear(struct codec_tables *tables) {
     g_clear_pointer(&tables->lights, directions_free);
 }
 
-/* Fills a list of measured directions and their weights, which are multiplied by scale, from the up
- * to four directions of at. The weight of the pole is divided equally among the measured directions
- * at the pole. Returns the length of the list. */
+/* Copies the directions of `at` that have a weight above 0 to a list, with their weights times
+ * scale. The weight of the pole is divided equally among the measured directions at the pole.
+ * Returns the length of the list. */
 static int list(const Directions *directions, gsize n, const struct direction_weights *at,
                 float scale, int *ret_index, float *ret_weight) {
     int count = 0, n_pole;
@@ -87,7 +87,8 @@ gboolean codec_place_set(const struct codec_tables *tables, const float view[3],
     return TRUE;
 }
 
-/* Returns the maximum length of a list: four directions, and the members of the pole. */
+/* Returns the maximum length of a list: four directions, and all measured directions at the
+ * pole. */
 static gsize most(const Directions *directions) {
     int n_pole = 0;
     if (directions)

@@ -1,6 +1,7 @@
 /*
- * Queries of a codec for any view and light: the measured directions around them and their weights.
- * Functions with a const argument may be called from several threads at the same time.
+ * These functions make the query of a codec for any view and light: the measured directions around
+ * the view and around the light, and their weights. Functions with a const argument may be called
+ * from several threads at the same time.
  */
 #pragma once
 
@@ -10,19 +11,19 @@
 /* The directions of a model. Set all members to 0 before codec_tables_init(). */
 struct codec_tables {
     const struct btf_layout *layout; /* layout of the model */
-    /* 0, or the n of n × n samples of direction_grid.h that are the views and lights */
+    /* n if the views and the lights are the n × n samples of direction_grid.h, otherwise 0 */
     int n_grid;
     Directions *views, *lights; /* NULL if n_grid > 0 */
 };
 
 /* Prepares the directions of a model, which must outlive the tables. The error says whether views
- * or lights are wrong. Call codec_tables_clear() in either case. */
+ * or lights are wrong. Call codec_tables_clear() even after an error. */
 gboolean codec_tables_init(struct codec_tables *tables, const struct codec *codec,
                            gconstpointer model, GError **error);
 void codec_tables_clear(struct codec_tables *tables);
 
-/* A query, and the lists to which it points. The caller provides the lists: codec_place_views()
- * and codec_place_lights() are their maximum lengths. */
+/* A query, and the lists to which the query points. The caller allocates the lists, with
+ * codec_place_views() and codec_place_lights() elements. */
 struct codec_place {
     struct codec_query query;
     int *views, *lights;

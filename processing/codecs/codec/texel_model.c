@@ -57,10 +57,11 @@ gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_h
     if (*ret_what)
         return FALSE;
     if (width != part->width || height < 1 || (gint64)height * head->numbers[1] != part->height)
-        *ret_what = "mesorig.width or mesorig.height does not fit its parts";
+        *ret_what = "mesorig.width or mesorig.height differs from the size of the first part";
     else if (!is_error(head->error) || !is_error(head->exact_error) ||
              !is_error(head->luminance_error))
-        *ret_what = "one of its errors is negative or not finite";
+        *ret_what = "mesorig.error, mesorig.exact_error or mesorig.luminance_error is negative or "
+                    "not finite";
     ret_layout->width = (gsize)width;
     ret_layout->height = (gsize)height;
     return *ret_what == NULL;
@@ -97,7 +98,8 @@ gboolean texel_model_check(const struct btf_matrix *btf, GError **error) {
     for (gsize i = 0; i < texels * values; i++)
         if (isinf(btf->values[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %zu, texel (%zu, %zu) is infinite; make that view's BTF again",
+                        "the value of view %zu at texel (%zu, %zu) is infinite; make the BTF of "
+                        "this view again",
                         i % values / COLOURS / layout->lights.n, i / values % layout->width,
                         i / values / layout->width);
             return FALSE;
@@ -111,7 +113,8 @@ void texel_model_to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* Error sums over a block of texels, or over all texels. */
+/* Sums over a block of texels, or over all texels. x is a value of the BTF, x̂ the model's value, Y
+ * and Ŷ their luminances. */
 struct texel_model_sums {
     double residual, all;    /* residual: Σ (x − x̂)², all: Σ x², over R, G, B */
     double luminance, count; /* luminance: Σ |Y − Ŷ|, count: its number of terms */

@@ -1,19 +1,19 @@
-/* Shared by the models that are fitted to each texel separately (hsh/hsh.h, lobes/lobes.h): checks
- * of the BTF, errors, and the head of their files. */
+/* Models that are fitted to each texel separately (hsh/hsh.h, lobes/lobes.h) share these functions.
+ * They check the BTF, compute errors, and read and write the head of a file. */
 #pragma once
 
 #include "btf/btf_matrix.h"
 #include "exr/exr.h"
 
-/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); two numbers of the model;
- * mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error, mesorig.luminance_error,
- * texel_mm, reference_mm (double). A model without a number writes 1 for the first number. The
- * second number is the number of pictures that a part has below each other, 1 for one picture. */
+/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); the two numbers of the
+ * model (int); mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error,
+ * mesorig.luminance_error, texel_mm, reference_mm (double). The first number is that of the model's
+ * terms or lobes, and 0 if the model has none. The second is the number of pictures that each part
+ * holds, one below the other. */
 struct texel_model_head {
     const char *kind, *name;
     const char *names[2]; /* names of the attributes of the two numbers: "mesorig.terms", … */
-    /* the two numbers; the second is the number of pictures of the texels that a part has below
-     * each other */
+    /* the two numbers themselves */
     int numbers[2];
     double error, luminance_error, exact_error;
 };
@@ -23,19 +23,20 @@ void texel_model_write_head(const struct texel_model_head *head, const struct bt
                             struct exr_file *file);
 const char *texel_model_kind(const struct exr_file *file); /* NULL if the file has no kind */
 /* Reads and checks the attributes and the layout. The caller has set head->names. file owns
- * head->name. Returns FALSE either with an error, or with *ret_what, which describes the defect of
- * the file. */
+ * head->name. Returns FALSE if the file is damaged. Then either the error is set, or *ret_what
+ * describes the damage and the error is not set. */
 gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
                                struct btf_layout *ret_layout, const char **ret_what,
                                GError **error);
-/* Returns a text such as "4 × 3 texels, of 5 views × 6 lights; error 1.00 %, luminance off by
- * 0.0100", made from headers only, or NULL if parts are missing. g_free() */
+/* Returns a text such as "4 × 3 texels, of 5 views × 6 lights; at the measured directions: error
+ * 1.00 %, luminance off by 0.0100", made from headers only, or NULL if parts are missing.
+ * g_free() */
 char *texel_model_describe_file(const struct exr_file *file);
 
 /* Returns FALSE if the BTF is empty or too large, or if a value is infinite. */
 gboolean texel_model_check(const struct btf_matrix *btf, GError **error);
 
-/* Rounds values to halves, as they are read from a file. */
+/* Rounds values to half floats, because a file stores half floats. */
 void texel_model_to_halves(float *values, gsize n);
 
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */

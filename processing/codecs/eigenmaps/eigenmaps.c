@@ -30,7 +30,8 @@ static float *map(const struct eigenmaps *maps, int term, gsize light) {
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
-/* Creates the parts of a file. The parts of the maps have no pixels yet. */
+/* Creates all parts of a file. The parts of the maps have no pixels yet. of_views are the weights,
+ * n_terms × n_views. */
 static struct exr_file *new_file(const struct eigenmaps *maps, int n_terms, const float *of_views) {
     static const char *const channels[] = {"W", NULL}, *const bgr[] = {"B", "G", "R", NULL};
     const int width = (int)maps->layout.width, height = (int)maps->layout.height;
@@ -66,7 +67,7 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
 }
 
 /* The W_i are orthonormal, and the part of A that the maps lack is orthogonal to them. The squares
- * of the errors therefore add, and ‖A‖² = Σ ‖E_i‖² / (1 − e²). */
+ * of the errors therefore add, and ‖A‖² = Σ ‖E_i‖² / (1 − e²), where e is `error`. */
 double eigenmaps_rounded_error(const struct eigenmaps *maps, double error) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     g_autofree guint16 *halves = g_new(guint16, n);
@@ -112,10 +113,10 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
     const struct exr_part *weights = exr_file_part(file, "weights");
     const float *plane = weights ? exr_part_plane(weights, "W") : NULL;
     const char *kind = NULL, *name = NULL;
-    if (!plane || !exr_get_string(weights, "mesorig.kind", &kind, NULL) ||
-        strcmp(kind, "eigenmaps") != 0)
-        return format_error(path, error,
-                            "its part \"weights\" is missing or has another mesorig.kind");
+    if (!plane)
+        return format_error(path, error, "the part “weights” with the channel W is missing");
+    if (!exr_get_string(weights, "mesorig.kind", &kind, NULL) || strcmp(kind, "eigenmaps") != 0)
+        return format_error(path, error, "mesorig.kind of the part “weights” is not eigenmaps");
     if (!exr_get_string(weights, "mesorig.name", &name, error))
         return FALSE;
     maps->name = g_strdup(name);
@@ -123,9 +124,14 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
     const char *what = btf_layout_read(file, weights, &maps->layout);
     if (what)
         return format_error(path, error, what);
-    if ((gsize)weights->width != maps->layout.views.n || maps->n_terms > MAX_MAPS ||
-        !exr_all_finite(plane, maps->layout.views.n * (gsize)maps->n_terms))
-        return format_error(path, error, "the weights do not fit the views");
+    if ((gsize)weights->width != maps->layout.views.n)
+        return format_error(path, error,
+                            "the parts “weights” and “views” have different numbers of views");
+    if (maps->n_terms > MAX_MAPS)
+        return format_error(path, error,
+                            "there are more than " G_STRINGIFY(MAX_MAPS) " terms of weights");
+    if (!exr_all_finite(plane, maps->layout.views.n * (gsize)maps->n_terms))
+        return format_error(path, error, "a weight is infinite or not a number");
     maps->weights = g_memdup2(plane, maps->layout.views.n * (gsize)maps->n_terms * sizeof(float));
     return TRUE;
 }
@@ -138,12 +144,20 @@ static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, in
     const gsize n = btf_layout_texels(&maps->layout);
     float *rgb = map(maps, term, light);
     if (!part || (gsize)part->width != maps->layout.width ||
-        (gsize)part->height != maps->layout.height)
-        return format_error(path, error, name);
+        (gsize)part->height != maps->layout.height) {
+        g_autofree char *what = g_strdup_printf(
+            "part “%s” is missing or does not have the %zu × %zu texels of the first", name,
+            maps->layout.width, maps->layout.height);
+        return format_error(path, error, what);
+    }
     for (int c = 0; c < COLOURS; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
-        if (!plane || !exr_all_finite(plane, n))
-            return format_error(path, error, name);
+        if (!plane || !exr_all_finite(plane, n)) {
+            g_autofree char *what = g_strdup_printf(
+                "channel %s of part “%s” is missing or has a value that is not finite", channels[c],
+                name);
+            return format_error(path, error, what);
+        }
         for (gsize i = 0; i < n; i++)
             rgb[COLOURS * i + (gsize)c] = plane[i];
     }
@@ -155,12 +169,17 @@ static gboolean read_maps(struct eigenmaps *maps, const struct exr_file *file, c
     const struct exr_part *first = exr_file_part(file, "E000_light_0000");
     const gsize n_maps = (gsize)maps->n_terms * maps->layout.lights.n;
     if (!first || n_maps > file->parts->len)
-        return format_error(path, error, "maps are missing");
+        return format_error(path, error, "the part of at least one term and light is missing");
     maps->layout.width = (gsize)first->width;
     maps->layout.height = (gsize)first->height;
     maps->maps = g_try_new(float, n_maps *btf_layout_texels(&maps->layout) * COLOURS);
-    if (!maps->maps)
-        return format_error(path, error, "its maps are larger than memory");
+    if (!maps->maps) {
+        g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+                    "%s: there is no memory for its %zu maps of %zu × %zu texels; open it on a "
+                    "computer with more memory",
+                    path, n_maps, maps->layout.width, maps->layout.height);
+        return FALSE;
+    }
     for (int term = 0; term < maps->n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++)
             if (!read_map(maps, file, term, light, path, error))

@@ -24,8 +24,9 @@ void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
 struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
 /* Writes the eigen-maps of a BTF of one view. The BTF itself is the only term, with weight 1 and
- * without error. fill() gives the part of each light ("E000_light_<light>") when it is written, so
- * that memory holds only one part. Only name and layout of maps are used. */
+ * without error. fill() gives the pixels of the part of one light ("E000_light_<light>") just
+ * before this part is written, so that memory holds only one part. Only name and layout of maps are
+ * used. */
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error);
 
@@ -33,16 +34,16 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
  * B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Allocates and fills weights and maps. The caller has set all other members. The entry of each W_i
- * with the largest magnitude is positive. The result does not depend on the number of threads.
- * ret_error is ‖A − Â‖_F / ‖A‖_F. If all columns fit into EIGENMAPS_MEMORY the method is exact,
- * otherwise randomised. */
+/* Allocates and computes weights and maps. The caller has set all other members. In each W_i, the
+ * entry with the largest magnitude is positive. The result does not depend on the number of
+ * threads. *ret_error is ‖A − Â‖_F / ‖A‖_F, where Â is the matrix that weights and maps give. If
+ * all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
 
-/* Returns the error of the maps as the file stores them, with E_i in half floats. error is that of
- * eigenmaps_compute(). */
+/* Returns ‖A − Â‖_F / ‖A‖_F for the maps as the file stores them, with E_i in half floats. error is
+ * *ret_error of eigenmaps_compute(). */
 double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
 
 /* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
@@ -63,8 +64,9 @@ struct eigenmaps_options {
     /* maximum bytes for columns in addition to the result; at least one column is in memory. 0
      * means EIGENMAPS_MEMORY */
     gsize memory;
-    /* 0, or the error to reach. n_terms is then the maximum number of terms, and is lowered to the
-     * smallest number that reaches the error. If no number does, the computation fails */
+    /* 0, or the largest error that is allowed. n_terms is then the maximum number of terms, and is
+     * lowered to the smallest number with such an error. If n_terms terms have a larger error, the
+     * computation fails */
     double target;
     enum eigenmaps_method method;
 };

@@ -8,7 +8,8 @@
 
 #define TERMS     4  /* number of terms without --components and --error */
 #define CURVE_MAX 16 /* maximum number of terms of a curve */
-/* number of texels that are read at a time, so that the written values stay in the cache */
+/* number of texels that give_column() copies at a time. The values to which it writes then stay in
+ * the cache */
 #define ROWS ((gsize)64)
 
 struct columns {
@@ -73,9 +74,9 @@ static const struct option eigenmaps_codec_table[] = {
     {NULL},
 };
 
-/* Gives the bytes for columns: the limit job->memory minus the bytes of all maps, or of one map if
- * has_target. Gives 0 (the default) if there is no limit. Fails if the limit does not leave room
- * for one column. */
+/* Gives the maximum number of bytes for columns: the limit job->memory, less the bytes of all maps,
+ * or of one map if has_target. Gives 0 (the default) if there is no limit. Fails if the limit does
+ * not leave room for one column. */
 static gboolean memory(const struct codec_job *job, gboolean has_target, int terms, gsize *ret,
                        GError **error) {
     const struct btf_matrix *btf = job->btf;
@@ -86,15 +87,17 @@ static gboolean memory(const struct codec_job *job, gboolean has_target, int ter
         return TRUE;
     g_autofree char *size = g_format_size((guint64)column);
     g_autofree char *given = g_format_size((guint64)job->memory);
+    g_autofree char *least = g_format_size((guint64)(job->memory - left + column));
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and "
-                "reading one view takes the same. The limit is %s; allow more",
-                terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
+                "--memory gives %s, which is too little for %d %s of %zu × %zu texels and %zu "
+                "lights. Each takes %s, and reading one view takes as much; allow at least %s",
+                given, PLURAL(has_target ? 1 : terms, "eigen-map"), btf->layout.width,
+                btf->layout.height, btf->layout.lights.n, size, least);
     return FALSE;
 }
 
-/* Computes eigen-maps, and their errors before and after rounding. If rounding lifts the error
- * above the requested one, the target of a second attempt makes room for it. */
+/* Computes eigen-maps, and their errors before and after rounding. If only the rounding makes the
+ * error larger than requested, a second attempt aims at a smaller error before rounding. */
 static struct eigenmaps *compute(const struct codec_job *job, int terms,
                                  struct eigenmaps_options *options, struct codec_result *ret,
                                  GError **error) {
@@ -114,9 +117,9 @@ static struct eigenmaps *compute(const struct codec_job *job, int terms,
         left = (asked * asked - (ret->error * ret->error - exact)) * (1 - 1e-6);
     }
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached: with rounding to half floats it is %.3g %%, "
-                "without %.3g %%; allow a larger error",
-                100 * asked, 100 * ret->error, 100 * ret->exact_error);
+                "an error of %.3g %% is not reached: the eigen-maps have an error of %.3g %%, "
+                "which rounding them to half floats increases to %.3g %%; allow a larger error",
+                100 * asked, 100 * ret->exact_error, 100 * ret->error);
     return NULL;
 }
 

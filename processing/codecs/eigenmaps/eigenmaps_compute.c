@@ -5,11 +5,12 @@
 #include "eigenmaps_private.h"
 
 #include "base/data_error.h"
+#include "base/plural.h"
 
 #define CHUNK   EIGENMAPS_CHUNK
 #define COLOURS 3
 
-/* Reads a column of A, which has the values of all texels and lights in one view: rows = n_lights ×
+/* Reads one column of A: the values of all texels and lights in one view, job->rows = n_lights ×
  * n_texels × COLOURS. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error) {
@@ -18,7 +19,8 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
     for (gsize i = 0; i < job->rows; i++)
         if (!isfinite(ret[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %d: value %" G_GSIZE_FORMAT " is not a number; make its BTF again",
+                        "view %d: value %" G_GSIZE_FORMAT
+                        " of the BTF is infinite or not a number; make the BTF of this view again",
                         view, i);
             return FALSE;
         }
@@ -28,13 +30,16 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
 float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error) {
     float *ret = g_try_new(float, job->rows *(gsize)n);
     if (!ret)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "not enough memory for %d columns of %" G_GSIZE_FORMAT " values", n, job->rows);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "there is no memory for %d maps or views of %" G_GSIZE_FORMAT
+            " values each; allow fewer bytes with --memory, or make the BTF with fewer texels",
+            n, job->rows);
     return ret;
 }
 
-/* Converts columns to doubles, CHUNK rows at a time, because AᵀA in floats would lose the last
- * eigen-maps. to is n_columns × CHUNK. Returns the number of rows. */
+/* The products are computed in doubles, because AᵀA in floats would lose the last eigen-maps. CHUNK
+ * rows at a time need little memory. `to` is n_columns × CHUNK. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
     gsize n = MIN(CHUNK, rows - from);
     for (int c = 0; c < n_columns; c++)
@@ -43,17 +48,19 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
     return n;
 }
 
-/* Computes M = V diag (λ) Vᵀ and replaces M by V, whose columns are in ascending order of λ. */
+/* Replaces the matrix M = V diag (λ) Vᵀ by V. The columns of V are in ascending order of λ. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error) {
     int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
     if (info != 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the eigenvectors of %d columns were not found (dsyev: %d)", n, info);
+                    "the eigen-maps of %d views cannot be computed (the LAPACK function dsyev "
+                    "returned %d); check the BTF for extremely large values",
+                    n, info);
     return info == 0;
 }
 
-/* The error of k terms is √(Σ_{i≥k} σ_i² / Σ_i σ_i²). squares contains σ_i² of the first n in
- * descending order, rest is the sum of all others. */
+/* The error of k terms is √(Σ_{i≥k} σ_i² / Σ_i σ_i²). squares has the σ_i² of the first n terms in
+ * descending order. rest is the sum of the σ_i² of all later terms. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error) {
     double all = rest;
     for (int i = n - 1; i >= 0; i--)
@@ -66,8 +73,9 @@ int eigenmaps_fewest(const double *squares, int n, double rest, double target, d
 
 gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
-                100 * job->options->target, job->maps->n_terms, 100 * reached);
+                "an error of %.3g %% is not reached: with %d %s it is %.3g %%; allow more "
+                "eigen-maps or a larger error",
+                100 * job->options->target, PLURAL(job->maps->n_terms, "eigen-map"), 100 * reached);
     return FALSE;
 }
 
@@ -101,12 +109,17 @@ gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpoin
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
                                 EigenmapsColumn column, gpointer data, double *ret_error,
                                 GError **error) {
-    if (maps->n_terms < 1 || (gsize)maps->n_terms > maps->layout.views.n ||
-        !isfinite(options->target) || options->target < 0) {
+    if (maps->n_terms < 1 || (gsize)maps->n_terms > maps->layout.views.n) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d eigen-maps of %zu views to an error of %g are not possible; give 1 to %zu "
-                    "maps, and an error above 0, or 0 for no limit",
-                    maps->n_terms, maps->layout.views.n, options->target, maps->layout.views.n);
+                    "a BTF of %zu views cannot have %d eigen-maps; give a number from 1 to %zu",
+                    maps->layout.views.n, maps->n_terms, maps->layout.views.n);
+        return FALSE;
+    }
+    if (!isfinite(options->target) || options->target < 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "eigen-maps cannot have a maximum error of %g; give an error above 0, or 0 for "
+                    "no maximum",
+                    options->target);
         return FALSE;
     }
     struct eigenmaps_job job = {maps, options, column, data};
@@ -117,8 +130,8 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
                            (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n);
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
-    /* One thread, because otherwise the order of sums, and with it the last bits of the result,
-     * would depend on the number of threads. */
+    /* BLAS uses one thread, because with more the last bits of the sums would depend on the number
+     * of threads. */
     int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     gboolean ok = exact ? eigenmaps_exact(&job, ret_error, error)

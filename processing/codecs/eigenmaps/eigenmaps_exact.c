@@ -4,7 +4,8 @@
 
 #define CHUNK EIGENMAPS_CHUNK
 
-/* The columns of one block, and one further column. */
+/* The computation of AᵀA. Memory holds the columns of one block of views, and one further
+ * column. */
 struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
@@ -13,9 +14,9 @@ struct gram {
     double *matrix;     /* AᵀA, n_views × n_views */
 };
 
-/* Adds the products of the n columns in memory with each other to the matrix. The first of these
- * columns is column `first` of A. If view is not −1, adds their products with column `view` of A
- * instead, which is stored after the block. */
+/* If view is −1, adds the products of the n columns of the block with each other to the matrix.
+ * Otherwise, adds their products with column `view` of A, which is stored after the block. `first`
+ * is the index in A of the block's first column. */
 static void multiply(const struct gram *gram, int first, int n, int view) {
     const int all = view < 0 ? n : n + 1;
     g_autofree double *wide = g_new(double, (gsize)all *CHUNK);
@@ -35,7 +36,7 @@ static void multiply(const struct gram *gram, int first, int n, int view) {
 }
 
 /* Computes the upper half of AᵀA (n_views²) block by block. The columns to the right of a block are
- * read one at a time, so that A is read n_views / block / 2 times. */
+ * read one at a time, so that A is read about n_views / block / 2 times. */
 static gboolean gram_matrix(struct gram *gram, GError **error) {
     for (int first = 0; first < gram->n_views; first += gram->block) {
         int n = MIN(gram->block, gram->n_views - first);
@@ -54,8 +55,8 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* Computes Map_t = Σ_view w_t,view A_view. Columns A_view are light × texel × RGB, and each map has
- * the same order. */
+/* Computes the maps E_i = Σ_v W_i(v) A_v, where A_v is the column of view v. Columns and maps are
+ * n_lights × n_texels × RGB. */
 static gboolean project_columns(const struct gram *gram, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);

@@ -1,4 +1,4 @@
-/* Shared by eigenmaps*.c. */
+/* eigenmaps_compute.c, eigenmaps_exact.c and eigenmaps_randomised.c share these functions. */
 #pragma once
 
 #include "eigenmaps.h"
@@ -16,7 +16,7 @@ struct eigenmaps_job {
     gsize fit; /* number of columns that fit into memory, at least 1 */
 };
 
-/* Reads a column. Fails if a value in it is not a number. */
+/* Reads a column of A. Fails if a value of the column is infinite or not a number. */
 gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
                               GError **error);
 
@@ -32,10 +32,10 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
  * columns, sorted by ascending eigenvalues. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
-/* Returns how many of the n terms suffice, at least 1, for a relative error of at most the target.
- * Returns n if target is 0 or is not reached. squares are the squared norms of the terms,
- * descending. rest is the squared norm of the remainder after all n terms. *ret_error is the error
- * of the returned number of terms. */
+/* Returns the smallest number of terms, at least 1, whose relative error is at most target. Returns
+ * n if target is 0, or if the error of all n terms is larger. squares are the squared norms of the
+ * terms, descending. rest is the squared norm of the remainder after all n terms. *ret_error is the
+ * error of the returned number of terms. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
 
 /* Sets the weights of maps->n_terms terms from rows of n_views. If the entry of a row with the
@@ -43,9 +43,10 @@ int eigenmaps_fewest(const double *squares, int n, double rest, double target, d
  * the factors 1 and −1. */
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs);
 
-/* Sets the error "an error of … is not reached" and returns FALSE. reached is the relative error
- * with all terms. */
+/* Returns FALSE with an error that says that the target is not reached. reached is the relative
+ * error of all terms. */
 gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error);
 
+/* The two methods of eigenmaps.h. */
 gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error);
 gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error);

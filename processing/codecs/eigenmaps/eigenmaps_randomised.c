@@ -10,7 +10,7 @@
 #define WORD     64    /* number of signs that are drawn at a time */
 #define LANES    8
 #define SEGMENTS 8 /* parts into which the rows are divided for threads */
-/* maximum oversampling: number of directions in addition to the requested number */
+/* maximum oversampling: how many more directions than requested terms A is projected onto */
 #define SPARE 8
 #define SEED  0x6d65736f72696721u
 
@@ -20,7 +20,7 @@ struct eigenmaps_randomised {
     int n_views;
     float *columns; /* slots × rows: columns of A */
     int slots;
-    double *buckets; /* SEGMENTS × SKETCH: column of S A, a sum for each segment */
+    double *buckets; /* SEGMENTS × SKETCH: a column of S A, as one sum for each segment */
     double squares[SEGMENTS];
     float *sketch; /* n_views × SKETCH: (S A)ᵀ */
     double all;    /* ‖A‖² */
@@ -29,13 +29,14 @@ struct eigenmaps_randomised {
     double *values; /* n_views: squared singular values of S A */
     int found;      /* number of directions onto which A is projected */
     float *z;       /* found × rows: A times the first directions */
-    /* found × slots: entries of the directions for the loaded columns; then F of
-     * rotate_segment() */
+    /* found × slots: the entries of the directions for the columns in memory. Later F of
+     * rotate_segment(), terms × found */
     float *factors;
     int loaded; /* number of columns of A in memory */
-    /* SEGMENTS × found²: ZᵀZ of each segment. Then the eigenvectors of the sum, in columns */
+    /* SEGMENTS × found²: ZᵀZ of each segment. Later the eigenvectors of their sum, in columns */
     double *gram;
-    /* eigenvalues of ZᵀZ, descending: the part of ‖A‖² in each of the best directions */
+    /* found: eigenvalues of ZᵀZ, descending. Each is the part of ‖A‖² along one of the best
+     * directions */
     double *squares_of;
 };
 
@@ -47,8 +48,8 @@ static guint64 draw(guint64 counter) {
     return z ^ z >> 31;
 }
 
-/* Adds n values to `to`, negated where the bit of signs is 1, and adds the squares of the values to
- * squares. There are LANES sums of squares, so that compilers can vectorise. */
+/* Adds value i of `from` to to[i], negated if bit i of signs is 1. Also adds the squares of the
+ * values to squares. squares has LANES sums, so that compilers can vectorise. */
 static void add_signed(const float *from, int n, guint64 signs, double *to, double *squares) {
     int i = 0;
     for (; i + LANES <= n; i += LANES, signs >>= LANES)
@@ -63,8 +64,8 @@ static void add_signed(const float *from, int n, guint64 signs, double *to, doub
     }
 }
 
-/* Computes S A of one column. Row i of a chunk of SKETCH rows, with a random sign, is added to
- * bucket (i + offset) mod SKETCH. The offset of each chunk is random. */
+/* Computes S A of one column. Adds row i of each group of SKETCH rows, with a random sign, to
+ * bucket (i + offset) mod SKETCH. The offset of each group is random. */
 static void sketch_segment(int segment, gpointer data) {
     struct eigenmaps_randomised *r = data;
     double *buckets = r->buckets + (gsize)segment * SKETCH, squares[LANES] = {0};
@@ -242,10 +243,10 @@ static void take(struct eigenmaps_randomised *r) {
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 
-/* Searches the smallest number of terms that reaches the target. The first guess follows from the
- * singular values of the sketch. Each trial projects A onto that number of directions of the sketch
- * and up to SPARE more. If the error is still above the target, the next trial takes about a
- * quarter more terms. */
+/* Searches the smallest number of terms whose error is at most the target, and takes it. If target
+ * is 0, takes all terms. The first guess follows from the singular values of the sketch. Each trial
+ * projects A onto that many directions of the sketch and up to SPARE more. If the error is still
+ * above the target, the next trial takes about a quarter more terms. */
 static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;

@@ -32,7 +32,8 @@ gint64 hsh_bytes(const struct hsh *hsh) {
            COLOURS;
 }
 
-/* Evaluates the table of hsh.h. φ only occurs in u and v, so that the pole needs no azimuth. */
+/* Evaluates the table of hsh.h. The azimuth φ occurs only in u and v, which need no φ at the
+ * pole. */
 void hsh_basis(const float light[3], int n_terms, float *ret) {
     const double c = MIN(MAX((double)light[2], 0), 1), w = c - c * c, x = 2 * c - 1;
     const double scale = sqrt(c / (1 + c)), u = scale * light[0], v = scale * light[1];
@@ -105,18 +106,20 @@ double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
     return hsh->error;
 }
 
-/* The data of a fit. Threads only read them, and each thread writes the values of its texels. */
+/* The data of a fit. Threads only read this struct. Each thread writes the values of its own texels
+ * to hsh->values. */
 struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;
-    float *design;  /* A, the basis H_i at each light: n_lights × n_terms */
-    float *inverse; /* A⁺ᵀ: n_lights × n_terms, used if no light is left out */
+    float *design; /* A, the basis H_i at each light: n_lights × n_terms */
+    /* transposed pseudo-inverse A⁺ᵀ: n_lights × n_terms, for texels with values under all lights */
+    float *inverse;
 };
 
-/* Finds the X of minimum norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have
- * rows of zeros in A. If the argument “there” is NULL, no light is left out. columns is B (n_lights
- * × n_columns) before the call and X (n_terms × n_columns) after it; it has max(n_lights, n_terms)
- * rows. */
+/* Finds the X of minimum norm that minimises ‖A X − B‖². Lights for which there[light] is FALSE are
+ * left out: their rows of A are 0. If `there` is NULL, no light is left out. columns holds B
+ * (n_lights × n_columns) before the call and X (n_terms × n_columns) after it, and has space for
+ * max(n_lights, n_terms) rows. */
 static void solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
                   int n_columns) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
@@ -143,7 +146,8 @@ static float *pseudo_inverse(const struct hsh_fit *fit) {
     return ret;
 }
 
-/* Fits one view of one texel. rgb is n_lights × COLOURS; c_i = Σ_l A⁺_il y_l. */
+/* Fits one view of one texel that has values under all lights: c_i = Σ_l A⁺_il y_l, where y_l is a
+ * colour of rgb (n_lights × COLOURS). */
 static void fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
     const int k = fit->hsh->n_terms;
     float sums[COLOURS][HSH_MAX_TERMS] = {{0}};
@@ -170,8 +174,8 @@ static void fit_partial(const struct hsh_fit *fit, const float *rgb, const gbool
         ret[i] = (float)columns[i];
 }
 
-/* Fits BLOCK texels in all views. If some lights of a texel are NaN, it is fitted to the other
- * lights. */
+/* Fits BLOCK texels in all views. If a texel is NaN under some lights, the texel is fitted to the
+ * other lights. */
 static void fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
     const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;

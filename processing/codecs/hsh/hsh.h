@@ -1,6 +1,6 @@
 /*
- * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets: for each
- * measured view, texel and colour, a sum of n = 4, 9 or 16 basis functions of the light,
+ * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets. Each
+ * measured view, texel and colour has a sum of n = 4, 9 or 16 basis functions of the light,
  *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                          (Gautron et al. 2004 eq. 5, 6)
  * Values contain n·l (pipeline.h) and are not multiplied by it again. f may be negative between the
  * measured lights.
@@ -44,9 +44,9 @@ struct hsh {
     struct btf_layout layout;
     int n_terms;   /* 4, 9 or 16 */
     float *values; /* c_i: n_views × height × width × n_terms × 3 (R G B) */
-    /* Errors against the encoded BTF as computed by hsh_error(): the relative RMS of R, G, B, and
-     * the mean of |Y − Ŷ| (Y of rgb_luminance()). exact_error is the relative RMS before rounding
-     * to halves. */
+    /* error is the relative RMS error of R, G, B against the encoded BTF, luminance_error the mean
+     * of |Y − Ŷ| (Y of rgb_luminance()). exact_error is the relative RMS error before the values
+     * were rounded to half floats. */
     double error, luminance_error, exact_error;
 };
 
@@ -60,19 +60,20 @@ void hsh_free(struct hsh *hsh); /* NULL is ignored */
 /* Computes H_0 … H_{n_terms − 1} in a direction, which is a unit vector in the sample frame. */
 void hsh_basis(const float light[3], int n_terms, float *ret);
 
-/* Fits by least squares over all lights of each view, texel and colour. If the lights do not
- * determine the solution, the solution of least norm is used, which has the least ∫ f² dω. Values
- * of which a colour is NaN are left out. Infinite values are refused. A texel of a view without any
- * value becomes black. The values of the result are rounded to halves, as in the file. The result
- * does not depend on the number of threads. The progress stage is "fit". Errors are
- * DATA_ERROR_INVALID and G_IO_ERROR_CANCELLED. */
+/* Fits by least squares over all lights of each view, texel and colour. If several solutions fit
+ * the lights equally, the one with the least ∫ f² dω is used. A value is left out if one of its
+ * colours is NaN. Infinite values are refused. A texel of a view without any value becomes black.
+ * The values of the result are rounded to half floats, as in the file. The result does not depend
+ * on the number of threads. The progress stage is "fit". Errors are DATA_ERROR_INVALID and
+ * G_IO_ERROR_CANCELLED. */
 struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
                         GError **error);
 
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret);
 
-/* Sets error and luminance_error over all values that are not NaN. Returns error. */
+/* Computes error and luminance_error over all values of the BTF that are not NaN, and stores them
+ * in hsh. Returns error. */
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads);
 
 /* Returns the bytes of all values as halves, as a renderer holds them. */

@@ -69,8 +69,8 @@ static void reconstruct(gconstpointer model, int texel, float *ret) {
 }
 
 /* Adds Σ_a g_a max(0, f_a(x, l)) for each texel x, times its share. g_a is the weight of view a of
- * the query, f_a the sum f of hsh.h in that view. The maximum is needed because the harmonics may
- * be negative between the lights. */
+ * the query. f_a is the sum f of hsh.h in view a, which may be negative between the measured
+ * lights. */
 static void evaluate(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]) {
     const struct hsh *hsh = model;

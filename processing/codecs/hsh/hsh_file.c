@@ -51,9 +51,10 @@ gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error) {
 }
 
 static gboolean format_error(const char *path, GError **error, const char *what) {
-    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of hemispherical harmonics: %s; compress again", path,
-                what);
+    g_set_error(
+        error, EXR_ERROR, EXR_ERROR_FORMAT,
+        "%s: this is not a valid file of hemispherical harmonics: %s; compress the BTF again", path,
+        what);
     return FALSE;
 }
 
@@ -62,7 +63,7 @@ static gboolean read_head(struct hsh *hsh, const struct exr_file *file, const ch
     struct texel_model_head head = {.names = {"mesorig.terms", "mesorig.views"}};
     const char *what = NULL;
     if (g_strcmp0(texel_model_kind(file), "hsh") != 0)
-        return format_error(path, error, "mesorig.kind of its first part is not hsh");
+        return format_error(path, error, "mesorig.kind of the first part is not hsh");
     if (!texel_model_read_head(file, &head, &hsh->layout, &what, error))
         return what && format_error(path, error, what);
     hsh->name = g_strdup(head.name);
@@ -73,7 +74,8 @@ static gboolean read_head(struct hsh *hsh, const struct exr_file *file, const ch
     if (hsh->n_terms != 4 && hsh->n_terms != 9 && hsh->n_terms != 16)
         return format_error(path, error, "mesorig.terms is not 4, 9 or 16");
     if (head.numbers[1] < 1 || (gsize)head.numbers[1] != hsh->layout.views.n)
-        return format_error(path, error, "mesorig.views is not the number of its views");
+        return format_error(path, error,
+                            "mesorig.views is not the number of views in the part “views”");
     return TRUE;
 }
 
@@ -95,8 +97,13 @@ static gboolean read_term(struct hsh *hsh, const struct exr_file *file, int term
 static gboolean read_values(struct hsh *hsh, const struct exr_file *file, const char *path,
                             GError **error) {
     hsh->values = g_try_new(float, pixels(hsh) * (gsize)hsh->n_terms * COLOURS);
-    if (!hsh->values)
-        return format_error(path, error, "its values are larger than memory");
+    if (!hsh->values) {
+        g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+                    "%s: there is no memory for its %zu pixels of %d terms; open it on a computer "
+                    "with more memory",
+                    path, pixels(hsh), hsh->n_terms);
+        return FALSE;
+    }
     for (int term = 0; term < hsh->n_terms; term++)
         if (!read_term(hsh, file, term)) {
             g_autofree char *what = g_strdup_printf(

@@ -49,8 +49,8 @@ gint64 lobes_bytes(const struct lobes *lobes) {
     return 2 * (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout) * lobes->n_values;
 }
 
-/* The data of a computation. Threads only read them, and each thread writes the values of its
- * texels. */
+/* The data of a computation. Each thread writes the values of its own texels to lobes->values, and
+ * the elements of `done` for its blocks. */
 struct lobes_run {
     const struct btf_matrix *btf;
     const struct lobes_options *options;
@@ -59,13 +59,13 @@ struct lobes_run {
     struct lobes_start *start;
     float *views, *lights; /* n_views × 3 and n_lights × 3, unit vectors */
     float *polynomial;     /* POLYNOMIAL × n_lights: A⁺ of pseudo_inverse() */
-    int n_blocks, *done;   /* done: 1 for each block of texels that is fitted, else 0 */
+    int n_blocks, *done;   /* done: for each block of texels 1 if the block is fitted, else 0 */
 };
 
 /* Finds the X of least norm that minimises ‖A X − B‖². A has the row (lx², ly², lx ly, lx, ly, 1)
- * for each light l, or zeros if the luminance of the light in row is NaN. row may be NULL. columns
- * is B (n × n_columns) before the call and X (POLYNOMIAL × n_columns) after it; it has max(n,
- * POLYNOMIAL) rows. */
+ * for each light l, or zeros if the light's luminance in row is NaN. If row is NULL, no light is
+ * left out. columns holds B (n × n_columns) before the call and X (POLYNOMIAL × n_columns) after
+ * it, and has space for max(n, POLYNOMIAL) rows. */
 static void solve_polynomial(const float *lights, int n, const float *row, double *columns,
                              int n_columns) {
     g_autofree double *a = g_new0(double, n *POLYNOMIAL);
@@ -94,8 +94,8 @@ static float *pseudo_inverse(const float *lights, int n) {
     return ret;
 }
 
-/* Computes C = A⁺ Y of one row of luminance (n_lights). If the row has a NaN, solves a separate
- * problem without the lights that are NaN. */
+/* Computes the coefficients C = A⁺ Y from one row of luminance Y (n_lights). If the row has a NaN,
+ * solves a separate problem without the lights that are NaN. */
 static void fit_polynomial(const struct lobes_run *run, const float *row, float *ret) {
     const int n = run->fit.n_lights;
     gboolean whole = TRUE;
@@ -117,13 +117,13 @@ static void fit_polynomial(const struct lobes_run *run, const float *row, float 
         ret[k] = (float)column[k];
 }
 
-/* Returns whether a value counts: none of its colours is NaN. */
+/* Returns whether none of the three colours is NaN. */
 static gboolean is_there(const float *rgb) {
     return !isnan(rgb[0]) && !isnan(rgb[1]) && !isnan(rgb[2]);
 }
 
-/* Splits n values R, G, B into their luminance Y (NaN if a colour is NaN) and one colour by which Y
- * is multiplied, Σ RGB / Σ Y. The colour is white if Σ Y is not above 0. */
+/* Splits n values R, G, B into their luminances Y (NaN if a colour is NaN) and the one colour Σ RGB
+ * / Σ Y, by which each Y is multiplied again. The colour is white if Σ Y is not above 0. */
 static void split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
     double sums[COLOURS] = {0}, all = 0;
     for (gsize i = 0; i < n; i++, rgb += COLOURS) {
@@ -157,7 +157,7 @@ static void fit_from_starts(const struct lobes_run *run, const float *rows, int 
 }
 
 /* Converts the parameters of a fit (lobes_private.h) to the values of lobes.h. colour is R, G, B.
- * It is not read for microfacet models, whose parameters contain their colours. */
+ * The colours of microfacet models are in their parameters instead. */
 static void store(const struct lobes *lobes, const float *colour, const float *p, float *ret) {
     if (lobes_traits[lobes->model].facet) {
         const float size = sqrtf(p[0] * p[0] + p[1] * p[1] + 1), c = cosf(p[2]), s = sinf(p[2]);
@@ -223,8 +223,8 @@ static void colour_facet(const struct lobes_run *run, int texel, float *values) 
     }
 }
 
-/* Fits the texels of a block, unless the checkpoint had them. The rows of a block are sorted by
- * texel, with all slices of a texel together. The values of lobes.h are sorted by slice. */
+/* Fits the texels of a block, unless the checkpoint has their values. The rows of a block are in
+ * the order texel, slice. The values of lobes.h are in the order slice, texel. */
 static void fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;
@@ -255,7 +255,8 @@ static void fit_block(int block, gpointer data) {
     g_atomic_int_set(&run->done[block], 1);
 }
 
-/* Takes the checkpoint's arrays, and registers the arrays that are to be saved. */
+/* Copies the arrays of an earlier run from the checkpoint, and registers the arrays that the
+ * checkpoint saves. */
 static void resume(struct lobes_run *run) {
     Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;
@@ -302,13 +303,16 @@ static gboolean fit_blocks(struct lobes_run *run, GError **error) {
 struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error) {
     const struct btf_layout *layout = &btf->layout;
-    if ((guint)options->model >= LOBES_MODELS || options->n_lobes < 0 ||
-        options->n_lobes > LOBES_MAX_LOBES) {
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "model %d of %d lobes: unknown model, or a number of lobes that it cannot have; give "
-            "1 to %d lobes",
-            (int)options->model, options->n_lobes, LOBES_MAX_LOBES);
+    if ((guint)options->model >= LOBES_MODELS) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "there is no analytic model number %d; give a number from 0 to %d",
+                    (int)options->model, LOBES_MODELS - 1);
+        return NULL;
+    }
+    if (options->n_lobes < 0 || options->n_lobes > LOBES_MAX_LOBES) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s cannot have %d lobes; give 1 to %d lobes", lobes_model_name(options->model),
+                    options->n_lobes, LOBES_MAX_LOBES);
         return NULL;
     }
     if (!texel_model_check(btf, error))

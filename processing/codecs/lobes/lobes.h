@@ -1,9 +1,9 @@
 /*
- * Analytic models of a BTF, fitted texel by texel: a few numbers per texel instead of a table.
- * fields, ptm and lafortune describe the luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, which is
- * multiplied by a colour of the texel. ward and ashikhmin have colours of their own. ⟨x⟩ is max(x,
- * 0). l and v are unit vectors to light and view in the sample frame. Values contain n·l
- * (pipeline.h) and are not multiplied by it again.
+ * These analytic models of a BTF are fitted to each texel, and need only a few numbers for each
+ * texel. The models fields, ptm and lafortune describe the luminance Y = 0.2126 R + 0.7152 G +
+ * 0.0722 B, which is multiplied by one colour per texel. The models ward and ashikhmin have a
+ * diffuse and a specular colour per texel. ⟨x⟩ is max(x, 0). l and v are unit vectors to light and
+ * view in the sample frame. Values contain n·l (pipeline.h) and are not multiplied by it again.
  *
  * Models of single views ("reflectance fields"), which are interpolated between views:
  *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i           (Meseth et al. 2003 eq. 1)
@@ -62,46 +62,50 @@ struct lobes {
     struct btf_layout layout;
     int n_lobes;  /* k, 1 … LOBES_MAX_LOBES for fields and lafortune; otherwise 0 */
     int n_slices; /* n_views for fields and ptm, otherwise 1 */
-    int n_values; /* number of values of a texel of a slice */
+    int n_values; /* number of values of each texel in a slice */
     /* n_slices × height × width × n_values, in the order: R G B of the colour, then
      *   fields     k × X Y Z N
      *   ptm        C0 … C5
      *   lafortune  D, k × X Y Z N
      * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
     float *values;
-    /* Errors against the encoded BTF as computed by lobes_error(): the relative RMS of R, G, B, and
-     * the mean of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error is the relative RMS before
-     * rounding to halves. */
+    /* error is the relative RMS error of R, G, B against the encoded BTF, luminance_error the mean
+     * of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error is the relative RMS error before the
+     * values were rounded to half floats. */
     double error, luminance_error, exact_error;
 };
 
 struct lobes_options {
     enum lobes_model model;
-    /* 0 means the default of 2 (Meseth et al. 2003); ignored by models without lobes */
+    /* number of lobes; 0 means 2 (Meseth et al. 2003). Models without lobes ignore the number */
     int n_lobes;
     struct work work;
-    /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled. The next call
-     * for the same BTF and model continues from it, with the same result. */
+    /* NULL, or a checkpoint. The checkpoint is saved at intervals and when the work is cancelled. A
+     * later call for the same BTF and model continues from the checkpoint and gives the same result
+     * as without an interruption. */
     Checkpoint *checkpoint;
 };
 
 void lobes_free(struct lobes *lobes); /* NULL is ignored */
 
-/* Fits luminance by least squares over all lights (and views). Values of the BTF that are NaN are
- * left out of the fit. Infinite values are refused. Texels without any value become black. The
- * values of the result are rounded to halves, as in the file. The result does not depend on the
- * number of threads. The progress stage is "fit". */
+/* Fits the luminance by least squares: over all lights of each view for fields and ptm, over all
+ * views and lights for the other models. Values of the BTF that are NaN are left out of the fit.
+ * Infinite values are refused. Texels without any value become black. The values of the result are
+ * rounded to half floats, as in the file. The result does not depend on the number of threads. The
+ * progress stage is "fit". */
 struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error);
 
 /* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret);
 
-/* Evaluates R, G, B of a texel of a slice in any direction. fields and ptm ignore view. */
+/* Evaluates R, G, B of a texel for any view and light. For fields and ptm, slice is the index of a
+ * measured view, and view is ignored. For the other models, slice is 0. */
 void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float view[3],
                     const float light[3], float ret[3]);
 
-/* Sets error and luminance_error over all values that are not NaN. Returns error. */
+/* Computes error and luminance_error over all values of the BTF that are not NaN, and stores them
+ * in lobes. Returns error. */
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads);
 
 /* Returns the bytes of all values as halves, as a renderer holds them. */

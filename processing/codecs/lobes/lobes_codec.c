@@ -33,8 +33,9 @@ static gboolean check_error(const struct lobes *lobes, double target, GError **e
     if (target <= 0 || lobes->error <= target)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "an error of %.3g %% is not reached by %s (%.3g %%); use lpca", 100 * target,
-                lobes_model_name(lobes->model), 100 * lobes->error);
+                "an error of %.3g %% is not reached: %s has an error of %.3g %%; allow a larger "
+                "error or use --method=lpca",
+                100 * target, lobes_model_name(lobes->model), 100 * lobes->error);
     return FALSE;
 }
 

@@ -1,4 +1,4 @@
-/* The analytic models of a texel as codecs. */
+/* The analytic models of lobes.h as codecs. */
 #pragma once
 
 #include "codecs/codec/codec.h"

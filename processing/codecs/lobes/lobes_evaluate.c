@@ -6,14 +6,14 @@
 #include <string.h>
 
 #define COLOURS  3
-#define MIN_VIEW 0.1F /* minimum of the divisor n·v, see lobes.h */
+#define MIN_VIEW 0.1F /* minimum of the divisors n·v and max(n·l, n·v) of lobes.h */
 
 static float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /* Computes Σ_{i<k} ⟨g_i · w⟩^N_i. values is k × (X, Y, Z, N), with g_i = (X, Y, Z). w is l for
- * fields, v ∘ l for Lafortune. */
+ * fields, and (vx lx, vy ly, vz lz) for lafortune. */
 static float sum_lobes(const float *values, int k, const float w[3]) {
     float sum = 0;
     for (int i = 0; i < k; i++) {
@@ -29,7 +29,8 @@ static float polynomial(const float *c, const float l[3]) {
            c[4] * l[1] + c[5];
 }
 
-/* A microfacet model's distribution at the half vector h = (hx, hy, hn) in the frame (t, b, n):
+/* Returns the distribution of a microfacet model at the half vector h = (hx, hy, hn) in the frame
+ * (t, b, n):
  *   Ward        exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn))
  *   Ashikhmin   hn^((U hx² + V hy²) / (1 − hn²)) = exp(q (U hx² + V hy²)), q = ln hn / (1 − hn²)
  * At the normal, where q is 0/0, the exponent is −(U hx² + V hy²) / 2. */
@@ -44,8 +45,8 @@ static float distribution(enum lobes_model model, float u, float v, const float 
 }
 
 /* Computes RGB = diffuse ⟨n·l⟩ + specular s (v, l), with s as in lobes.h. values are diffuse RGB,
- * specular RGB, n, t, U, V. If n·v is below MIN_VIEW, MIN_VIEW is used. The result is 0 for a
- * light below the surface. */
+ * specular RGB, n, t, U, V. MIN_VIEW replaces a smaller n·v. The result is 0 for a light on or
+ * below the surface. */
 static void facet(enum lobes_model model, const float *values, const float v[3], const float l[3],
                   float ret[3]) {
     const float *n = values + 6, *t = values + 9, rough_u = values[12], rough_v = values[13];
@@ -68,7 +69,7 @@ static void facet(enum lobes_model model, const float *values, const float v[3],
         ret[c] = values[c] * nl + values[COLOURS + c] * shine;
 }
 
-/* Evaluates one texel of one slice from its values. The values of microfacet models contain two
+/* Evaluates the values of one texel in one slice. The values of microfacet models contain two
  * colours. The other models give Y, which is multiplied by the colour of the texel. */
 static void evaluate(const struct lobes *lobes, const float *values, const float v[3],
                      const float l[3], float ret[3]) {

@@ -39,8 +39,8 @@ static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* Makes the part of the file that begins with value number first (lobes_value_part()). *ret_end is
- * the number of the first value of the next part. */
+/* Makes the part whose first channel holds the value number `first` of each texel
+ * (lobes_value_part()). *ret_end is the number of the first value of the next part. */
 static struct exr_part *values_part(const struct lobes *lobes, int first, int *ret_end) {
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;
@@ -89,7 +89,8 @@ struct exr_file *lobes_to_exr(const struct lobes *lobes) {
 
 static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of a lobe model: %s; compress again", path, what);
+                "%s: this is not a valid file of an analytic model: %s; compress the BTF again",
+                path, what);
     return FALSE;
 }
 
@@ -105,7 +106,9 @@ static gboolean read_head(struct lobes *lobes, const struct exr_file *file, cons
     struct texel_model_head head = {.names = {"mesorig.lobes", "mesorig.slices"}};
     const char *what = NULL;
     if (!lobes_model_parse(texel_model_kind(file), &lobes->model))
-        return format_error(path, error, "mesorig.kind of its first part is not a model of lobes");
+        return format_error(
+            path, error,
+            "mesorig.kind of the first part is not fields, ptm, lafortune, ward or ashikhmin");
     if (!texel_model_read_head(file, &head, &lobes->layout, &what, error))
         return what && format_error(path, error, what);
     const struct lobes_traits *traits = &lobes_traits[lobes->model];
@@ -118,10 +121,13 @@ static gboolean read_head(struct lobes *lobes, const struct exr_file *file, cons
     lobes->exact_error = head.exact_error;
     if (lobes->n_lobes < least || lobes->n_lobes > most)
         return format_error(path, error,
-                            "mesorig.lobes is not 1 to 3, or not 0 in a model without lobes");
+                            traits->lobed ? "mesorig.lobes is not 1, 2 or 3"
+                                          : "mesorig.lobes is not 0 in a model without lobes");
     if (lobes->n_slices < 1 ||
         (gsize)lobes->n_slices != (traits->each_view ? lobes->layout.views.n : 1))
-        return format_error(path, error, "mesorig.slices does not fit the views");
+        return format_error(path, error,
+                            traits->each_view ? "mesorig.slices is not the number of views"
+                                              : "mesorig.slices is not 1");
     lobes->n_values = traits->n_values + 4 * lobes->n_lobes;
     return TRUE;
 }
@@ -130,8 +136,13 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
                             GError **error) {
     const gsize pixels = (gsize)lobes->n_slices * btf_layout_texels(&lobes->layout);
     lobes->values = g_try_new(float, pixels *(gsize)lobes->n_values);
-    if (!lobes->values)
-        return format_error(path, error, "it is larger than memory");
+    if (!lobes->values) {
+        g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+                    "%s: there is no memory for its %zu pixels of %d values; open it on a computer "
+                    "with more memory",
+                    path, pixels, lobes->n_values);
+        return FALSE;
+    }
     for (int value = 0; value < lobes->n_values; value++) {
         const char *channel;
         g_autofree char *name = lobes_value_part(lobes, value, &channel);
@@ -140,8 +151,9 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
         if (!plane || (gsize)part->width != lobes->layout.width ||
             (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height ||
             !all_finite(plane, pixels)) {
-            g_autofree char *what =
-                g_strdup_printf("part %s, channel %s, is missing or damaged", name, channel);
+            g_autofree char *what = g_strdup_printf("part “%s” has another size, or its channel %s "
+                                                    "is missing or has a value that is not finite",
+                                                    name, channel);
             return format_error(path, error, what);
         }
         for (gsize i = 0; i < pixels; i++)

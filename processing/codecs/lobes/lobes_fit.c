@@ -6,22 +6,23 @@
 
 #define P         LOBES_MAX_PARAMETERS
 #define MAX_STEPS 80
-/* a problem is solved when the relative gain of a step is less than this */
+/* a problem is solved when a step lowers its cost by at most this part */
 #define ENOUGH   1e-5F
-#define MIN_VIEW 0.1F  /* minimum of the divisor n·v, see lobes.h */
+#define MIN_VIEW 0.1F  /* minimum of the divisors n·v and max(n·l, n·v) of lobes.h */
 #define SHALLOW  1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */
 #define LN2      0.69314718F
 #define TINY     1e-20F
 
-/* Sums over all samples (pairs of a view and a light) at one point, with the residuals r = y − f
- * and the derivatives J of the model f. */
+/* Sums over all samples (pairs of a view and a light) for one set of parameters. r = y − f are the
+ * residuals of the luminance y, and J the derivatives of the model f. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* A lobe s ⟨d · w⟩^n. It depends only on the parameters, and is computed once for all samples. */
+/* The lobe s ⟨d · w⟩^n of lobes_private.h. d, s and n depend only on the parameters, and are
+ * computed once for all samples. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };
@@ -55,8 +56,8 @@ int lobes_fit_parameters(const struct lobes_fit *fit) {
     }
 }
 
-/* Prepares a lobe from its parameters p: g = s d with ‖d‖ = 1, and log n. s is the lobe's value
- * along d, for every n. */
+/* Computes d, s and n from the parameters p of a lobe: g = s d with ‖d‖ = 1, and log n. For every
+ * n, s is the lobe's value at w = d. */
 LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     const lanes squares = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     ret->s = lanes_sqrt(lanes_max(squares, lanes_all(TINY)));
@@ -282,7 +283,7 @@ LANES_INLINE void clear(struct normal *normal, int n) {
         normal->matrix[i] = lanes_all(0);
 }
 
-/* Sums ‖r‖², Jᵀr and JᵀJ over all pairs of directions, r = y − f, without NaN. Each view is summed
+/* Sums ‖r‖², Jᵀr and JᵀJ over all pairs of directions whose y is not NaN. Each view is summed
  * separately first, because a sum of thousands of floats loses digits. */
 LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobes_fit *fit,
                          const lanes *p, const lanes *values, struct normal *ret) {
@@ -314,8 +315,8 @@ LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobe
     }
 }
 
-/* Solves A x = b by Cholesky's method; b is overwritten by x. A pivot that is as small as rounding
- * errors is increased. */
+/* Solves A x = b by Cholesky's method; b is overwritten by x. A pivot below 1e-6 of its element of
+ * `diagonal` consists of rounding errors, and is increased. */
 LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     for (int i = 0; i < n; i++) {
         lanes *row = a + i * (i + 1) / 2;
@@ -345,7 +346,8 @@ LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret
                                 float *ret_high) {
     *ret_low = *ret_high = 0;
     if (model == LOBES_FIELDS || (model == LOBES_LAFORTUNE && i < 4 * k)) {
-        *ret_low = -0.69314718F; /* ln LOBES_MIN_EXPONENT, and ln LOBES_MAX_EXPONENT below */
+        /* the bounds are ln LOBES_MIN_EXPONENT and ln LOBES_MAX_EXPONENT */
+        *ret_low = -0.69314718F;
         *ret_high = 4.15888308F;
         return i % 4 == 3;
     }
@@ -358,9 +360,9 @@ LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret
     if (i < 2) {
         *ret_low = -4, *ret_high = 4;
     } else if (model == LOBES_WARD) {
-        *ret_low = -3.5F, *ret_high = 0.7F; /* logarithms: U is 0.03 … 2 */
+        *ret_low = -3.5F, *ret_high = 0.7F; /* U and V are 0.03 … 2 */
     } else {
-        *ret_low = -1.5F, *ret_high = 6.9F; /* logarithms: U is 0.22 … 1000 */
+        *ret_low = -1.5F, *ret_high = 6.9F; /* U and V are 0.22 … 1000 */
     }
     return TRUE;
 }
@@ -382,7 +384,7 @@ LANES_INLINE void keep_inside(enum lobes_model model, int k, int n, lanes peak, 
     }
 }
 
-/* Computes the next point to try. Parameters that are at a bound and would cross it do not
+/* Computes the next parameters to try. A parameter at a bound that would cross this bound does not
  * change. */
 LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal *at,
                        const lanes *p, lanes damping, lanes peak, lanes *ret) {
@@ -501,8 +503,8 @@ LANES_INLINE void run(enum lobes_model model, int k, int n, struct state *state)
     }
 }
 
-/* Runs all problems of the state. Each kind of model is compiled separately, so that the loops over
- * its parameters are unrolled. */
+/* Solves all problems of the state. Each model is compiled separately for each number of lobes, so
+ * that the loops over its parameters are unrolled. */
 LANES_INLINE void run_kind(struct state *state) {
     switch (state->fit->model) {
     case LOBES_FIELDS:
@@ -530,8 +532,8 @@ LANES_INLINE void run_kind(struct state *state) {
     }
 }
 
-/* The functions are chosen at run time by hand, because resolvers of target_clones run before the
- * sanitizers are initialised. */
+/* run_any() chooses the function for the processor. The compiler's target_clones cannot, because
+ * their resolvers run before the sanitizers are initialised. */
 #if defined(__x86_64__)
 __attribute__((target("avx2,fma"))) static void run_avx2(struct state *state) {
     run_kind(state);

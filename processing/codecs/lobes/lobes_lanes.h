@@ -1,4 +1,4 @@
-/* Vectors of eight floats, and the few functions of them that lobes_fit.c needs. */
+/* Vectors of eight floats, and the few functions on them that lobes_fit.c needs. */
 #pragma once
 
 #include <glib.h>
@@ -9,8 +9,8 @@ typedef float lanes __attribute__((vector_size(4 * LANES)));
 /* result of a comparison: −1 or 0 */
 typedef gint32 lane_bits __attribute__((vector_size(4 * LANES)));
 
-/* For functions that are inlined into callers which are compiled for several kinds of
- * processors. */
+/* Functions with this mark are always inlined, because their callers are compiled for several kinds
+ * of processors. */
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 LANES_INLINE lanes lanes_all(float value) {
@@ -42,7 +42,7 @@ LANES_INLINE lanes lanes_log2(lanes x) {
 /* Computes 2^x, clamped to 2^±50. The squares of smaller values would be denormal, which is slow on
  * many processors. */
 LANES_INLINE lanes lanes_exp2(lanes x) {
-    /* 1.5 · 2²³; adding this number rounds the other operand */
+    /* 1.5 · 2²³; adding this number to x rounds x to a whole number */
     const lanes magic = lanes_all(12582912.0F);
     x = lanes_max(lanes_min(x, lanes_all(50)), lanes_all(-50));
     const lanes shifted = x + magic, whole = shifted - magic;

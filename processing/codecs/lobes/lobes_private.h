@@ -1,4 +1,5 @@
-/* Shared by the files of lobes.h. */
+/* The files lobes*.c share the fit, its initial values, the properties of the models and their file
+ * in memory. */
 #pragma once
 
 #include "base/direction.h"
@@ -37,9 +38,9 @@ gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, flo
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant is 0 … lobes_start_variants() − 1. The caller fits each variant and keeps the best
- * result. lobes_start_rows() gives initial values, n × lobes_fit_parameters(), for n rows of
- * luminance. */
+/* variant is 0 … lobes_start_variants() − 1. The caller fits from the initial values of each
+ * variant and keeps the best result. lobes_start_rows() gives the initial values, n ×
+ * lobes_fit_parameters(), for n rows of luminance. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
@@ -51,15 +52,15 @@ struct lobes_traits {
     gboolean lobed;     /* whether the model has 1 … LOBES_MAX_LOBES lobes of 4 values each */
     /* whether the model has a normal, a tangent and two roughnesses (ward, ashikhmin) */
     gboolean facet;
-    int n_values; /* number of values of a texel of a slice, without the lobes */
+    int n_values; /* number of values of each texel in a slice, without those of its lobes */
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 
-/* Return the names of the part and the channel that contain a value; g_free() the name of the
- * part. */
+/* Returns the name of the part that contains value number `value` of each texel (g_free()), and
+ * gives the name of its channel. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
-/* Convert to and from the file of lobes_write_levels() and lobes_read() in memory. path is for
- * messages. */
+/* Convert between a model and its file in memory, as lobes_write_levels() writes the file and
+ * lobes_read() reads it. path is for messages. */
 struct exr_file *lobes_to_exr(const struct lobes *lobes);
 struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error);

@@ -12,7 +12,7 @@
 
 struct lobes_start {
     const struct lobes_fit *fit;
-    float spacing;    /* mean distance of a light from the nearest other one, radians */
+    float spacing;    /* mean angle between a light and the nearest other light, radians */
     float *planes;    /* 3 × n_lights: pseudo-inverse of the lights' directions */
     float *high_pass; /* n_lights²: matrix of high_pass() */
 };
@@ -21,7 +21,8 @@ static float angle(const float *a, const float *b) {
     return acosf(CLAMP(cblas_sdot(3, a, 1, b, 1), -1, 1));
 }
 
-/* Returns the mean distance of a light from the nearest other one. */
+/* Returns the mean angle between a light and the nearest other light that is more than MIN_SPACING
+ * away. */
 static float spacing(const struct lobes_fit *fit) {
     float sum = 0;
     for (int i = 0; i < fit->n_lights; i++) {
@@ -55,7 +56,7 @@ static float *high_pass(const struct lobes_fit *fit, float width) {
 }
 
 /* Returns (LᵀL)⁻¹Lᵀ (3 × n_lights) of the directions L of the lights (n_lights × 3). A small number
- * is added to the diagonal for lights that lie in a plane. */
+ * is added to the diagonal of LᵀL, which lights in one plane would make singular. */
 static float *planes(const struct lobes_fit *fit) {
     const int n = fit->n_lights;
     float squares[9], *inverse = g_memdup2(fit->lights, sizeof(float) * 3 * (gsize)n);
@@ -89,7 +90,7 @@ int lobes_start_variants(const struct lobes_fit *fit) {
 }
 
 /* Computes the mean of each light's values over the views. A light without values gets the mean of
- * all values, which is returned. */
+ * all values. Returns the mean of all values, 0 if there are none. */
 static float mean_lights(const struct lobes_fit *fit, const float *row, float *ret) {
     double all = 0;
     int n_all = 0;
@@ -111,13 +112,13 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Finds n lobes in addition to the diffuse one, towards the lights whose values exceed those of the
- * lights around them most. Leaves out the first skip of these directions. */
+/* Finds n lobes in addition to the diffuse lobe. They point towards the lights whose values most
+ * exceed those of the lights around. The `skip` lights that exceed them most are left out. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;
     g_autofree float *left = g_new(float, count);
-    /* A lobe with this exponent falls to a half at the mean distance of the lights. */
+    /* A lobe with this exponent falls to a half at the angle start->spacing. */
     const float exponent =
         CLAMP(-logf(2) / logf(cosf(MIN(start->spacing, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
     float brightest = 0;
@@ -141,8 +142,8 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
     }
 }
 
-/* Finds the diffuse lobe g, for which g · l is nearest to the values of the lights l (least
- * squares). If g is small or points below the horizon, it becomes (0, 0, mean). */
+/* Finds the diffuse lobe g: the g whose products g · l are nearest to the values of the lights l
+ * (least squares). If g is small or points below the horizon, it becomes (0, 0, mean). */
 static void find_diffuse(const struct lobes_start *start, const float *lights, float mean,
                          float ret[3]) {
     cblas_sgemv(CblasColMajor, CblasNoTrans, 3, start->fit->n_lights, 1, start->planes, 3, lights,

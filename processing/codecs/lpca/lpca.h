@@ -3,14 +3,14 @@
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * The texels are clustered in a space of fewer dimensions. The w_i span the same space as the
- * texels' coordinates along the principal axes of their cluster there. The E_i have all dimensions,
- * and are the best for these w_i. Reading the BTF twice is therefore sufficient. For packed local
- * PCAs, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a
- * third time. E_{0,k} is the mean of cluster k and has the weight 1 (§4 of the paper omits it from
- * its sum). Values contain n·l. The E_{i,k}, i ≥ 1, are orthonormal and sorted by the variance that
- * they explain. Leaving out the last ones is therefore optimal for a smaller number of them. The
- * E_{i,k} that a cluster does not need are 0.
+ * The texels are clustered in a space of fewer dimensions. The principal axes that a cluster has in
+ * this space give coordinates of its texels. The w_i of the cluster are linear combinations of
+ * these coordinates. The E_i have all dimensions, and are the best E_i for these w_i. Reading the
+ * BTF twice is therefore sufficient. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) −
+ * E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k
+ * and has the weight 1 (§4 of the paper omits it from its sum). Values contain n·l. The E_{i,k}, i
+ * ≥ 1, are orthonormal and sorted by the variance that they explain. Leaving out the last ones is
+ * therefore optimal for a smaller number of them. The E_{i,k} that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -81,7 +81,7 @@ struct lpca {
     float *weight_scales;
     enum lpca_quantise quantise;
     enum lpca_colours colours;
-    double error; /* error found by lpca_error(); 0 if it was not called */
+    double error; /* relative error from lpca_error(); 0 if it was not called */
     /* content of the file if it is packed, see lpca_pack.h; otherwise NULL */
     struct lpca_packed *packed;
 };
@@ -94,7 +94,8 @@ struct lpca_nearest {
 
 struct lpca_options {
     int n_clusters, n_components;
-    double target; /* 0, or the error to reach; n_components is then the maximum */
+    /* 0, or the error to reach; n_components is then the maximum number of components */
+    double target;
     struct work work;
     enum lpca_colours colours;
     /* maximum bytes of memory in addition to the BTF's values; 0 if not limited */
@@ -103,8 +104,9 @@ struct lpca_options {
     const struct team *team;
     /* whether lpca_pack.h will pack the result, which may then have LPCA_MAX_PACKED components */
     gboolean to_pack;
-    /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled or fails. The
-     * same call continues from it, with the same result. Must be NULL with a team. */
+    /* NULL, or a checkpoint. The checkpoint is saved at intervals and when the work is cancelled or
+     * fails. A later call with the same arguments continues from the checkpoint and gives the same
+     * result. Must be NULL with a team. */
     Checkpoint *checkpoint;
     struct lpca_nearest *nearest; /* filled if a target is not reached; may be NULL */
 };
@@ -118,8 +120,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
  * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights"
  * with to_pack, and "check" if errors are measured. With a target, computes local PCAs of 1, 2, 4,
  * … components until one reaches the target, and then finds the smallest number of components that
- * reaches it. If the target is not reached with n_components, returns NULL, and the message gives
- * the error with n_components.
+ * reaches it. If the target is not reached with n_components, returns NULL, and the message says
+ * how large the error with n_components is.
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
  * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
@@ -131,19 +133,20 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
 /* Returns the same local PCA with fewer components. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
-/* Rounds the values in memory to the values that are read from a file of this kind. To be called
- * once, on LPCA_FLOAT. */
+/* Rounds the values in memory as a file of this kind rounds them. The local PCA must be LPCA_FLOAT
+ * before the call. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
-/* Returns the bytes that the computation takes in addition to the BTF's values. */
+/* Returns the maximum number of bytes of memory that lpca_compute() takes in addition to the BTF's
+ * values. */
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options);
 
 /* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black
  * BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
-/* Stores the error that lpca_error() returns in lpca->error. All ranks of the team of the options
- * take part. Reports progress. Returns FALSE with an error if a file cannot be read or the work is
- * cancelled. */
+/* Computes the error of lpca_error(), and stores it in lpca->error. All ranks of options->team, if
+ * there is one, must call this. Reports progress. Returns FALSE with an error if a file cannot be
+ * read or the work is cancelled. */
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 

@@ -27,7 +27,7 @@ static const guint kept_by[] = {
     [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
 
-/* Returns the bytes of an array. They depend on run->state. */
+/* Returns the number of bytes of an array, which depends on run->state. */
 static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept what) {
     const struct lpca_state *state = &run->state;
     const gsize n = (gsize)run->n, d = (gsize)run->d, r = (gsize)run->r, c = (gsize)state->c;
@@ -54,7 +54,8 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Returns whether the state in the file belongs to this call and has all arrays of its stage. */
+/* Returns whether the state `found` was saved by the same call, and the checkpoint has all arrays
+ * of its stage. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;

@@ -47,8 +47,8 @@ static gint64 raw_bytes(const struct btf_matrix *btf) {
 
 /* Returns the maximum number of bytes of the next model. With an error to reach, the model must be
  * smaller than the best model so far, and at most as large as the BTF. For a material with few
- * texels, there is an exception: one cluster may have as many components as represent
- * everything. */
+ * texels, there is an exception: one cluster may have as many components as represent the BTF
+ * exactly. */
 static gint64 most_bytes(const struct choosing *choosing) {
     const struct btf_matrix *btf = choosing->btf;
     const struct lpca_target *target = choosing->target;
@@ -63,8 +63,8 @@ static gint64 most_bytes(const struct choosing *choosing) {
     return MIN(most, MAX(raw_bytes(btf), size_of(btf, target, 1, all)));
 }
 
-/* Returns the maximum number of components of the next model, so that it takes at most
- * most_bytes(). Returns 0 if not even one component fits. */
+/* Returns the maximum number of components with which the next model takes at most most_bytes().
+ * Returns 0 if not even one component fits. */
 static int max_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
@@ -82,19 +82,20 @@ static struct lpca *not_reached(const struct choosing *choosing, GError **error)
     g_autofree char *size = g_format_size((guint64)takes);
     g_autofree char *limit =
         g_format_size((guint64)(target->bytes > 0 ? target->bytes : raw_bytes(choosing->btf)));
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "an error of %.3g %% is not reached within %s%s: the nearest is %.3g %%, by %d %s of %d "
-        "%s, which take %s; allow a larger error (the values contain the capture's noise)",
-        100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
-        100 * nearest->error, nearest->n_clusters,
-        nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
-        nearest->n_components == 1 ? "component" : "components", size);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "an error of %.3g %% is not reached within %s%s: the smallest error is %.3g %%, "
+                "with %d %s of %d %s, which take %s; allow a larger error, because the values of "
+                "the BTF contain the noise of the capture",
+                100 * target->error, limit, target->bytes > 0 ? "" : ", which the BTF itself takes",
+                100 * nearest->error, nearest->n_clusters,
+                nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
+                nearest->n_components == 1 ? "component" : "components", size);
     return NULL;
 }
 
-/* Tries choice->clusters clusters. The saved choice is only updated when the try is complete. If
- * memory is not sufficient, the search ends with the best result so far, if there is one. */
+/* Tries choice->clusters clusters. *choice, which the checkpoint saves, is only updated when the
+ * try is complete. If memory is not sufficient, the search ends with the best result so far, if
+ * there is one. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -133,8 +134,8 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     return TRUE;
 }
 
-/* Takes the choice from the checkpoint if it has one for the same target. Otherwise begins with one
- * cluster. */
+/* Takes the choice from the checkpoint if the checkpoint has a choice for the same target.
+ * Otherwise begins with one cluster. */
 static void resume(struct choosing *choosing) {
     Checkpoint *checkpoint = choosing->options->checkpoint;
     const struct lpca_target *target = choosing->target;
@@ -196,7 +197,9 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
         g_autofree char *wanted = g_format_size((guint64)target->bytes);
         g_autofree char *least = g_format_size((guint64)size_of(btf, target, 1, 1));
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s is too little: one cluster of one component takes %s", wanted, least);
+                    "a size of %s is too small: one cluster of one component already takes %s; "
+                    "allow a larger size",
+                    wanted, least);
         return NULL;
     }
     resume(&choosing);

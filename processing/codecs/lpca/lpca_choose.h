@@ -9,15 +9,16 @@ struct lpca_target {
     gint64 bytes;     /* maximum of lpca_bytes() after rounding; 0 if not limited */
     int n_components; /* maximum number of components */
     enum lpca_quantise quantise;
-    /* n of the grid to which the result will be resampled (lpca_resample.h), for its size; 0 if
-     * it will not */
+    /* n of the grid to which the result will be resampled (lpca_resample.h), which determines its
+     * size; 0 if it will not be resampled */
     int n_grid;
 };
 
-/* Tries 1, 2, 4, … clusters, as long as more clusters improve the result. options gives everything
- * except clusters, components and target. With a target error, returns the smallest local PCA that
- * reaches the error within the target size. Without one, returns the local PCA with the smallest
- * error within that size. The result is LPCA_FLOAT. If no local PCA reaches the target, the error
- * describes the one that comes nearest. */
+/* Tries 1, 2, 4, … clusters, until two tries in a row do not improve the result. options gives
+ * everything except clusters, components and target. With a target error, returns the smallest
+ * local PCA that reaches the error, at most as large as the target size. Without a target error,
+ * returns the local PCA with the smallest error that is at most as large as the target size. The
+ * result is LPCA_FLOAT. If no local PCA reaches the target, returns NULL, and the error describes
+ * the local PCA that comes nearest. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_target *target, GError **error);

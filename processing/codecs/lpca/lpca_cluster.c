@@ -5,8 +5,9 @@
 
 #include "lpca_private.h"
 
-#define SEED             19
-#define MEANS_ITERATIONS 3 /* number of first iterations without axes */
+#define SEED 19
+/* number of iterations at the start that use only the means of the clusters, not their axes */
+#define MEANS_ITERATIONS 3
 #define MAX_ITERATIONS   40
 #define POWER_STEPS      2
 #define SETTLED          1e-4 /* relative gain of the error below which the iteration ends */
@@ -67,8 +68,8 @@ static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *r
     team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
 }
 
-/* Updates nearest[x] for a new seed: the minimum of ‖r_x − s‖² of row r_x over all seeds s so
- * far. */
+/* The arguments of seed_block(), which updates nearest[x] for a new seed. nearest[x] is the minimum
+ * of ‖r_x − s‖² of row r_x over all seeds s so far. */
 struct seeding {
     const struct lpca_reduced *reduced;
     const float *seed; /* the newest seed */
@@ -117,8 +118,9 @@ static void seed_means(struct lpca_reduced *reduced) {
     g_rand_free(random);
 }
 
-/* Assigns each row r to the cluster whose affine subspace is nearest (Kambhatla & Leen 1997). With
- * p_i = ⟨r, f_i⟩ and o_i = ⟨m, f_i⟩ of a cluster's factors f_0 = m and f_i, its axes,
+/* The arguments of assign_block(), which assigns each row r to the cluster whose affine subspace is
+ * nearest (Kambhatla & Leen 1997). A cluster has the factors f_0 = m, its mean, and f_1 … f_c, its
+ * axes. With p_i = ⟨r, f_i⟩ and o_i = ⟨m, f_i⟩, the squared distance is
  *   ‖r − m‖² − Σ_i ⟨r − m, f_i⟩² = ‖r‖² − 2 p_0 + o_0 − Σ_{i≥1} (p_i − o_i)².
  * One matrix multiplication gives all products. */
 struct assignment {
@@ -126,7 +128,7 @@ struct assignment {
     int c;          /* number of axes in use; 0 for k-means */
     float *factors; /* k × (c + 1) × r: mean, then axes */
     float *offsets; /* k × (c + 1): products of a cluster's mean with its factors */
-    float *errors;  /* n: error of the nearest cluster */
+    float *errors;  /* n: squared distance of each row from the subspace of its cluster */
     int *labels;
     int from; /* index of the first block of this rank */
 };
@@ -163,8 +165,8 @@ static void assign_block(int block, gpointer data) {
         assign_row(to, from + i, products + (gsize)i * (gsize)columns);
 }
 
-/* Assigns all rows to clusters with c axes each. errors (n) are the squared distances ‖r − m‖² − Σ
- * … of the rows. Returns their sum. */
+/* Assigns all rows to clusters with c axes each. Gives the squared distance of each row from the
+ * subspace of its cluster in errors (n), and returns their sum. */
 static double assign(struct lpca_reduced *reduced, int c, float *errors) {
     const struct team *team = reduced->options->team;
     const gsize n_factors = (gsize)reduced->k * (gsize)(c + 1), r = (gsize)reduced->r;
@@ -256,8 +258,9 @@ static void exact_axes(const struct lpca_reduced *reduced, const float *rows, in
                    sizeof(float) * (gsize)r);
 }
 
-/* How a cluster's axes A are found: not at all; exactly; or improved by POWER_STEPS of subspace
- * iteration, A ← orth (A RᵀR), which costs less than computing the covariance. */
+/* How the axes A of a cluster with the centred rows R are found. NO_AXES leaves A as it is.
+ * EXACT_AXES computes A from the covariance RᵀR. BETTER_AXES improves A by POWER_STEPS steps of
+ * subspace iteration, A ← orth (A RᵀR), which costs less than the covariance. */
 enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 
 struct update {
@@ -323,8 +326,8 @@ static void drop_empty(struct lpca_reduced *reduced) {
     reduced->k = kept;
 }
 
-/* Records in the run, which the checkpoint stores, that an iteration is next. before is the error
- * sum of the iteration before it. */
+/* Stores in run->state, which the checkpoint saves, the iteration that comes next. before is the
+ * sum of errors of the iteration before. */
 static void keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
     if (!run)
@@ -334,7 +337,7 @@ static void keep(const struct lpca_reduced *reduced, int iteration, double befor
     run->state.before = before;
 }
 
-/* Reports progress and saves the checkpoint if it is due. If the work was cancelled, saves the
+/* Reports progress, and saves the checkpoint if a save is due. If the work was cancelled, saves the
  * checkpoint at once and returns FALSE. */
 static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint64 begun,
                               GError **error) {
@@ -351,9 +354,9 @@ static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint
     return ok;
 }
 
-/* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until the
- * error falls by less than SETTLED. Continues with iteration from, before which the error was
- * before: 0 and G_MAXDOUBLE at the start. */
+/* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until an
+ * iteration lowers the sum of errors by a share of less than SETTLED. Begins with iteration number
+ * `from`. `before` is the sum of errors of the iteration before, or G_MAXDOUBLE at the start. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
@@ -399,7 +402,8 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
         keep(reduced, 0, G_MAXDOUBLE);
         lpca_enter(run, LPCA_CLUSTERING);
     }
-    /* takes the arrays from the checkpoint if it has them; the checkpoint has them from now on */
+    /* lpca_keep() copies the arrays from the checkpoint if they are there, and registers them for
+     * later saves */
     if (run) {
         reduced->k = run->state.k;
         lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);

@@ -12,21 +12,21 @@
 
 #define CLUSTERS       32
 #define COMPONENTS     8
-#define MAX_ROUNDING   4 /* maximum number of times that rounding may require another component */
+#define MAX_ROUNDING   4 /* maximum number of attempts to reach an error after rounding */
 #define CURVE_CLUSTERS 64
 #define CURVE_MAX      16 /* maximum number of components of a curve */
-/* coarsest step of packed models, relative to the mean of the values */
+/* coarsest step of the packed models of a curve, relative to lpca_mean_size() */
 #define COARSEST         4.0
 #define FINEST           (1.0 / 32) /* finest step, in the same unit */
 #define TEXELS_A_CLUSTER 16         /* minimum number of texels per cluster of a curve */
 
 struct lpca_codec_options {
     int clusters, components; /* 0 if not given */
-    int grid;                 /* samples along a side of the grid; 0 for the measured directions */
+    int grid;                 /* n of a grid of n × n directions; 0 for the measured directions */
     int quantise;             /* enum lpca_quantise */
     int colours;              /* enum lpca_colours */
     double error;             /* 0 if not given */
-    gint64 size;              /* maximum bytes; 0 if not limited */
+    gint64 size;              /* maximum number of bytes of the result; 0 if not limited */
     gboolean mips;
 };
 
@@ -98,20 +98,22 @@ static const char *check(gconstpointer options, gint64 memory) {
     if ((asked->error > 0) == (asked->size > 0))
         return "--quantise=packed needs either --error or --size";
     if (asked->clusters > 0 || asked->grid > 0 || asked->mips || asked->colours == LPCA_LOG)
-        return "--quantise=packed has one cluster, no --grid, no --mips, and needs --colours=rgb";
+        return "--quantise=packed cannot be combined with -k, --grid, --mips or --colours=log";
     return NULL;
 }
 
-/* times: how often rounding has made a smaller error necessary. target: that error. The checkpoint
- * stores both. */
+/* The attempts to reach an error after rounding. times is the number of attempts that have failed.
+ * target is the error before rounding at which the next attempt aims. The checkpoint saves this
+ * struct. */
 struct rounding {
     gint64 times;
     double target;
 };
 
 /* Computes a local PCA with the clusters and components of the options, or as many as the requested
- * error or size needs. Resamples it to a grid if requested, and rounds it. ret gets its errors
- * before and after rounding. */
+ * error or size needs. Resamples the local PCA to a grid if requested, and rounds it. Sets
+ * ret->exact_error, the error before resampling and rounding, and ret->error, the error after
+ * both. */
 static struct lpca *rounded(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
                             const struct lpca_options *options, struct codec_result *ret,
                             GError **error) {
@@ -134,10 +136,10 @@ static struct lpca *rounded(const struct lpca_codec_options *asked, const struct
     return g_steal_pointer(&lpca);
 }
 
-/* Computes a local PCA whose error after rounding is at most asked->error. Errors add in squares.
- * The error that rounding adds is therefore subtracted from the target of the next attempt: e² =
- * target² − (e_rounded² − e_exact²). Continues from the checkpoint, which reads the local variable
- * rounding when it is saved. */
+/* Computes a local PCA whose error after rounding is at most asked->error. The squares of errors
+ * add. If an attempt fails, the square that rounding has added is therefore subtracted for the next
+ * attempt, which aims at e² = asked->error² − (e_rounded² − e_exact²). The checkpoint saves the
+ * local variable `rounding`, and a later call continues from it. */
 static struct lpca *compute(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
                             struct lpca_options *options, struct codec_result *ret,
                             GError **error) {
@@ -169,12 +171,11 @@ static struct lpca *compute(const struct lpca_codec_options *asked, const struct
     if (checkpoint)
         checkpoint_drop(checkpoint, "rounding");
     if (ok && !reached)
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "an error of %.3g %% is not reached: with rounding%s it is %.3g %%, without %.3g %%; "
-            "quantise less or use more clusters",
-            100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
-            100 * ret->exact_error);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g %% is not reached: it is %.3g %% before and %.3g %% after "
+                    "rounding%s; use a finer --quantise%s, or more clusters",
+                    100 * asked->error, 100 * ret->exact_error, 100 * ret->error,
+                    asked->grid ? " to the grid" : "", asked->grid ? ", a larger --grid" : "");
     return lpca;
 }
 
@@ -189,8 +190,9 @@ static struct lpca *pack(const struct lpca_codec_options *asked, const struct bt
     return lpca;
 }
 
-/* Adds levels 1 and on. They have as many clusters and components as level 0 if they have enough
- * texels. They are not part of the checkpoint, because they take at most a third of the work. */
+/* Adds the levels from 1 on to ret->levels. They have as many clusters and components as level 0,
+ * but at most one cluster per texel. The checkpoint does not save them, because they take only
+ * about a third of the work of level 0. */
 static gboolean add_levels(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
                            const struct lpca_options *options, struct codec_result *ret,
                            GError **error) {
@@ -219,8 +221,9 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
-/* Computes, packs or chooses a local PCA according to the options. Without a target error or size,
- * it has COMPONENTS components. The limit of memory includes the BTF's values. */
+/* Computes, packs or chooses a local PCA according to the options. Without --components, --error
+ * and --size it has COMPONENTS components. The values of the BTF, if they are in memory, count
+ * towards job->memory. */
 static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct codec_job *job,
                        struct codec_result *ret, GError **error) {
     const struct lpca_codec_options *asked = job->options;
@@ -355,7 +358,8 @@ static gboolean tell_quantised(const struct lpca *lpca, int components,
     return ok;
 }
 
-/* Reports the points of packed models: one local PCA, rounded to steps from COARSEST to FINEST. */
+/* Reports the points of packed models, which are one local PCA rounded with steps from COARSEST to
+ * FINEST. */
 static gboolean curve_packed(const struct btf_matrix *btf, const struct work *work, CodecPoint tell,
                              gpointer data, GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);

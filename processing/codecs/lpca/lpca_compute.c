@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/plural.h"
 #include "lpca_pack.h"
 #include "lpca_private.h"
 
@@ -30,7 +31,8 @@ void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
             memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
 }
 
-/* Sets rows that could not be read to 0 and keeps the first error. Takes ownership of failed. */
+/* Sets rows that could not be read to 0. Keeps `failed` in run->failed if it is the first error.
+ * Takes ownership of `failed`. */
 static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
     g_mutex_lock(&run->lock);
     if (!run->failed)
@@ -127,8 +129,8 @@ struct sample {
     float *vectors; /* found × n: eigenvectors of the Gram matrix, see solve_gram() */
 };
 
-/* Draws texels at random, because a regular choice could coincide with the material's pattern. In a
- * team each rank reads its own texels. */
+/* Returns all texels in an order whose first n texels are drawn at random. A regular choice could
+ * coincide with the material's pattern. All ranks of a team draw the same texels. g_free() */
 static int *draw_texels(const struct lpca_run *run, int n) {
     int *texels = g_new0(int, run->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -193,7 +195,9 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
                                     m - wanted + 1, m, 0, &found, values, vectors, m, support);
     if (info != 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the principal axes of %d texels were not found (ssyevr: %d)", m, info);
+                    "the principal axes of %d texels cannot be computed (the LAPACK function "
+                    "ssyevr returned %d); check the BTF for extremely large values",
+                    m, info);
         return FALSE;
     }
     sample->vectors = g_new(float, (gsize)m *(gsize)wanted);
@@ -208,8 +212,8 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
 }
 
 /* Returns the number of reduced dimensions. It is larger than the number of components, because the
- * axes of a sample do not contain all of them. The sample has at least three times as many texels
- * (samples_of()). */
+ * span of a sample of texels does not contain all components of all texels. The sample has at least
+ * three times as many texels as there are reduced dimensions (samples_of()). */
 static int reduced_to(int d, int n_components) {
     return MIN(d, MAX(REDUCED, n_components + n_components / 4));
 }
@@ -253,7 +257,7 @@ static gboolean draw_axes(struct lpca_run *run, GError **error) {
     return ok;
 }
 
-/* Computes the rows of the reduced space for a block of texels x: A (x − mean) = A x − offsets,
+/* Reduces a block of texels: computes A (x − mean) = A x − offsets for the values x of each texel,
  * with the axes A. */
 static void reduce_block(int block, gpointer data) {
     struct lpca_run *run = data;
@@ -322,9 +326,9 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
     return lpca;
 }
 
-/* Finds by bisection the smallest number of components of this clustering that reaches the target.
- * state->few components do not reach the target (0 at the start), and state->enough components
- * reach it. */
+/* Finds by bisection the smallest number of components with which this clustering reaches the
+ * target. state->few components are too few (0 at the start), and state->enough components reach
+ * the target. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
@@ -350,8 +354,8 @@ static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError
     return ret;
 }
 
-/* Doubles the number of components until the target is reached. Fails, and sets options->nearest,
- * if options->n_components do not reach the target. */
+/* Doubles the number of components until they reach the target. If options->n_components do not
+ * reach the target, sets *options->nearest and fails. */
 static struct lpca *search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
     for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
@@ -364,9 +368,10 @@ static struct lpca *search(struct lpca_run *run, GError **error) {
         if (c < options->n_components)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g %% is not reached with %d clusters of %d components (%.3g "
-                    "%%); allow more of them",
-                    100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
+                    "an error of %.3g %% is not reached: with %d %s of %d %s it is %.3g %%; allow "
+                    "more clusters or components",
+                    100 * options->target, PLURAL(lpca->n_clusters, "cluster"),
+                    PLURAL(lpca->n_components, "component"), 100 * lpca->error);
         if (options->nearest)
             *options->nearest =
                 (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
@@ -383,17 +388,19 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Three unrounded copies, including the rotated one, and two rounded copies with integers. */
+    /* three copies of tables and weights in floats, of which one is rotated, and two rounded copies
+     * with integers */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
-    /* The checkpoint copies the arrays before it writes them. */
+    /* the checkpoint copies the arrays before it writes them */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
            (MAX(r * d + n * r + MAX(MAX(reducing, clustering), refining), packing) + buffers +
             kept);
 }
 
-/* Returns the bytes as a text, rounded up, so that the size in the message is sufficient. */
+/* Returns a number of bytes as text, rounded up, so that the size in the message is sufficient.
+ * g_free() */
 static char *format_need(gint64 bytes) {
     gint64 unit = 1;
     while (bytes / unit >= 1000)
@@ -408,17 +415,17 @@ static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_opt
     const gint64 least = lpca_memory(btf, options);
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
-    /* If the values of the BTF are smaller than this limit, they are read into memory, and the
-     * limit must contain them as well. */
+    /* If the values of the BTF are smaller than the memory for the work, the caller reads them into
+     * memory. The limit must then include the values. */
     const gint64 values = btf_matrix_bytes(&btf->layout);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%d clusters of %d components for %zu × %zu texels, %zu views and %zu lights take %s "
-        "of memory, but the limit is %s; allow more memory, or fewer clusters or components",
-        options->n_clusters, options->n_components, btf->layout.width, btf->layout.height,
-        btf->layout.views.n, btf->layout.lights.n, need, given);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%d %s of %d %s for %zu × %zu texels, %zu views and %zu lights take %s of memory, "
+                "but --memory allows %s; allow more memory, or fewer clusters or components",
+                PLURAL(options->n_clusters, "cluster"), PLURAL(options->n_components, "component"),
+                btf->layout.width, btf->layout.height, btf->layout.views.n, btf->layout.lights.n,
+                need, given);
     return FALSE;
 }
 
@@ -428,16 +435,25 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     const gint64 values = btf_layout_values(&btf->layout);
     const int most = options->to_pack ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
     const char *what = NULL;
-    if (texels < 1 || values < 1 || texels > G_MAXINT / 2 || values > G_MAXINT / 2)
-        what = "there are no texels, views or lights, or far too many";
+    if (!isfinite(options->target) || options->target < 0) {
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "a local PCA cannot have a maximum error of %g; give a number above 0, or 0 for "
+            "no maximum",
+            options->target);
+        return FALSE;
+    }
+    if (texels < 1 || values < 1)
+        what = "the BTF has no texels, no views or no lights";
+    else if (texels > G_MAXINT / 2 || values > G_MAXINT / 2)
+        what = "a BTF can have at most 1073741823 texels, and as many values of each texel";
     else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
         what = "there can be 1 to 1024 clusters, at most one per texel";
     else if (options->n_components < 1 || options->n_components > MIN(values, most))
         what = options->to_pack
                    ? "there can be 1 to 512 components, at most one per value of a texel"
                    : "there can be 1 to 64 components, at most one per value of a texel";
-    else if (!isfinite(options->target) || options->target < 0)
-        what = "the error to reach must be a number above 0";
+
     if (what)
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INVALID,
@@ -455,7 +471,8 @@ static gboolean check_values(const struct lpca_run *run, GError **error) {
         if (!isfinite(run->btf->values[i])) {
             const int texel = run->first + (int)(i / d);
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %d, texel (%zu, %zu) is not a number; make that view's BTF again",
+                        "the value of view %d at texel (%zu, %zu) is infinite or not a number; "
+                        "make the BTF of this view again",
                         (int)(i % d) / run->columns, texel % run->btf->layout.width,
                         texel / run->btf->layout.width);
             return FALSE;
@@ -478,8 +495,8 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     if (!check_values(&run, error))
         return NULL;
     g_mutex_init(&run.lock);
-    /* One thread, because otherwise the order of sums, and with it the last bits of the result,
-     * would depend on the number of threads. */
+    /* BLAS uses one thread, because with more the last bits of the sums would depend on the number
+     * of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     lpca_resume(&run);

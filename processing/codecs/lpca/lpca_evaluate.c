@@ -38,8 +38,8 @@ static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_qu
     }
 }
 
-/* Evaluates each cluster once, with the sum of the weights of all texels of the cluster. left is
- * set to 0 for texels that have been evaluated. */
+/* Evaluates each cluster once, with the summed weights of its texels. left[k] becomes 0 when texel
+ * k has been evaluated. */
 static void lpca_evaluate_rgb(const struct lpca *lpca, const struct codec_query *query,
                               const struct codec_texels *texels, float ret[COLOURS]) {
     const gsize n = (gsize)lpca->n_components;

@@ -1,13 +1,13 @@
-/* Reflectance of a local PCA for one pair of directions. Any thread. */
+/* Evaluates a local PCA for one view and one light. Any thread. */
 #pragma once
 
 #include "codecs/codec/codec.h"
 
-/* The function evaluate of struct codec; model is a struct lpca. In R, G, B the values are linear
- * in the weights. The weights of the texels of one cluster are therefore mixed first, and its
- * eigen-BRDFs are read only once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a,
- * b)), where s_x is the share of texel x, and g_a and h_b are the weights of views and lights. With
- * LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B before it
- * is mixed. */
+/* This is the function evaluate() of struct codec. model is a struct lpca. In R, G, B the values
+ * are linear in the weights. The weights of the texels of one cluster are therefore mixed first,
+ * and the eigen-BRDFs of the cluster are read only once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i
+ * (Σ_x s_x w_i(x)) E_i(a, b)), where s_x is the share of texel x, and g_a and h_b are the weights
+ * of views and lights. With LPCA_LOG, the value of each texel, view a and light b is converted to
+ * R, G, B before the values are mixed. */
 void lpca_evaluate(gconstpointer model, const struct codec_query *query,
                    const struct codec_texels *texels, float ret[3]);

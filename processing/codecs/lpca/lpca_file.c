@@ -55,7 +55,7 @@ static struct exr_part *weights_part(const struct lpca *lpca) {
     return part;
 }
 
-/* Makes a part with n scales of each cluster. */
+/* Makes a part with n scales of each cluster: cluster k in column k. */
 static struct exr_part *scales_part(const char *name, const struct lpca *lpca, const float *scales,
                                     int n) {
     static const char *const channels[] = {"S", NULL};
@@ -89,8 +89,8 @@ static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
 }
 
-/* Makes a part with E_i of all clusters (i = 0: the means). With 8 bits its values are whole steps,
- * E_i / (S_i S_i,l). */
+/* Makes a part with E_i of all clusters (i = 0: the means). With 8 bits, the values for i ≥ 1 are
+ * whole steps, E_i / (S_i S_i,l). */
 static struct exr_part *table_part(const struct lpca *lpca, int component) {
     static const char *const channels[] = {"B", "G", "R", NULL};
     const gsize tables = (gsize)lpca->n_components + 1;
@@ -143,12 +143,22 @@ gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
 
 static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of a local PCA: %s; compress again", path, what);
+                "%s: this is not a valid file of a local PCA: %s; compress the BTF again", path,
+                what);
     return FALSE;
 }
 
-/* Returns the values of a channel of a part. Returns NULL if there is no part of this size or no
- * such channel, or if a value is not a number. */
+static gboolean memory_error(const struct lpca *lpca, const char *path, GError **error) {
+    g_set_error(
+        error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+        "%s: there is no memory for %d clusters of %d components; open it on a computer with "
+        "more memory",
+        path, lpca->n_clusters, lpca->n_components);
+    return FALSE;
+}
+
+/* Returns the values of a channel of a part. Returns NULL if the part does not exist, has another
+ * size or lacks the channel, or if a value is not finite. */
 static const float *plane(const struct exr_file *file, const char *name, const char *channel,
                           int width, int height) {
     const struct exr_part *part = exr_file_part(file, name);
@@ -172,9 +182,10 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
                           GError **error) {
     const struct exr_part *part = exr_file_part(file, "clusters");
     const char *kind = NULL, *name = NULL, *quantise = NULL;
-    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
-        return format_error(path, error,
-                            "its part \"clusters\" is missing or has another mesorig.kind");
+    if (!part)
+        return format_error(path, error, "the part “clusters” is missing");
+    if (!exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
+        return format_error(path, error, "mesorig.kind of the part “clusters” is not lpca");
     if (!exr_get_string(part, "mesorig.name", &name, error) ||
         !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
         !exr_get_double(part, "mesorig.error", &lpca->error, error))
@@ -194,17 +205,20 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
         (lpca->n_grid < 2 || lpca->n_grid > 1024 ||
          lpca->layout.views.n != (gsize)lpca->n_grid * (gsize)lpca->n_grid ||
          lpca->layout.lights.n != lpca->layout.views.n))
-        return format_error(path, error, "its views and lights are not those of a grid");
+        return format_error(path, error,
+                            "mesorig.grid is not the n of n × n views and n × n lights");
     part = exr_file_part(file, "scales");
     const int most = lpca->quantise == LPCA_PACKED ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
     if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 || part->height > most + 1)
-        return format_error(path, error, "scales are missing or damaged");
+        return format_error(path, error,
+                            "the part “scales” is missing, or is too large for the clusters or "
+                            "components of a local PCA");
     lpca->n_clusters = part->width;
     lpca->n_components = part->height - 1;
     return TRUE;
 }
 
-/* Reads the scales that scales_part() wrote. Returns NULL if they are missing or damaged.
+/* Reads the scales that scales_part() wrote. Returns NULL if the part is missing or damaged.
  * g_free() */
 static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
     const float *scales = plane(file, name, "S", clusters, n);
@@ -222,8 +236,8 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return lpca->weight_scales != NULL;
 }
 
-/* Reads the scales of lights. Without them in the file, light_scales stays NULL: all are 1. Returns
- * FALSE if they are damaged. */
+/* Reads the scales of lights. If the file has none, light_scales stays NULL, which means that all
+ * are 1. Returns FALSE if the part is damaged. */
 static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
@@ -243,12 +257,15 @@ static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, co
     const int n = btf_layout_texels(&lpca->layout);
     const float *clusters = plane(file, "clusters", "K", lpca->layout.width, lpca->layout.height);
     if (!clusters)
-        return format_error(path, error, "clusters are missing or damaged");
+        return format_error(path, error,
+                            "the part “clusters” has no channel K, or a value that is not finite");
     lpca->clusters = g_new(int, n);
     for (int i = 0; i < n; i++) {
         if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
             clusters[i] != floorf(clusters[i]))
-            return format_error(path, error, "a texel names a cluster that does not exist");
+            return format_error(path, error,
+                                "the cluster of a texel is not a whole number from 0 to the number "
+                                "of clusters − 1");
         lpca->clusters[i] = (int)clusters[i];
     }
     return TRUE;
@@ -258,14 +275,23 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
                             GError **error) {
     const int c = lpca->n_components, n = btf_layout_texels(&lpca->layout);
     if (!read_weight_scales(lpca, file))
-        return format_error(path, error, "weight_scales are missing or damaged");
+        return format_error(path, error,
+                            "the part “weight_scales” is missing, has another size, or has a value "
+                            "that is not finite");
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
+    if (!lpca->weights)
+        return memory_error(lpca, path, error);
     for (int i = 0; i < c; i++) {
         g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
         const float *weights =
             plane(file, "weights", channel, lpca->layout.width, lpca->layout.height);
-        if (!weights || !lpca->weights)
-            return format_error(path, error, "weights are missing or damaged");
+        if (!weights) {
+            g_autofree char *what = g_strdup_printf(
+                "channel %s of the part “weights” is missing, has another size, or has a value "
+                "that is not finite",
+                channel);
+            return format_error(path, error, what);
+        }
         for (int texel = 0; texel < n; texel++)
             lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
                 weights[texel] * weight_scale(lpca, texel, i);
@@ -301,20 +327,28 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
     lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
-    /* The sizes come from small parts of the file. A damaged file could therefore ask for much
-     * memory, unless the size of the means is checked before memory is allocated. */
-    if (!lpca->scales || !means || (gsize)means->width != lpca->layout.lights.n ||
+    /* The sizes come from small parts of the file, and may be much too large in a damaged file. The
+     * size of the means is therefore checked before memory is allocated. */
+    if (!lpca->scales)
+        return format_error(path, error, "the part “scales” has a value that is not finite");
+    if (!means || (gsize)means->width != lpca->layout.lights.n ||
         (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
-        return format_error(path, error, "scales or means are missing or damaged");
+        return format_error(path, error,
+                            "the part “means” is missing, or its size does not fit the clusters, "
+                            "views and lights");
     if (!read_light_scales(lpca, file))
-        return format_error(path, error, "light_scales are damaged");
+        return format_error(path, error,
+                            "the part “light_scales” has another size, or a value that is not "
+                            "finite or not above 0");
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
-        return format_error(path, error, "it is larger than memory");
+        return memory_error(lpca, path, error);
     for (int i = 0; i < tables; i++)
         if (!read_table(lpca, file, i)) {
             g_autofree char *name = table_name(i);
-            g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
+            g_autofree char *what = g_strdup_printf(
+                "the part “%s” is missing, has another size, or has a value that is not finite",
+                name);
             return format_error(path, error, what);
         }
     return TRUE;
@@ -325,22 +359,29 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     const int tables = lpca->n_components + 1;
     const gsize n = (gsize)lpca->n_clusters * (gsize)tables;
     struct lpca_packed *packed = lpca->packed = lpca_packed_new();
-    if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
-        !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
+    if (lpca->colours != LPCA_RGB || lpca->n_grid > 0)
+        return format_error(path, error,
+                            "it is packed, but has mesorig.colours or mesorig.grid, which a packed "
+                            "file cannot have");
+    if (!exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
         !(packed->step > 0) || !isfinite(packed->step))
-        return format_error(path, error, "the attributes or parts of its packing are invalid");
+        return format_error(path, error, "mesorig.step is missing or not a number above 0");
     packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     for (gsize i = 0; packed->scales && i < n; i++)
         if (!(packed->scales[i] > 0))
-            return format_error(path, error, "a scale is not above 0");
-    if (!packed->scales || !lpca_packed_read_parts(lpca, file))
-        return format_error(path, error, "the packed data is missing or damaged");
+            return format_error(path, error, "the part “scales” has a value that is not above 0");
+    if (!packed->scales)
+        return format_error(path, error, "the part “scales” has a value that is not finite");
+    if (!lpca_packed_read_parts(lpca, file))
+        return format_error(path, error,
+                            "a packed part (view_axes, light_axes, colour_axes, tables or maps) is "
+                            "missing or damaged");
     lpca->scales = lpca_ones(n);
     lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
     lpca->weights = g_try_new(float, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
     lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
     if (!lpca->weights || !lpca->brdfs)
-        return format_error(path, error, "it is larger than memory");
+        return memory_error(lpca, path, error);
     lpca_unpack(lpca, 0);
     return TRUE;
 }

@@ -7,15 +7,15 @@
 #include "exr/mip_parts.h"
 #include "lpca_private.h"
 
-/* Returns the part of the interval [i, i + 1) · n/half that overlaps [j, j + 1). A side of n texels
- * is reduced to half texels. */
+/* Returns the share of the interval [i, i + 1) · n/half that lies in [j, j + 1), if a side of n
+ * texels is reduced to `half` texels. */
 static double overlap(int i, int half, int j, int n) {
     const double size = (double)n / half;
     return MAX(0, MIN((i + 1) * size, j + 1.0) - MAX(i * size, j)) / size;
 }
 
-/* Sets texel (x, y) of half to the mean of btf over its area, Σ share · row, with shares that sum
- * to 1. row contains the values of one texel. */
+/* Sets texel (x, y) of half to the mean of btf over the area of this texel. row is the number of
+ * values of a texel. */
 static void average(const struct btf_matrix *btf, const struct btf_matrix *half, int x, int y,
                     gsize row) {
     float *to = half->values + ((gsize)y * half->layout.width + (gsize)x) * row;

@@ -8,10 +8,11 @@
 #include "exr/exr_half.h"
 
 #define COLOURS 3
-/* less than ½, because small values are more often noise, and 0 takes less space */
+/* added before rounding down. It is less than ½, because small values are more often noise, and 0
+ * takes less space */
 #define ROUND 0.38
 
-/* The axes of a file, made orthonormal after they were rounded to halves. */
+/* The axes of struct lpca_packed, made orthonormal again after their rounding to half floats. */
 struct rotations {
     float *views, *lights;
     float colours[9];
@@ -20,9 +21,9 @@ struct rotations {
 struct lpca_packer {
     struct lpca *lpca; /* copy of the local PCA that is packed */
     int n_threads;
-    struct lpca_packed axes; /* all axes, and the scales; tables and maps are NULL */
+    struct lpca_packed axes; /* the axes and the scales; the members tables and maps are NULL */
     struct rotations rotations;
-    float *tables, *maps; /* tables, maps: the rotated numbers, not yet rounded */
+    float *tables, *maps; /* the rotated tables and the transformed weights, not yet rounded */
 };
 
 struct lpca_packed *lpca_packed_new(void) {
@@ -61,8 +62,8 @@ static gsize dimensions(const struct lpca *lpca) {
     return btf_layout_values(&lpca->layout);
 }
 
-/* Finds S of each table, the weight of its errors: the root of Σ_x w_i(x)², and for a mean the root
- * of Σ_x 1. */
+/* Returns the scale S of each table (lpca_pack.h), the weight of the table's errors: √(Σ_x w_i(x)²)
+ * over the texels x of the cluster, and for a mean the root of their number. g_free() */
 static float *find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -79,8 +80,8 @@ static float *find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* With split, a line for each view, which contains lights and colours, is divided into lines for
- * each view and colour, which contain lights. Without split, does the reverse. */
+/* With split, converts an array in the order view, light, colour to the order view, colour, light.
+ * Without split, does the reverse. */
 static void move_colours(const float *from, int views, int lights, gboolean split, float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
@@ -114,7 +115,8 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
                               values[pair * COLOURS + i % COLOURS];
 }
 
-/* Computes principal axes from an upper half by rows, the largest first, rounded to halves. */
+/* Computes the eigenvectors of the matrix sums, of which only the upper half is given. Row i of ret
+ * is the one with the i-th largest eigenvalue, rounded to half floats. */
 static void principal(const float *sums, int n, float *ret) {
     g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
     for (int i = 0; i < n * n; i++)
@@ -130,7 +132,7 @@ static void principal(const float *sums, int n, float *ret) {
     exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
 }
 
-/* Makes the rows orthonormal (Gram–Schmidt), changing each as little as possible. */
+/* Makes the rows orthonormal by Gram–Schmidt orthogonalisation, from the first row on. */
 static void orthonormalise(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
@@ -187,8 +189,8 @@ static void find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
     g_free(scatter.lights);
 }
 
-/* Multiplies each triple of colours by the 3 × 3 rotation, or by its transpose to undo it. values
- * is lines × 3 × n. */
+/* Multiplies each triple of colours by the 3 × 3 rotation. With back, multiplies by the transpose,
+ * which undoes the rotation. values is lines × 3 × n. */
 static void rotate_colours(const float *rotation, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {
@@ -204,7 +206,7 @@ static void rotate_colours(const float *rotation, gboolean back, int lines, int 
 }
 
 /* Computes the core of a table E (views × lights × colours): S V E with the axes V of views, then
- * times those of lights, then of colours. */
+ * the products with the axes of lights, then with those of colours. */
 static void rotate_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;
@@ -289,7 +291,7 @@ void lpca_packer_free(struct lpca_packer *packer) {
     g_free(packer);
 }
 
-/* Quantises with a dead zone: returns sign (v) ⌊|v| / step + ROUND⌋, limited to ±1e9. */
+/* Rounds a value v to a number of steps: returns sign (v) ⌊|v| / step + ROUND⌋, limited to ±1e9. */
 static gint32 steps(float value, double step) {
     const double n = floor(fabs((double)value) / step + ROUND);
     return (gint32)copysign(MIN(n, 1e9), (double)value);
@@ -302,8 +304,8 @@ static gboolean is_used(const float *values, gsize n, double step) {
     return FALSE;
 }
 
-/* Returns the number of components that are left if the last ones are removed whose rounded numbers
- * are all 0. At least 1. */
+/* Returns the number of components, at least 1, that are kept: those up to the last one with a
+ * weight and a table value that do not round to 0. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
@@ -315,8 +317,8 @@ static int used_components(const struct lpca_packer *packer, double step) {
     return 1;
 }
 
-/* Gives the numbers of axes of views and lights that are kept. Later axes have only rounded numbers
- * that are 0. At least 1 each. */
+/* Gives how many view axes and how many light axes are kept, at least 1 of each, if the first
+ * `components` components are kept. On all later axes, every number rounds to 0. */
 static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
                       int *ret_lights) {
     const struct lpca *lpca = packer->lpca;

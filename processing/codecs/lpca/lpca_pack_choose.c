@@ -8,20 +8,20 @@
 #include <math.h>
 #include <unistd.h>
 
-#define FIRST  64  /* first number of components that is tried */
-#define ENOUGH 0.7 /* maximum part of the target error that left-out components may cause */
-#define COARSE 4.0 /* coarsest and finest step, relative to lpca_mean_size() */
-#define FINE   1e-4
+#define FIRST  64    /* first number of components that is tried */
+#define ENOUGH 0.7   /* maximum part of the target error that left-out components may cause */
+#define COARSE 4.0   /* coarsest step, relative to lpca_mean_size() */
+#define FINE   1e-4  /* finest step, relative to lpca_mean_size() */
 #define TRIES  12    /* maximum number of steps that are tried */
 #define CLOSE  0.995 /* an error of at least this part of the target is accepted */
 
 /* The state of the search. The checkpoint stores it byte by byte. */
 struct packing {
     struct lpca_target target;
-    /* n: present number of components; made: 1 if they are computed and in the checkpoint, not yet
-     * rounded */
+    /* n: number of components that is being tried; made: 1 if their local PCA is computed and in
+     * the checkpoint, else 0 */
     gint32 n, made;
-    double exact;        /* error of these components without rounding */
+    double exact;        /* error of the n components before rounding */
     double found[TRIES]; /* error for each step that was tried; 0 if not tried yet */
 };
 
@@ -29,9 +29,11 @@ struct search {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
     const struct lpca_target *target;
-    int most;       /* maximum number of components */
-    double exact;   /* error before rounding */
-    double nearest; /* the smallest error that was found, or the last size that was too large */
+    int most;     /* maximum number of components */
+    double exact; /* error before rounding */
+    /* with a target error, the smallest error that was found; with a target size, the last size of
+     * a file that was too large */
+    double nearest;
     struct packing packing;
 };
 
@@ -52,16 +54,18 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     close(fd);
     struct exr_file *file = lpca_to_exr(lpca);
     if (exr_write(path, file, EXR_ZIP, FALSE, error) && g_stat(path, &status) != 0)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: %s", path, g_strerror(errno));
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
+                    "%s: the size of this temporary file cannot be determined: %s", path,
+                    g_strerror(errno));
     exr_file_free(file);
     g_unlink(path);
     return status.st_size;
 }
 
-/* Returns the next step to try. The squared error is the sum of two parts: that of leaving out
- * components, and that of rounding, which is nearly proportional to the squared step. e² = exact² +
- * (a · step)², hence step' = step · √((target² − exact²) / (found² − exact²)), by at most a factor
- * of 10. */
+/* Returns the next step to try. The squared error is the sum of two parts: one from left-out
+ * components, and one from rounding, which is nearly proportional to the squared step. From e² =
+ * exact² + (a · step)² follows step' = step · √((target² − exact²) / (found² − exact²)). One call
+ * changes the step by at most a factor of 10. */
 static double guess_step(const struct search *search, double step, double found) {
     const double target = search->target->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
@@ -100,7 +104,8 @@ static struct lpca *by_error(struct search *search, const struct lpca_packer *pa
     return g_steal_pointer(&best);
 }
 
-/* Finds the finest step whose file is small enough, by bisection of its logarithm. */
+/* Finds the finest step whose file is small enough, by bisection of the step's logarithm. Returns
+ * NULL without an error if even the coarsest step gives a larger file. */
 static struct lpca *by_size(struct search *search, const struct lpca_packer *packer, double mean,
                             GError **error) {
     double fine = log(mean * FINE), coarse = log(mean * COARSE);
@@ -144,8 +149,8 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    /* The unrounded local PCA is taken from the checkpoint, or computed. The checkpoint has it from
-     * now on. */
+    /* Takes the unrounded local PCA from the checkpoint or computes it, and registers it with the
+     * checkpoint. */
     struct packing *packing = &search->packing;
     struct lpca *ret = NULL, *exact = NULL;
     if (options.checkpoint && packing->made)
@@ -174,8 +179,8 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     return ret;
 }
 
-/* Takes the state from the checkpoint if it has one for the same target. Returns the number of
- * components with which to begin. */
+/* Takes the state from the checkpoint if the checkpoint has a state for the same target. Returns
+ * the number of components with which to begin. */
 static int resume(struct search *search) {
     struct packing *packing = &search->packing;
     Checkpoint *checkpoint = search->options->checkpoint;
@@ -232,10 +237,10 @@ static struct lpca *find(struct search *search, GError **error) {
         }
         g_autofree char *wanted = g_format_size((guint64)target->bytes);
         g_autofree char *least = g_format_size((guint64)search->nearest);
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "%s is too small: with the coarsest rounding the file has %s; allow a larger file",
-            wanted, least);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "a file size of %s is too small: even with the coarsest rounding the file has "
+                    "%s; allow a larger size",
+                    wanted, least);
         return NULL;
     }
 }

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define COLOURS 3
-/* a byte of this value means that a larger number follows after all bytes */
+/* a byte of this value stands for a number ≥ LARGE, which is stored after all of these bytes */
 #define LARGE       255
 #define PRESET      6
 #define MAX_MEMORY  ((guint64)64 << 20) /* memory for unpacking, sufficient for PRESET */
@@ -22,8 +22,8 @@ static gint32 unfolded(guint32 value) {
     return value % 2 ? (gint32)(-(gint64)(value / 2) - 1) : (gint32)(value / 2);
 }
 
-/* Writes one byte per number, then LARGE_BYTES for each large number minus LARGE, compressed as an
- * xz stream. */
+/* Returns an xz stream of one byte per number, then LARGE_BYTES bytes for each number ≥ LARGE,
+ * minus LARGE. The numbers are those of folded(). */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     g_autoptr(GByteArray) plain = g_byte_array_new();
     for (gsize i = 0; i < n; i++) {
@@ -172,8 +172,8 @@ void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca) {
     exr_file_add(file, bits_part("maps", encode_maps(lpca)));
 }
 
-/* Reads axes of width values each. Returns NULL if they are missing, more than width, or not
- * finite. g_free() */
+/* Reads axes of width values each. Returns NULL if the part is missing, has more than width axes,
+ * or has a value that is not finite. g_free() */
 static float *read_axes(const struct exr_file *file, const char *name, int width, int *ret_n) {
     const struct exr_part *part = exr_file_part(file, name);
     const float *plane = part ? exr_part_plane(part, "A") : NULL;

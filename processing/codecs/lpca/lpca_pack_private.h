@@ -1,4 +1,4 @@
-/* Shared by lpca_pack*.c. */
+/* The files lpca*.c share the content of a packed file and its conversion. */
 #pragma once
 
 #include "exr/exr.h"
@@ -9,7 +9,8 @@
 struct lpca_packed {
     double step;
     int n_views, n_lights; /* number of axes that are kept */
-    /* n_views × the PCA's views, and n_lights × its lights: as in the file, not yet orthonormal */
+    /* n_views × layout.views.n, and n_lights × layout.lights.n: the axes as in the file, not yet
+     * orthonormal */
     float *views, *lights;
     float colours[9];
     float *scales;  /* S: clusters × (components + 1) */
@@ -26,11 +27,12 @@ float *lpca_cosines(int n);
 /* Computes brdfs and weights from lpca->packed. */
 void lpca_unpack(struct lpca *lpca, int n_threads);
 
-/* Write and read the parts of a packed file. lpca_packed_read_parts() returns FALSE if they are
- * invalid. */
+/* Write and read the parts of a packed file. lpca_packed_read_parts() returns FALSE if a part is
+ * missing or invalid. */
 void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
 
-/* Encode numbers in their order, and decode them; g_free() the decoded numbers. */
+/* Encode n numbers as an xz stream (lpca_pack.h), and decode the stream. lpca_varint_decode()
+ * returns NULL if the bytes do not contain exactly n numbers; g_free() the result. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n);
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n);

@@ -1,4 +1,4 @@
-/* Shared by lpca*.c. */
+/* The files lpca*.c share the steps of lpca_compute(), its checkpoint and the file in memory. */
 #pragma once
 
 #include "exr/exr.h"
@@ -12,10 +12,10 @@ float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* compon
  * part, which consists of whole steps (team_part()). Does nothing without a team. */
 void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
 
-/* lpca_keep_whole() keeps the arrays of a local PCA in the checkpoint until they are dropped; the
- * arrays are borrowed. lpca_kept_whole() returns a new local PCA of the same BTF with the arrays of
- * the file, but without its colours and error. It returns NULL if the file has no local PCA of this
- * size. */
+/* lpca_keep_whole() registers the arrays of a local PCA with the checkpoint under a name. The local
+ * PCA must exist until lpca_drop_whole(). lpca_kept_whole() returns a new local PCA with the arrays
+ * that an earlier call has saved, but without colours and error. It returns NULL if none of this
+ * size was saved. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
 struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
@@ -26,8 +26,8 @@ void lpca_packed_free(struct lpca_packed *packed);
 
 #define LPCA_BLOCK 1024 /* number of texels that are refined together */
 
-/* Makes the n rows orthonormal; length ≥ n. A row that depends linearly on the rows before it
- * becomes 0 with drop, otherwise any vector that is orthogonal to them. */
+/* Makes the n rows orthonormal; length ≥ n. A row that depends linearly on earlier rows becomes 0
+ * with drop, and without drop any vector that is orthogonal to the earlier rows. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop);
 
 struct lpca_run;
@@ -37,9 +37,9 @@ struct lpca_reduced {
     int n, r;
     const float *rows;                  /* n × r */
     const struct lpca_options *options; /* gives threads, progress, cancellable and team */
-    struct lpca_run *run;               /* the run whose state is kept, or NULL */
-    /* numbers of clusters and components that are requested; k is lowered to the number of useful
-     * clusters */
+    struct lpca_run *run; /* the run whose checkpoint saves the state of the clustering, or NULL */
+    /* requested numbers of clusters and components; lpca_cluster() lowers k to the number of
+     * clusters that have rows */
     int k, c;
     int *labels;  /* n: cluster of each row */
     float *means; /* k × r: mean of each cluster */
@@ -74,8 +74,8 @@ struct lpca_state {
     gint32 stage;                                            /* enum lpca_stage */
     gint32 c, k;      /* present number of components, and of clusters that are left */
     gint32 iteration; /* number of the next iteration of clustering */
-    /* few: a number of components that does not reach the target; enough: one that does; 0 if not
-     * known */
+    /* few: the largest number of components known to miss the target; enough: the smallest number
+     * known to reach the target; each is 0 if none is known */
     gint32 few, enough;
     gint32 unused;       /* padding, so that the doubles are aligned */
     double target;       /* argument of the call */
@@ -104,7 +104,8 @@ enum lpca_kept {
 struct lpca_run {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    int n, d, columns; /* numbers of texels, of values of a texel, and of values of a view */
+    /* number of texels, of values of a texel, and of values of a texel in one view */
+    int n, d, columns;
     int first, end;
     float *mean; /* d: mean of the sample, which is subtracted from the texels' values */
     int r;
@@ -114,23 +115,24 @@ struct lpca_run {
     GMutex lock;
     GError *failed; /* the first error of any thread */
     struct lpca_state state;
-    int *done; /* flags of the stage's blocks; NULL if nothing is kept */
+    /* 1 for each block of the stage that is done, otherwise 0; NULL without a checkpoint */
+    int *done;
 };
 
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
- * run->state to the state in the file if the file was written by a call with the same arguments,
- * otherwise to that of a new computation. */
+ * run->state to the saved state if a call with the same arguments saved it, otherwise to the state
+ * of a new computation. */
 void lpca_resume(struct lpca_run *run);
 /* Drops all arrays from the checkpoint. Arrays that were given to lpca_keep() may be freed
  * afterwards. */
 void lpca_leave(struct lpca_run *run);
 /* Begins a stage, and drops the arrays from the checkpoint that the stage does not need. */
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
-/* Registers an array with the checkpoint. Its size follows from run->state. If the file has the
- * array, its values are restored first. */
+/* Registers an array with the checkpoint. Its size follows from run->state. If an earlier call has
+ * saved the array, its values are copied to `values` first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Registers the flags of the stage's n blocks, run->done, with the checkpoint, and restores them
- * from the file. lpca_run_blocks() skips blocks that are done. */
+/* Registers the flags of the stage's n blocks, run->done, with the checkpoint, and restores flags
+ * that an earlier call has saved. lpca_run_blocks() skips blocks that are done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
@@ -150,15 +152,16 @@ void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error);
 
-/* Extends a clustering in few dimensions to all dimensions. Computes E_k = orth(X_kᵀ W_k), then the
- * weights of all texels and the error in the colours of the options. An error of −1 means that
- * lpca_run_error() has to find the error. */
+/* Makes a local PCA in all dimensions from a clustering in few dimensions. Computes the eigen-BRDFs
+ * E_k = orth(X_kᵀ P_k) from the rows X_k of cluster k and their coordinates P_k in few dimensions,
+ * then the weights of all texels. The member `error` of the result is the error in the colours of
+ * the options, or −1 if lpca_run_error() must compute it. */
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
 /* Sets lpca->error as lpca_error() does, for the texels and the team of the run. Returns FALSE with
  * an error if values cannot be read or the work is cancelled. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
-/* Convert to and from a file in memory. path is for errors. */
+/* Convert between a local PCA and its file in memory. path is for errors. */
 struct exr_file *lpca_to_exr(const struct lpca *lpca);
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

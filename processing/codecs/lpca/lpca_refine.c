@@ -14,7 +14,7 @@
 struct groups {
     int from, n;
     int texels[LPCA_BLOCK];
-    int indices[LPCA_BLOCK]; /* positions of the texels from, from + 1, … in texels[] */
+    int indices[LPCA_BLOCK]; /* indices[i] is the position of texel from + i in texels[] */
     int *starts;             /* position in texels at which each cluster begins: clusters + 1 */
 };
 
@@ -23,12 +23,13 @@ struct groups {
 struct refine {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when it is no longer needed */
-    struct lpca *lpca;                  /* its weights are first P, then W */
+    struct lpca *lpca;                  /* the result; its weights are first P, then W */
     /* if TRUE, W = X Eᵀ, for which the BTF is read once more; otherwise W follows from P */
     gboolean weigh;
-    double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
-    double *rotations; /* c × c per cluster: PᵀP, then the matrix P → W; finally Σ w wᵀ, then Uᵀ */
-    /* two per cluster: ‖X − W E‖², and the squared norm of the rows without subtraction */
+    double *squares; /* views × clusters: Σ ‖x − run->mean‖² of the rows x in a view */
+    /* c × c per cluster; in turn PᵀP, the matrix that turns P into W, Σ w wᵀ and Uᵀ */
+    double *rotations;
+    /* two per cluster: ‖X − W E‖², and Σ ‖x‖² of the rows x themselves */
     double *residual;
     double *sums; /* two per block: ‖X − X̂‖² and ‖X‖², see compare_block() */
 };
@@ -55,8 +56,8 @@ static int blocks(const struct lpca_run *run) {
 }
 
 /* Gathers the rows of the block's texels in a view, in the order of the groups, minus the
- * subtrahend of their cluster. The subtrahends of two clusters are stride floats apart. With stride
- * 0 all clusters have the same subtrahend. */
+ * subtrahend of their cluster. The subtrahends of consecutive clusters are `stride` floats apart.
+ * If stride is 0, all clusters have the same subtrahend. */
 static void gather(const struct refine *refine, const struct groups *groups, int view,
                    const float *subtrahend, gsize stride, float *ret) {
     struct lpca_run *run = refine->run;
@@ -331,9 +332,8 @@ static gboolean sum_views(struct refine *refine, GError **error) {
     return TRUE;
 }
 
-/* Computes the relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster. This
- * avoids reading everything once more, but a very small error is lost in rounding. The error is
- * then −1. */
+/* Computes the relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster. This avoids
+ * reading the BTF once more. A very small error is lost in rounding, and lpca->error is then −1. */
 static void sum_error(struct refine *refine) {
     double missing = 0, sum = 0, all = 0;
     for (int k = 0; k < refine->lpca->n_clusters; k++) {
@@ -345,7 +345,7 @@ static void sum_error(struct refine *refine) {
     refine->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
-/* Computes E and W from P. Skips the stages that are complete in the checkpoint. */
+/* Computes E and W from P. Skips the stages that an earlier run has completed in the checkpoint. */
 static gboolean make(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     struct lpca *lpca = refine->lpca;
@@ -357,9 +357,10 @@ static gboolean make(struct refine *refine, GError **error) {
         if (!refine->weigh) {
             work_for_each(threads, blocks(run), rotate_weights, refine);
             sum_error(refine);
-            /* The finished blocks of weights are saved, because each of them reads its texels of
-             * the BTF again. */
         } else {
+            /* Each block of weights reads its texels of the BTF again. The checkpoint therefore
+             * saves the blocks that are finished. */
+
             lpca_enter(run, LPCA_WEIGHING);
             lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
             lpca_keep_blocks(run, blocks(run));
@@ -383,8 +384,8 @@ static gboolean make(struct refine *refine, GError **error) {
 
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct refine refine = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
-    /* If there are many axes, as a packed file may have, the last ones are not yet accurate for all
-     * rows. W is then computed from the BTF again, and not from P. */
+    /* A packed file may have many axes, of which the last, found from a sample, are not accurate
+     * for all rows. W is then computed from the BTF, and not from P. */
     refine.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
     refine.lpca->error = -1;
     refine.lpca->colours = run->options->colours;
@@ -400,8 +401,7 @@ struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduce
     return refine.lpca;
 }
 
-/* Adds ‖X − X̂‖² and ‖X‖² of a block's texels to its two sums, with X̂ = E_0 + W E of each texel's
- * cluster. */
+/* Adds ‖X − X̂‖² and ‖X‖² of the texels of a block to the two sums of the block. X̂ = E_0 + W E. */
 static void compare_block(int block, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;

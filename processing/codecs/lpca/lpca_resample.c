@@ -73,8 +73,8 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
     return g_steal_pointer(&ret);
 }
 
-/* A comparison of values at the directions of btf. A texel's reflectances are first summed on the
- * grid, which costs least, and then interpolated. */
+/* A comparison of a local PCA on a grid with btf, at the directions of btf. A texel is first
+ * reconstructed on the whole grid, which costs least, and then interpolated. */
 struct comparison {
     const struct lpca *lpca;
     const struct btf_matrix *btf;

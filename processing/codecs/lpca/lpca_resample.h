@@ -4,12 +4,13 @@
 
 #include "lpca.h"
 
-/* Returns a local PCA whose views and lights are the samples of such a grid (lpca->n_grid is set),
- * with the clusters and weights of lpca. Both are LPCA_FLOAT and LPCA_RGB. The resampled
- * eigen-BRDFs are no longer exactly orthonormal. The error of the result is 0 until
+/* Returns a local PCA with the clusters and weights of lpca, whose views and lights are the samples
+ * of a grid of n_grid × n_grid directions. lpca must be LPCA_FLOAT, LPCA_RGB and not on a grid. The
+ * resampled eigen-BRDFs are no longer exactly orthonormal. The error of the result is 0 until
  * lpca_resample_error() has measured it. */
 struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error);
 
-/* Returns ‖X − X̂‖_F / ‖X‖_F of a resampled local PCA at the directions of btf, and stores it as
- * the error of resampled. btf may be another BTF than the one that the local PCA was made from. */
+/* Returns ‖X − X̂‖_F / ‖X‖_F of a resampled local PCA at the directions of btf, and stores it as the
+ * error of resampled. btf may have other directions than the BTF from which the local PCA was made,
+ * but must have as many texels. */
 double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads);

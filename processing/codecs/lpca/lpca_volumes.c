@@ -10,7 +10,7 @@
 struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **error) {
     const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
-    floats->quantise = LPCA_FLOAT; /* values of all kinds of files are floats in memory */
+    floats->quantise = LPCA_FLOAT; /* in memory, all local PCAs have floats */
     /* The weights are not needed here. lpca_resample() must not copy them, because the local PCA of
      * all mip levels together has fewer weights than its numbers of clusters and components
      * imply. */

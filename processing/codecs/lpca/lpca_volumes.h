@@ -7,8 +7,8 @@
 #include "lpca.h"
 
 /* Returns the eigen-BRDFs of a local PCA, sampled on a grid of n_grid, without weights and as
- * LPCA_RGB. A local PCA that is already on a grid keeps its grid. Values of all kinds of files are
- * converted to float. Free the result with lpca_free(). */
+ * LPCA_RGB. A local PCA that is already on a grid keeps its grid. The result has floats, even if
+ * lpca has 8 bits. Free the result with lpca_free(). */
 struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **error);
 
 /* Computes one block. values is a table of a local PCA on a grid of n: n² views × n² lights × 3.
@@ -16,6 +16,6 @@ struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **
  * trapezoidal rule, because equal areas of the map are equal solid angles. */
 void lpca_volumes_block(int n, const float *values, float *ret);
 
-/* Converts values to signed bytes, which a graphics card reads as −1 … 1 (Schneider 2004 §6.3).
- * Returns the scale by which the weights must be multiplied. */
+/* Converts values to signed bytes −127 … 127, which a graphics card reads as −1 … 1 (Schneider 2004
+ * §6.3). Returns the largest magnitude of the values, by which the weights must be multiplied. */
 float lpca_volumes_quantise(const float *values, gsize n, gint8 *ret_steps);

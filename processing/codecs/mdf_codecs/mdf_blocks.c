@@ -15,7 +15,7 @@ static const guint8 codes[STEPS + 1] = {0, 2, 3, 4, 5, 6, 7, 1};
 
 struct block {
     int ends[2]; /* the values of a block lead from the first end to the second in seven steps */
-    guint8 at[TEXELS];
+    guint8 at[TEXELS]; /* for each texel, the number of steps from the first end */
     double error;
 };
 
@@ -27,8 +27,8 @@ gsize mdf_blocks_bytes(int width, int height) {
     return (gsize)mdf_blocks_across(width) * (gsize)mdf_blocks_across(height) * MDF_BLOCK_BYTES;
 }
 
-/* Assigns to each depth the index of the nearest of the eight values. block->error becomes the sum
- * of squared differences. */
+/* Assigns the nearest of the eight values to each depth. Sets block->at, and block->error to the
+ * sum of the squared differences. */
 static void assign(struct block *block, const double *values) {
     const double from = block->ends[0], along = block->ends[1] - from;
     block->error = 0;
@@ -64,8 +64,8 @@ static gboolean fit_ends(struct block *block, const double *values) {
     return TRUE;
 }
 
-/* Finds ends and indices. Begins with the maximum and the minimum depth as ends. Then fits indices
- * and ends alternately, for at most ROUNDS rounds, as long as the error decreases. */
+/* Finds the ends and indices of a block. Begins with the maximum and the minimum depth as ends.
+ * Then fits ends and indices in turn, for at most ROUNDS rounds, as long as the error decreases. */
 static void fit(struct block *best, const double *values) {
     double least = values[0], most = values[0];
     for (int i = 1; i < TEXELS; i++) {
@@ -74,8 +74,8 @@ static void fit(struct block *best, const double *values) {
     }
     best->ends[0] = whole_end(most);
     best->ends[1] = whole_end(least);
-    /* Both ends were rounded to the same whole number. Two consecutive numbers have six further
-     * values between them. */
+    /* If both ends were rounded to the same whole number, takes the whole numbers below and above
+     * the depths. A block has six further values between these. */
     if (best->ends[0] == best->ends[1] && most > least) {
         best->ends[0] = whole_end(ceil(most));
         best->ends[1] = whole_end(floor(least));
@@ -106,7 +106,8 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
             }
             fit(&block, values);
             /* The first end must be larger, because the card otherwise interpolates only six
-             * values. This also holds for equal ends; index 0 is then the common value. */
+             * values. If the ends are equal, all indices are 0, which stands for the first end in
+             * both cases. */
             const gboolean swap = block.ends[0] < block.ends[1];
             const gboolean same = block.ends[0] == block.ends[1];
             guint64 bits = 0;

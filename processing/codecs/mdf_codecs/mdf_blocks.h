@@ -1,13 +1,13 @@
-/* Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits per texel, in a format that graphics cards
- * read with one fetch (RGTC1, also called BC4). A block has two end values of 8 bits. Each texel
- * has an index that chooses one of eight values between the two ends.
+/* Depths in blocks of 4 × 4 texels. A block has 8 bytes, which is 4 bits per texel, in the format
+ * RGTC1 (also called BC4), which graphics cards read with one fetch. A block has two end values of
+ * 8 bits. Each texel has an index that chooses one of eight values between the two ends.
  *
- * On disk, an MDF of such views is one EXR file:
+ * On disk, an MDF in such blocks is one EXR file:
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
  * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
  * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
- * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth least_mm
- * (member min_mm), a value of 1 is deepest_mm. Texels that no laser saw have the depths of their
+ * deepest_mm and mesorig.error_mm (double). The end values 0 and 255 of a block stand for the
+ * depths least_mm (member min_mm) and deepest_mm. Texels that no laser saw have the depths of their
  * neighbours. */
 #pragma once
 
@@ -18,14 +18,15 @@
 #define MDF_BLOCK_BYTES 8
 #define MDF_BLOCK_SIDE  4
 
-/* Returns the number of blocks along a side of n texels. The last block may extend beyond the
- * texels. */
+/* Returns the number of blocks along a side of n texels. If n is not a multiple of 4, the last
+ * block extends beyond the texels. */
 int mdf_blocks_across(int n);
 /* Returns the bytes of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
-/* Encode and decode depth (height × width), as values from 0 for the depth least to 255 for the
- * depth deepest. The ends and the indices are optimised alternately, each with the other fixed. */
+/* Encode depths (height × width) to blocks, and decode them. The value 0 stands for the depth
+ * least, 255 for the depth deepest. The encoder optimises the end values with fixed indices and the
+ * indices with fixed end values, in turn. */
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret);
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,

@@ -62,7 +62,8 @@ struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks) {
     return table;
 }
 
-/* Byte k of block i is pixel i of channel Bk; the first part has the attributes of all views. */
+/* Byte k of block i is pixel i of channel Bk. The first part has the attributes that are the same
+ * for all views. */
 gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GError **error) {
     struct exr_file *file = exr_file_new();
     for (int view = 0; view < blocks->n_views; view++) {
@@ -95,18 +96,20 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
 static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *file) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const char *kind = NULL;
-    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0)
-        return "its first part is missing or has another mesorig.kind";
+    if (!part)
+        return "it has no parts";
+    if (!exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0)
+        return "mesorig.kind of the first part is not " KIND;
     if (!exr_get_int(part, "mesorig.width", &blocks->width, NULL) ||
         !exr_get_int(part, "mesorig.height", &blocks->height, NULL) || blocks->width < 1 ||
         blocks->height < 1 || blocks->width > G_MAXINT - MDF_BLOCK_SIDE ||
         blocks->height > G_MAXINT - MDF_BLOCK_SIDE)
-        return "mesorig.width or mesorig.height is out of range";
+        return "mesorig.width or mesorig.height is missing or not a number of texels";
     if (mdf_blocks_across(blocks->width) != part->width ||
         mdf_blocks_across(blocks->height) != part->height)
-        return "its blocks are not those of its texels";
+        return "the size of the first part does not fit mesorig.width and mesorig.height";
     if ((gint64)blocks->width * blocks->height * file->parts->len > MDF_TABLE_MAX_TEXELS)
-        return "it is too large";
+        return "the views have more texels than an MDF may have";
     if (!exr_get_double(part, "texel_mm", &blocks->texel_mm, NULL) ||
         !(blocks->texel_mm > 0 && blocks->texel_mm < MAX_MM) ||
         !exr_get_double(part, "least_mm", &blocks->min_mm, NULL) ||
@@ -115,7 +118,7 @@ static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *f
         !(blocks->deepest_mm < MAX_MM) ||
         !exr_get_double(part, "mesorig.error_mm", &blocks->error_mm, NULL) ||
         !(blocks->error_mm >= 0))
-        return "texel_mm, least_mm, deepest_mm or mesorig.error_mm is out of range";
+        return "texel_mm, least_mm, deepest_mm or mesorig.error_mm is missing or out of range";
     return NULL;
 }
 
@@ -126,20 +129,20 @@ static const char *read_view(struct mdf_blocks *blocks, int view, const struct e
     double theta, phi;
     if (mdf_blocks_across(blocks->width) != part->width ||
         mdf_blocks_across(blocks->height) != part->height)
-        return "a view has another size than the first";
+        return "the part of a view has another size than the first part";
     if (!exr_get_double(part, "view.theta_deg", &theta, NULL) ||
         !exr_get_double(part, "view.phi_deg", &phi, NULL) || !(theta >= 0 && theta <= 90) ||
         !(fabs(phi) <= 720))
-        return "the direction of a view is out of range";
+        return "view.theta_deg or view.phi_deg of a view is missing or out of range";
     blocks->theta_deg[view] = (float)theta;
     blocks->phi_deg[view] = (float)phi;
     for (gsize c = 0; c < MDF_BLOCK_BYTES; c++) {
         const float *from = exr_part_plane(part, channels[c]);
         if (!from)
-            return "a channel of blocks is missing";
+            return "a view lacks a channel from B0 to B7";
         for (gsize i = 0; i < (gsize)part->width * (gsize)part->height; i++) {
             if (!(from[i] >= 0 && from[i] <= MOST) || from[i] != floorf(from[i]))
-                return "a block has a value that is not a byte";
+                return "a block has a value that is not a whole number from 0 to 255";
             to[i * MDF_BLOCK_BYTES + c] = (guint8)from[i];
         }
     }
@@ -165,7 +168,8 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     if (!what)
         return g_steal_pointer(&blocks);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of MDF blocks: %s; compress again", path, what);
+                "%s: this is not a valid file of MDF blocks: %s; compress the MDF again", path,
+                what);
     return NULL;
 }
 

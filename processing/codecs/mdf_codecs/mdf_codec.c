@@ -26,8 +26,8 @@ static const struct option mdf_codec_maps_table[] = {
     {NULL},
 };
 
-/* Adds views at grazing angles, factors all views and writes the maps. --error is in texels. The
- * error of the result is that of the measured views in mm. */
+/* Adds views at grazing angles, factors all views and writes the maps. --error is in texels.
+ * ret->error_mm is over the measured views. */
 static gboolean maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                             GError **error) {
     const struct mdf_codec_maps_options *asked = job->options;
@@ -93,7 +93,7 @@ static const struct option mdf_codec_views_table[] = {
 };
 
 /* Encodes each view separately: as blocks of 4 bits, or as distances of 8 or 16 bits. The error is
- * that of the values when read back from the file. */
+ * that of the values in the file. */
 static gboolean views_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                              GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
@@ -123,7 +123,7 @@ static char *views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
-/* Describes the size in texels. A pixel of the file is a block of texels. */
+/* Gives the size in texels. (A pixel of the file is a block of texels.) */
 static char *blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;

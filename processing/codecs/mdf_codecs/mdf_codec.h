@@ -8,7 +8,7 @@
 #include "mdf/mdf_table.h"
 
 struct mdf_codec_job {
-    const char *from; /* the file that table was read from */
+    const char *from; /* the file from which table was read */
     const char *to;   /* the file to write */
     /* the views of `from`; encode() may add views after the first n_measured */
     struct mdf_table *table;
@@ -18,11 +18,11 @@ struct mdf_codec_job {
 };
 
 struct mdf_codec_result {
-    /* n_terms: number of maps; n_traced: number of views that were traced along the surface; both 0
-     * if the file has no maps */
+    /* n_terms: number of maps; n_traced: number of added views, which were traced along the
+     * surface; both are 0 if the codec makes no maps */
     int n_terms, n_traced;
     gint64 bytes;       /* bytes in the memory of a renderer */
-    double error_mm;    /* RMS over the measured, visible texels */
+    double error_mm;    /* RMS error over the visible texels of the measured views */
     double error_99_mm; /* 99th percentile of the absolute error */
 };
 

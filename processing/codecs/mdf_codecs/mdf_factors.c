@@ -1,6 +1,7 @@
 #include "mdf_factors.h"
 
 #include "base/data_error.h"
+#include "base/plural.h"
 
 #include <cblas.h>
 #include <lapacke.h>
@@ -8,8 +9,8 @@
 #include <string.h>
 
 #define MAX_MAP 255
-/* number of rounds, of which all but the first take unseen texels from the factors of the round
- * before */
+/* number of rounds if there are unseen texels. Each round but the first gives them depths from the
+ * factors of the round before */
 #define ROUNDS 6
 /* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
 #define LEAST 1e-9
@@ -50,7 +51,9 @@ static gboolean solve(struct factoring *f, GError **error) {
     const int info = LAPACKE_dsyev(LAPACK_COL_MAJOR, 'V', 'U', v, wide, v, values);
     if (info != 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the principal views of an MDF were not found (dsyev: %d)", info);
+                    "the MDF of %d views cannot be factored (the LAPACK function dsyev returned "
+                    "%d); check the MDF for extremely large distances",
+                    v, info);
         return FALSE;
     }
     for (int i = 0; i < v; i++) {
@@ -62,7 +65,7 @@ static gboolean solve(struct factoring *f, GError **error) {
     return TRUE;
 }
 
-/* Returns how many of the n factors have an eigenvalue above rounding errors. */
+/* Returns how many of the first n factors, at least 1, have an eigenvalue above rounding errors. */
 static int useful(const struct factoring *f, int n) {
     while (n > 1 && !(f->values[n - 1] > LEAST * f->values[0]))
         n--;
@@ -77,7 +80,8 @@ static float *project(const struct factoring *f, int n) {
     return maps;
 }
 
-/* Gives unseen texels the values of the first n factors: d(x, v) = Σ_i V_i(v) M_i(x). */
+/* Gives unseen texels of measured views the depths of the first n factors: d(x, v) = Σ_i V_i(v)
+ * M_i(x). */
 static void impute(struct factoring *f, int n) {
     const gsize texels = (gsize)f->n_texels;
     g_autofree float *maps = project(f, n);
@@ -92,8 +96,8 @@ static void impute(struct factoring *f, int n) {
         }
 }
 
-/* Centres the rows and finds their principal views. If some texels are unseen, this is done ROUNDS
- * times, and each round uses the values of these texels from the previous round. */
+/* Subtracts the mean of each row and finds the eigenvectors. If some texels are unseen, does this
+ * ROUNDS times. Each round gives the unseen texels depths from the factors of the round before. */
 static gboolean prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
                         GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
@@ -148,7 +152,10 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct factoring 
     const int info = LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', m, f->n_views, a, m, b, m);
     if (info != 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the weights of an MDF's maps were not found (dposv: %d)", info);
+                    "the weights of the %d maps of the MDF cannot be computed (the LAPACK function "
+                    "dposv returned %d); check the MDF for extremely large distances, or compress "
+                    "it to fewer maps",
+                    c, info);
         return FALSE;
     }
     for (int v = 0; v < f->n_views; v++) {
@@ -202,8 +209,8 @@ static struct mdf_factors *factors_of(const struct factoring *f, int n_terms, GE
 }
 
 /* Finds the smallest number of maps that reaches the target. Begins with the number that the
- * eigenvalues predict: rest = Σ λ_i of the maps that are left out is the sum of squared errors.
- * Rounding adds to it, so that more maps may be needed. */
+ * eigenvalues predict: rest = Σ λ_i of the left-out maps is the sum of squared errors before
+ * rounding. Rounding adds errors, so that more maps may be needed. */
 static struct mdf_factors *search(const struct factoring *f, int most, double target_mm,
                                   GCancellable *cancellable, GError **error) {
     const double all = (double)f->n_views * f->n_texels;
@@ -222,9 +229,9 @@ static struct mdf_factors *search(const struct factoring *f, int most, double ta
         if (n < most)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "an error of %.3g mm is not reached with %d maps of distances (%.3g mm); "
+                    "an error of %.3g mm is not reached: with %d %s of distances it is %.3g mm; "
                     "allow a larger error or more maps",
-                    target_mm, n, factors->error_mm);
+                    target_mm, PLURAL(n, "map"), factors->error_mm);
         return NULL;
     }
 }
@@ -235,11 +242,11 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     struct mdf_factors *factors = NULL;
     const char *what = NULL;
     if (n_terms < 1 || n_terms > MDF_FACTORS_MAX_TERMS)
-        what = "give 1 to 32 maps";
+        what = "the number of maps must be from 1 to 32";
     else if (table->n_views < 1 || table->n_views > MDF_FACTORS_MAX_VIEWS)
-        what = "it may have 1 to 4096 views";
+        what = "the number of views must be from 1 to 4096";
     else if (n_measured < 1 || n_measured > table->n_views)
-        what = "at least one view must be a measured one";
+        what = "the number of measured views must be from 1 to the number of views";
     if (what) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the MDF cannot be compressed to %d maps for %d views: %s", n_terms,

@@ -4,10 +4,11 @@
  *
  *   depth(x, v) ≈ W_0(v) + Σ_{i=1..c} W_i(v) M_i(x),   M_i(x) = 0 … 255
  *
- * To first order, a height field seen along v is its height and its two slopes, each times a factor
- * that depends only on v. A few maps are therefore enough, and much of the remainder is noise of
- * the measurement. The maps are rounded to 8 bits, then the weights are fitted again to the rounded
- * maps. Texels that no laser saw get the values of the factors.
+ * To first order, the depth of a height field along v is the sum of its height and its two slopes,
+ * each times a factor that depends only on v. A few maps are therefore enough. Much of what they
+ * cannot represent is noise of the measurement. The maps are rounded to 8 bits, then the weights
+ * are fitted again to the rounded maps. Texels that no laser saw get the depths that the factors
+ * give.
  *
  * A renderer reads W(v) from a table of directions, and M(x) of four maps with one fetch. Filtering
  * the maps is the same as filtering the depths.
@@ -17,8 +18,8 @@
  *   part "weights"  channel "W", width n_views, height c + 1, float, mm: line 0 is W_0
  *   part "views"    channels "phi_deg", "theta_deg", width n_views, height 1, float
  * The attributes of "maps" are mesorig.kind = "mdf-factors", texel_mm, deepest_mm, mesorig.error_mm
- * (double) and mesorig.measured (int). The last is the number of measured views; the views after
- * them are traced. */
+ * (double) and mesorig.measured (int). mesorig.measured is the number of measured views. The views
+ * after these were traced along the surface. */
 #pragma once
 
 #include <gio/gio.h>
@@ -36,7 +37,8 @@ struct mdf_factors {
     float *theta_deg, *phi_deg; /* direction of each view */
     float *weights;             /* n_views × (n_terms + 1), mm; the first of each view is W_0 */
     guint8 *maps;               /* n_terms × height × width */
-    double error_mm;            /* RMS over the measured, visible texels; mdf_table_difference() */
+    /* RMS error over the visible texels of the measured views (mdf_table_difference()) */
+    double error_mm;
 };
 
 typedef struct mdf_factors MdfFactors;
@@ -44,10 +46,10 @@ void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
 /* Factors a table. Its first n_measured views were measured; the others are the views that
- * mdf_table_add_grazing() has added. Computes n_terms maps. With target_mm > 0, computes as few
- * maps as reach that error, at most n_terms. If n_terms maps do not reach it, the error message
- * gives the smallest error reached. A material without relief has one map whose values are 0. Any
- * thread. */
+ * mdf_table_add_grazing() has added. Computes n_terms maps. With target_mm > 0, computes the
+ * smallest number of maps, at most n_terms, whose error_mm is at most target_mm. If there is no
+ * such number, fails, and the message gives the error of the largest number. A material without
+ * relief has one map whose values are 0. Any thread. */
 struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_measured, int n_terms,
                                         double target_mm, GCancellable *cancellable,
                                         GError **error);

@@ -12,7 +12,7 @@ static char *channel_name(int term) {
     return g_strdup_printf("M%02d", term + 1);
 }
 
-/* Weights are views × (c + 1) in memory, and (c + 1) lines of n_views pixels in the file. */
+/* The weights are n_views × (c + 1) in memory, but c + 1 lines of n_views pixels in the file. */
 gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error) {
     static const char *const weight[] = {"W", NULL};
     static const char *const angles[] = {"phi_deg", "theta_deg", NULL};
@@ -51,31 +51,32 @@ static const char *read_head(struct mdf_factors *factors, const struct exr_file 
                           *views = exr_file_part(file, "views");
     const struct exr_part *weights = exr_file_part(file, "weights");
     const char *kind = NULL;
-    if (!maps || !exr_get_string(maps, "mesorig.kind", &kind, NULL) ||
-        strcmp(kind, MDF_FACTORS_KIND) != 0)
-        return "its part \"maps\" is missing or has another mesorig.kind";
+    if (!maps)
+        return "the part “maps” is missing";
+    if (!exr_get_string(maps, "mesorig.kind", &kind, NULL) || strcmp(kind, MDF_FACTORS_KIND) != 0)
+        return "mesorig.kind of the part “maps” is not " MDF_FACTORS_KIND;
     if (!views || !weights)
-        return "weights or views are missing";
+        return "the part “weights” or the part “views” is missing";
     factors->width = maps->width;
     factors->height = maps->height;
     factors->n_terms = maps->n_channels;
     factors->n_views = views->width;
     if (factors->n_terms > MDF_FACTORS_MAX_TERMS || factors->n_views > MDF_FACTORS_MAX_VIEWS ||
         (gint64)maps->width * maps->height > MDF_TABLE_MAX_TEXELS)
-        return "it is too large";
+        return "it has more maps, views or texels than are allowed";
     if (views->height != 1 || weights->width != views->width ||
         weights->height != factors->n_terms + 1)
-        return "sizes of maps, weights and views do not fit";
+        return "the size of the part “weights” does not fit the numbers of maps and views";
     if (!exr_get_int(maps, "mesorig.measured", &factors->n_measured, NULL) ||
         factors->n_measured < 1 || factors->n_measured > factors->n_views)
-        return "mesorig.measured is not a number of its views";
+        return "mesorig.measured is not a number from 1 to the number of views";
     if (!exr_get_double(maps, "texel_mm", &factors->texel_mm, NULL) ||
         !(factors->texel_mm > 0 && factors->texel_mm < MAX_MM) ||
         !exr_get_double(maps, "deepest_mm", &factors->deepest_mm, NULL) ||
         !(factors->deepest_mm >= 0 && factors->deepest_mm < MAX_MM) ||
         !exr_get_double(maps, "mesorig.error_mm", &factors->error_mm, NULL) ||
         !(factors->error_mm >= 0))
-        return "texel_mm, deepest_mm or mesorig.error_mm is out of range";
+        return "texel_mm, deepest_mm or mesorig.error_mm is missing or out of range";
     return NULL;
 }
 
@@ -87,7 +88,8 @@ static const char *read_values(struct mdf_factors *factors, const struct exr_fil
     const float *weights = exr_part_plane(exr_file_part(file, "weights"), "W");
     const int n = factors->n_views, m = factors->n_terms + 1;
     if (!theta || !phi || !weights)
-        return "channels of weights or views are missing";
+        return "the part “weights” lacks the channel W, or the part “views” lacks theta_deg or "
+               "phi_deg";
     for (int i = 0; i < n; i++)
         if (!(theta[i] >= 0 && theta[i] <= 90) || !(fabsf(phi[i]) <= 720))
             return "the direction of a view is out of range";
@@ -104,7 +106,7 @@ static const char *read_values(struct mdf_factors *factors, const struct exr_fil
         g_autofree char *name = channel_name(i);
         const float *from = exr_part_plane(exr_file_part(file, "maps"), name);
         if (!from)
-            return "a map is missing";
+            return "a channel of the part “maps” has another name than M01, M02, …";
         for (gsize x = 0; x < texels; x++) {
             if (!(from[x] >= 0 && from[x] <= MAX_MAP) || from[x] != floorf(from[x]))
                 return "a map has a value that is not a whole number from 0 to 255";
@@ -126,6 +128,7 @@ struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
     if (!what)
         return g_steal_pointer(&factors);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of a compressed MDF: %s; compress again", path, what);
+                "%s: this is not a valid file of a compressed MDF: %s; compress the MDF again",
+                path, what);
     return NULL;
 }

@@ -17,14 +17,16 @@ static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, 
     const gsize n = (gsize)from->width * (gsize)from->height;
     double scale;
     float most = 0;
-    const char *what = !distance ? "there is no channel D: it is no MDF"
-                       : exr_get_double(from, "mesorig.scale_mm", &scale, NULL)
-                           ? "it was packed already"
-                           : NULL;
+    const char *what =
+        !distance
+            ? "it has no channel D, and is not a view of an MDF; give products/mdf.exr of a session"
+        : exr_get_double(from, "mesorig.scale_mm", &scale, NULL)
+            ? "it is already packed; give products/mdf.exr of a session"
+            : NULL;
     for (gsize i = 0; !what && i < n; i++) {
         most = MAX(most, distance[i]);
         if (!(fabsf(distance[i]) <= MAX_MM))
-            what = "a distance is not a number from −60000 to 60000 mm";
+            what = "a distance is not a number from −60000 to 60000 mm; process the session again";
     }
     if (what) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part “%s”: %s", path, from->name,
@@ -53,8 +55,8 @@ static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, 
     return part;
 }
 
-/* Counts in *ret_bytes two bytes for each texel in halves, or one byte for each texel and four for
- * the scale of each view. */
+/* *ret_bytes counts two bytes for each texel in half floats, or one byte for each texel and four
+ * for the scale of each view. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {
     struct exr_file *file = exr_read(from, error), *packed = exr_file_new();

@@ -2,20 +2,20 @@
  * 2005. The file is like products/mdf.exr (pipeline.h) but has only the channel D, in half floats.
  * Its values are either the distances, or whole numbers 0 … 255 that are multiplied by the view's
  * attribute mesorig.scale_mm (double) to give millimetres. A value of −1 means that no laser saw
- * the texel. mdf_table_read() reads both. */
+ * the texel. mdf_table_read() reads both kinds of values. */
 #pragma once
 
 #include <gio/gio.h>
 
 enum mdf_packed { MDF_PACKED_HALF, MDF_PACKED_8BIT };
 
-/* Packs the file from into the file to. ret_bytes is the number of bytes of its texels and scales.
- * Any thread. */
+/* Packs the file `from` into the file `to`. *ret_bytes is the number of bytes of the packed texels
+ * and scales in memory. Any thread. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error);
 
-/* Tells what an EXR of distances holds: views, measured or packed; factors (mdf_factors.h); or
- * blocks (mdf_blocks.h). For a file that cannot be read the result is MDF_KIND_VIEWS, since reading
- * it as views then gives the error. */
+/* Returns the form of an EXR of distances: views (measured or packed), factors (mdf_factors.h) or
+ * blocks (mdf_blocks.h). Returns MDF_KIND_VIEWS for a file that cannot be read, because
+ * mdf_table_read() then gives the error. */
 enum mdf_kind { MDF_KIND_VIEWS, MDF_KIND_FACTORS, MDF_KIND_BLOCKS };
 enum mdf_kind mdf_kind(const char *path);

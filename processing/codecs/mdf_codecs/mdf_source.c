@@ -8,8 +8,8 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
         return NULL;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
-                    "there is no %s, which silhouettes need; “mesorig process” makes it from a "
-                    "session with laser sweeps",
+                    "%s: there is no such file of distances (MDF), which silhouettes need; "
+                    "“mesorig process” makes it from a session with laser sweeps",
                     path);
         return NULL;
     }

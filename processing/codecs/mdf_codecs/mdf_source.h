@@ -6,15 +6,15 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-/* The most specific member that is set gives the form: factors, otherwise blocks, otherwise
- * table. */
+/* If factors is set, the MDF has the form of factors. Otherwise, if blocks is set, it has the form
+ * of blocks, else that of a table of views. */
 struct mdf_source {
     const struct mdf_table *table;     /* views; with blocks: the views decoded from them */
     const struct mdf_blocks *blocks;   /* the views of table as blocks; table is then also set */
     const struct mdf_factors *factors; /* weights and maps; table may be NULL */
 };
 
-/* Reads a file of any form. If the file is missing or damaged, the error says so. Grazing views are
- * added to tables (mdf_table_add_grazing()). Any thread. */
+/* Reads a file of any form. Returns NULL with an error if the file is missing or damaged. Grazing
+ * views are added to tables (mdf_table_add_grazing()). Any thread. */
 struct mdf_source *mdf_source_read(const char *path, GError **error);
 void mdf_source_free(struct mdf_source *source); /* also frees the members; NULL is ignored */

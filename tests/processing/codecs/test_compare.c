@@ -141,7 +141,7 @@ TEST(not_finite) {
                         b = material_new("ward.exr", &lobes_codecs[LOBES_WARD], lobes);
     g_assert_null(compare_materials(a, b, NULL, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "ward.exr: its values at texel (3, 1) are not finite"));
+    g_assert_nonnull(strstr(error->message, "ward.exr: texel (3, 1) has a value that is infinite"));
 }
 
 TEST(refused) {
@@ -242,7 +242,7 @@ TEST(pictures) {
     g_assert_cmpfloat_with_epsilon(found.largest, MAX(first, last), 0.01);
     write_png(b, 3, other);
     g_assert_false(compare_pictures(a, b, &found, &error));
-    g_assert_nonnull(strstr(error->message, "3 × 2: render them alike"));
+    g_assert_nonnull(strstr(error->message, "3 × 2; give two pictures of the same size"));
     g_clear_error(&error);
     g_assert_true(g_file_set_contents(b, "\x89PNG", -1, NULL));
     g_assert_false(compare_pictures(a, b, &found, &error));

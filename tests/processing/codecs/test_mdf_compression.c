@@ -120,7 +120,7 @@ TEST(maps__target) {
     g_assert_cmpint(f->n_terms, ==, 3);
     g_assert_cmpfloat(f->error_mm, <=, 0.1);
     g_assert_null(mdf_factors_compute(t, N_VIEWS, 2, 0.1, NULL, &none));
-    g_assert_nonnull(strstr(none->message, "not reached with 2 maps"));
+    g_assert_nonnull(strstr(none->message, "not reached: with 2 maps"));
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
     g_autoptr(GError) stopped = NULL;
     g_cancellable_cancel(cancelled);
@@ -210,7 +210,7 @@ TEST(maps__file) {
         {"weights", "W", NAN, .says = "weight"},
         {"weights", "W", INFINITY, .says = "weight"},
         {"views", "theta_deg", 120, .says = "direction"},
-        {"maps", .attribute = "mesorig.kind", .says = "has another mesorig.kind"},
+        {"maps", .attribute = "mesorig.kind", .says = "is not mdf-factors"},
         {"maps", .attribute = "mesorig.measured", .number = N_VIEWS + 1, .says = "measured"},
         {"maps", .attribute = "texel_mm", .number = -1, .says = "texel_mm"},
         {"maps", .attribute = "deepest_mm", .number = NAN, .says = "deepest_mm"},
@@ -235,13 +235,13 @@ TEST(maps__file) {
 
 TEST(blocks__file) {
     static const struct change changes[] = {
-        {"view_0003", "B2", 256, .says = "not a byte"},
-        {"view_0003", "B7", NAN, .says = "not a byte"},
-        {"view_0000", .attribute = "mesorig.kind", .says = "has another mesorig.kind"},
-        {"view_0000", .attribute = "mesorig.width", .number = SIDE + 8, .says = "blocks"},
+        {"view_0003", "B2", 256, .says = "0 to 255"},
+        {"view_0003", "B7", NAN, .says = "0 to 255"},
+        {"view_0000", .attribute = "mesorig.kind", .says = "is not mdf-blocks"},
+        {"view_0000", .attribute = "mesorig.width", .number = SIDE + 8, .says = "mesorig.width"},
         {"view_0000", .attribute = "mesorig.height", .number = G_MAXINT, .says = "mesorig.height"},
         {"view_0000", .attribute = "least_mm", .number = 100, .says = "least_mm"},
-        {"view_0005", .attribute = "view.theta_deg", .number = NAN, .says = "direction"},
+        {"view_0005", .attribute = "view.theta_deg", .number = NAN, .says = "view.theta_deg"},
     };
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(world_fixture_folder(), "blocks.exr", NULL);
