@@ -15,7 +15,7 @@
 
 #define COLOURS 3
 
-/* Sets values that are not finite, and so masked pixels, to 0. */
+/* Sets values that are not finite to 0. Masked pixels have such values. */
 static void hide_unknown(struct import_picture *picture) {
     const gsize n = COLOURS * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)
@@ -44,8 +44,8 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
         return FALSE;
     if (first->width != second->width || first->height != second->height) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s has %d × %d pixels, but %s has %d × %d: render them alike", a, first->width,
-                    first->height, b, second->width, second->height);
+                    "%s has %d × %d pixels, but %s has %d × %d; give two pictures of the same size",
+                    a, first->width, first->height, b, second->width, second->height);
         return FALSE;
     }
     const gsize n = (gsize)first->width * (gsize)first->height;

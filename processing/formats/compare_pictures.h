@@ -1,6 +1,6 @@
 /*
- * The perceived difference of two pictures, for example renderings of two forms of a material from
- * the same camera under the same light (mesorig-view --render). Any thread.
+ * Measures the perceived difference of two pictures, for example of renderings of two forms of a
+ * material from the same camera under the same light (mesorig-view --render). Any thread.
  */
 #pragma once
 
@@ -9,7 +9,7 @@
 struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
-    double delta_e_different; /* mean over differing pixels only; 0 if there are none */
+    double delta_e_different; /* mean CIEDE2000 of the pixels that differ; 0 if there are none */
     /* 95th percentile and maximum of CIEDE2000 over the differing pixels */
     double p95, largest;
     double different; /* share of the pixels that differ */
@@ -25,8 +25,8 @@ struct picture_comparison {
  * "picture", or another file whose name is that of a picture (import_is_picture()). */
 gboolean compare_is_picture(const char *path);
 
-/* Compares two pictures of the same size. 8-bit values are sRGB, and EXR is linear. Values that are
- * masked or not finite count as black. The error is DATA_ERROR_INVALID if a picture cannot be read.
- */
+/* Compares two pictures of the same size. A picture has the tone curve that its file states.
+ * Without a statement, 8-bit values are sRGB, and others are linear. Values that are masked or not
+ * finite count as black. The error is DATA_ERROR_INVALID if a picture cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

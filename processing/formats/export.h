@@ -10,12 +10,14 @@
 
 struct export_bonn_result {
     int n_views, n_lights, width, height;
-    /* relative error of the factorisation. It is 0 for BDI, which only rounds to halves. */
+    /* relative RMS error of FMF and DFMF against the BTF; 0 for BDI, which only rounds to half
+     * floats */
     double error;
 };
 
 /* Exports the BTF as a ".btf" of Bonn (bonn.h). FMF and DFMF have n_components components, at most
  * 32, in addition to the mean. BDI needs the memory of two views. FMF and DFMF need the memory of
- * the whole BTF. The progress stages are "export", or "read" and the stages of lpca.h. */
+ * the whole BTF. The progress stage of BDI is "export". Those of FMF and DFMF are "read" and the
+ * stages of lpca.h. */
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
                      const struct work *work, struct export_bonn_result *ret, GError **error);

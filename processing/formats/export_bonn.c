@@ -38,7 +38,8 @@ static gboolean read_directions(struct source *source, GError **error) {
     for (int v = 0; ok && v < n; v++) {
         const char *path = source->paths->pdata[v];
         g_autoptr(ExrFile) file = exr_read_headers(path, error);
-        ok = file && (file->parts->len > 0 || fail(path, error, "it has no lights")) &&
+        ok = file &&
+             (file->parts->len > 0 || fail(path, error, "there are no pictures in this view")) &&
              direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
                        &header->view_phi_deg[v], error);
         if (ok && v == 0) {
@@ -79,23 +80,25 @@ static gboolean read_view(const struct source *source, const char *path, float *
     if (!file)
         return FALSE;
     if ((int)file->parts->len != header->n_lights)
-        return fail(path, error, "its number of lights differs from that of the first view");
+        return fail(path, error, "the number of lights differs from that of the first view");
     for (int light = 0; light < header->n_lights; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         float theta, phi;
         if (part->width != header->width || part->height != header->height)
-            return fail(path, error, "its size in texels differs from that of the first view");
+            return fail(path, error,
+                        "the size of a picture in texels differs from that in the first view");
         for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             if (!plane)
-                return fail(path, error, "a colour is missing");
+                return fail(path, error, "a picture lacks channel R, G or B");
             for (gsize i = 0; i < n; i++)
                 ret_rgb[((gsize)light * n + i) * COLOURS + c] = plane[i];
         }
         if (!direction(part, "light", path, &theta, &phi, error))
             return FALSE;
         if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
-            return fail(path, error, "its lights differ from those of the first view");
+            return fail(path, error,
+                        "the direction of a light differs from that in the first view");
     }
     return TRUE;
 }
@@ -117,8 +120,8 @@ static gboolean write_views(const struct source *source, const char *file, const
     return bonn_writer_finish(writer, error);
 }
 
-/* Writes a DFMF. All three of its matrices have the same S V, the weights of the texels, because
- * the channels were factored together. */
+/* Writes a DFMF. The three matrices of the colours have the same S V, the weights of the texels,
+ * because the channels were factored together. */
 static gboolean write_split(const char *file, const struct bonn_header *header,
                             const struct bonn_factors *all, GError **error) {
     const gsize k = (gsize)all->n_components, rows = (gsize)all->n_rows / COLOURS;

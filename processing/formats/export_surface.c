@@ -131,8 +131,9 @@ static int by_height(gconstpointer a, gconstpointer b, gpointer data) {
     return (x < y) - (x > y);
 }
 
-/* Sorts all points by texel. ret_order receives the indices of points. The result has n + 1
- * numbers: the position in ret_order at which each texel begins. */
+/* Sorts all points by texel. *ret_order receives the indices of the points. Returns, for each
+ * texel, the position in *ret_order at which its points begin, and then the end of the last texel's
+ * points. g_free() both */
 static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     const struct session_grid *grid = &surface->grid;
     const int n = grid->width * grid->height;
@@ -157,7 +158,8 @@ static guint *sort_columns(const struct surface *surface, guint **ret_order) {
 }
 
 /* Returns the number of points in the upper layer of a column. A single point above a gap is an
- * outlier, and is dropped. *ret_stacked is whether there is a lower layer. */
+ * outlier, and is removed from the column. *ret_stacked says whether a lower layer has at least two
+ * points. */
 static guint upper_layer(const struct surface *surface, struct column *column,
                          gboolean *ret_stacked) {
     const struct surface_point *points =
@@ -239,12 +241,14 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     ret->stacked = map.stacked;
     ret->points = surface->grid.width * surface->grid.height - map.holes;
     if (ret->points == 0)
-        return data_error_fail(session, 0, error, "its MDF has no measured texel");
+        return data_error_fail(session, 0, error,
+                               "no point of products/mdf.exr lies above the session's texels; "
+                               "repeat the laser sweeps and process the session again");
     if (!options->layered && map.stacked > MAX_STACKED * (double)ret->points)
         return data_error_fail(
             session, 0, error,
-            "it is not a height field, because %d of %d texels have structure below structure; "
-            "export points, or export the upper layer with --layered",
+            "the surface is not a height field, because %d of %d texels have structure below "
+            "structure; export points, or export the upper layer with --layered",
             map.stacked, (int)ret->points);
     return exr_write(file, exr, EXR_ZIP, TRUE, error);
 }

@@ -1,7 +1,8 @@
 /*
- * Exports the structure measured by an MDF, for programs that use points and maps. The texels of
- * all views become points of the sample frame in mm (z from the turntable's top). Their normals
- * point towards the camera. Points of the same place are fused. Any thread.
+ * Exports the surface that an MDF describes, for programs that use points and maps. The texels of
+ * all views become points in the sample frame in mm, with z from the top of the turntable. Their
+ * normals point towards the camera. Points of several views at the same place are fused. Any
+ * thread.
  */
 #pragma once
 
@@ -26,14 +27,15 @@ struct export_surface_result {
 
 /* Exports products/mdf.exr. EXPORT_POINTS writes a binary PLY. Each point has x, y, z, nx, ny, nz
  * (float), the spread over the views in mm (float) and the number of views (uchar). All points in a
- * cube whose side is the width of a texel become one point, their mean. The weights are the MDF's
- * standard errors and the cosine between normal and camera. EXPORT_HEIGHT writes an EXR with a part
- * "height" on the session's texels. "Z" is the median height in mm, and "S" the spread in mm. "N"
- * is the number of points: 0 is a hole, and −1 means that Z is the height of the upper of several
- * layers. EXPORT_NORMALS writes a part "normals" with "X", "Y", "Z", which are all 0 in a hole.
- * Both maps have the attributes mesorig.kind, texel_mm, reference_mm, holes and stacked. If more
- * than a twentieth of the texels has structure below structure, the structure is not a height
- * field. Maps are then refused unless options->layered is set. */
+ * cube whose side is the width of a texel become one point, their weighted mean. The weight of a
+ * point is 1/σ² (σ: standard error of the MDF) times the cosine between normal and camera.
+ * EXPORT_HEIGHT writes an EXR with a part "height" on the session's texels. "Z" is the median
+ * height in mm, and "S" the spread in mm. "N" is the number of points. It is 0 for a hole, and −1
+ * if there are several layers; Z is then the height of the upper layer. EXPORT_NORMALS writes a
+ * part "normals" with "X", "Y", "Z", which are all 0 in a hole. Both maps have the attributes
+ * mesorig.kind, texel_mm, reference_mm, holes and stacked. If more than a twentieth of the texels
+ * has structure below structure, the structure is not a height field. Maps are then refused unless
+ * options->layered is set. */
 gboolean export_surface(const char *session, const char *file,
                         const struct export_surface_options *options, const struct work *work,
                         struct export_surface_result *ret, GError **error);

@@ -47,7 +47,7 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     return TRUE;
 }
 
-/* Removes a directory and its content; only for directories that this process has made. */
+/* Removes a directory with its content. It must be a directory that this process has made. */
 static void remove_tree(const char *path) {
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
     const char *name;
@@ -65,7 +65,7 @@ gboolean import_place_end(struct import_place *place, Session *session, gboolean
                           GError **error) {
     session_close(session);
     if (good && !output_file_move_folder(place->session, place->path, error)) {
-        g_rmdir(place->folder); /* the folder remains if the session had to stay in it */
+        g_rmdir(place->folder); /* g_rmdir() leaves the folder if the session is still in it */
         g_clear_pointer(&place->folder, g_free);
         good = FALSE;
     }
@@ -100,11 +100,11 @@ static gboolean check(struct import *import, GError **error) {
     if (region->x < 0 || region->y < 0 || region->width < 1 || region->height < 1 ||
         region->width > material->width - region->x ||
         region->height > material->height - region->y)
-        return data_error_fail(material->source, 0, error,
-                               "%d × %d texels from column %d, row %d do not lie within the %d × "
-                               "%d texels of the file",
-                               region->width, region->height, region->x, region->y, material->width,
-                               material->height);
+        return data_error_fail(
+            material->source, 0, error,
+            "the region of %d × %d texels from column %d, row %d does not lie within the %d × %d "
+            "texels of the file; give a region within the file",
+            region->width, region->height, region->x, region->y, material->width, material->height);
     import->grid = (struct session_grid){.width = region->width,
                                          .height = region->height,
                                          .width_mm = region->width * material->texel_mm,
@@ -175,8 +175,8 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
         import->holes += holes[light];
         ok = (double)holes[light] <= IMPORT_MAX_HOLES * (double)n ||
              data_error_fail(m->source, 0, error,
-                             "%d of %zu texels of view %d, light %d are missing or not numbers; at "
-                             "most half may be",
+                             "%d of %zu texels of view %d, light %d are missing or not numbers, "
+                             "but at most half may be; check the pictures of this view",
                              holes[light], n, view, light);
         struct exr_part *part = light_part(import, view, light, holes[light]);
         copy_region(import, rgb + 3 * n * (gsize)light, part);
@@ -205,8 +205,9 @@ static gboolean fill_picture(struct exr_part *part, gpointer data, GError **erro
            m->picture(filled->view, light, &import->region, planes, &holes, m->data, error);
 }
 
-/* Writes a view as write_view() does, but with only one picture in memory. A part states its number
- * of holes before its pixels. Pictures that may have holes are therefore read twice. */
+/* Writes a view as write_view() does, but with only one picture in memory. The number of holes of a
+ * part is written before its pixels. All pictures are therefore first read for their numbers of
+ * holes. */
 static gboolean write_view_by_pictures(struct import *import, int view, GError **error) {
     const struct import_material *m = import->material;
     g_autofree char *relative = view_relative(view);
@@ -227,8 +228,8 @@ static gboolean write_view_by_pictures(struct import *import, int view, GError *
            session_add_product(import->session, relative, m->source, error);
 }
 
-/* Fills the eigen-map of a light. With a single view, it is the picture of the BTF under this
- * light. */
+/* Fills the eigen-map of a light if there is only one view: copies the picture of the BTF under
+ * this light. */
 static gboolean fill_map(struct exr_part *part, gpointer data, GError **error) {
     struct import *import = data;
     const int n_lights = import->material->n_lights;

@@ -26,12 +26,13 @@ typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointe
                                GError **error);
 
 /* Callback for a picture of the view that was read last. Returns the flags of its texels (btf.h),
- * owned by the callback, or NULL if all are 0. It may add attributes to the part. */
+ * owned by the callback, or NULL if all are 0. The callback may add attributes to the part. */
 typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
 
-/* Callback that reads one picture. Where the file format allows, it reads only the region (height ×
- * width). ret_planes are R, G, B and the texels' flags (btf.h), all zeroed. The flags are NULL if a
- * picture has no holes. ret_planes is NULL if only the number of holes is wanted. */
+/* Callback that reads one picture. If the file format allows, the callback reads only the region.
+ * ret_planes are four planes of height × width that contain zeros: R, G, B and the flags of the
+ * texels (btf.h). The plane of flags is NULL if a picture has no holes. ret_planes is NULL if only
+ * the number of holes is wanted. */
 typedef gboolean (*ImportPixels)(int view, int light, const struct import_region *region,
                                  float *const *ret_planes, int *ret_holes, gpointer data,
                                  GError **error);
@@ -48,12 +49,14 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
-    ImportPixels picture; /* NULL, or used instead of view; memory then holds only one picture */
-    /* NULL, or gives the flags of each picture; region must then be all texels */
+    /* NULL, or called instead of `view`, so that memory holds only one picture */
+    ImportPixels picture;
+    /* NULL, or called for the flags of each picture; region must then be all texels */
     ImportLight light;
     ImportFilled filled; /* NULL is allowed */
     gpointer data;
-    /* grid of the session; NULL means a grid of these texels, with the reference plane at 0 */
+    /* grid of the session; NULL means a grid of the imported texels, with the reference plane at z
+     * = 0 */
     const struct session_grid *grid;
     /* NULL, or a file that is copied to products/mdf.exr. The file must have the texels of this
      * material. */
@@ -71,12 +74,12 @@ struct import_result {
 gboolean import_material(const char *path, const struct import_material *material,
                          const struct work *work, struct import_result *ret, GError **error);
 
-/* Properties that may be missing in a file. */
+/* Properties that a file may lack, and what to import. */
 struct import_wish {
     /* width of a texel; 0 means the width in the file, or 1 mm if the file states none */
     double texel_mm;
     struct import_region region;
-    /* tone curve of pictures; PICTURE_TONES_UNSAID means as each file states */
+    /* tone curve of pictures; PICTURE_TONES_UNSAID means the tone curve that each file states */
     enum picture_tones transfer;
     /* for import_relight(): path of a table of directions (btf_directions.h); NULL means the 81
      * directions of the papers */
@@ -110,11 +113,11 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * A name may be a path below the list's folder. Of other paths only the part after the last slash
  * counts, and the picture lies next to the list. If the list has no names, they are the lines of
  * the file "filenames.txt" next to the list. If that file does not exist, all pictures next to the
- * list are taken in the order of their times in EXIF. If a picture has no such time, they are taken
- * in the order of their names, with numbers compared by value. It is then an error if a camera's
- * counter has begun again within the names. A picture whose light is on the horizon is left out.
- * Numbers may have decimal commas if blanks, tabs or semicolons separate them. Blank lines and
- * lines that begin with # are ignored. */
+ * list are taken in the order of the times in their EXIF data. If a picture has no such time, all
+ * are taken in the order of their names, with numbers compared by value. In this case it is an
+ * error if the counter of a camera has begun again within the names. A picture whose light is on
+ * the horizon is left out. Numbers may have decimal commas if blanks, tabs or semicolons separate
+ * the numbers. Blank lines and lines that begin with # are ignored. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error);
 

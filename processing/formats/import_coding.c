@@ -1,10 +1,10 @@
 /* Converts the numbers in the files of a table to linear light,
  *   v = T((n − d) / (2^bits − 1 − black)) · m / f.
  * n is the number of a pixel. With a dark frame, d is the number of the same pixel in the dark
- * frame, and black is the mean of the dark frame. Without a dark frame, both are the black level. T
- * is the transfer function (picture_tone_choose()). f is the value of the same pixel in the flat
- * field with the same coding, and m the mean of the flat field around the middle of the picture.
- * Floating-point numbers have white at 1. */
+ * frame, and black is the mean of the dark frame. Without a dark frame, d and black are the black
+ * level. T is the transfer function (picture_tone_choose()). f is the value of the same pixel in
+ * the flat field with the same coding, and m the mean of the flat field around the middle of the
+ * picture. For floating-point numbers, white is 1 instead of 2^bits − 1. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -16,7 +16,8 @@
 
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error) {
-    /* names of enum picture_tones, in its order; the first is an empty cell */
+    /* names of the values of enum picture_tones, in its order; an empty cell stands for the
+     * first */
     static const char *const transfers[] = {"", "linear", "srgb"};
     struct import_coding *coding = &row->coding;
     const char *transfer = text_table_text(table, index, text_table_column(table, "transfer"));
@@ -53,15 +54,18 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                                "them",
                                coding->black_level);
     if (coding->dark_path && !g_file_test(coding->dark_path, G_FILE_TEST_IS_REGULAR))
-        return data_error_fail(set->table, row->line, error, "there is no dark frame %s",
-                               coding->dark_path);
+        return data_error_fail(
+            set->table, row->line, error,
+            "dark_frame names the file %s, which does not exist; correct the path",
+            coding->dark_path);
     return !coding->flat_path || g_file_test(coding->flat_path, G_FILE_TEST_IS_REGULAR) ||
-           data_error_fail(set->table, row->line, error, "there is no flat field %s",
+           data_error_fail(set->table, row->line, error,
+                           "flat_field names the file %s, which does not exist; correct the path",
                            coding->flat_path);
 }
 
-/* Returns the white of a file with this many bits (0 means floating-point). black is the number of
- * a pixel without light. Returns 0 with an error. */
+/* Returns the number of a white pixel in a file with this many bits (0 means floating-point). black
+ * is the number of a pixel without light, which must be smaller. Returns 0 with an error. */
 static double import_coding_white(const struct import_set *set, const struct import_row *row,
                                   const char *name, int bits, double black, GError **error) {
     const struct import_coding *coding = &row->coding;
@@ -70,20 +74,21 @@ static double import_coding_white(const struct import_set *set, const struct imp
                        "bits is %d, but %s contains floating-point numbers; leave bits empty",
                        coding->bits, name);
     else if (coding->bits > bits)
-        data_error_set(set->table, row->line, error,
-                       "bits is %d, but the numbers of %s have %d bits", coding->bits, name, bits);
+        data_error_set(
+            set->table, row->line, error,
+            "bits is %d, but the numbers of %s have %d bits; give at most %d, or leave bits empty",
+            coding->bits, name, bits, bits);
     if (coding->bits > bits)
         return 0;
     const double white = bits ? (double)((1 << (coding->bits ? coding->bits : bits)) - 1) : 1;
     if (black < white)
         return white;
-    data_error_set(
-        set->table, row->line, error,
-        coding->dark_path
-            ? "the mean of the dark frame is %g, but it must be below white, which is %g "
-              "in %s"
-            : "black_level is %g, but it must be below white, which is %g in %s",
-        black, white, name);
+    data_error_set(set->table, row->line, error,
+                   coding->dark_path
+                       ? "the mean of the dark frame is %g, but must be below white, which is %g "
+                         "in %s; take the dark frame without light"
+                       : "black_level is %g, but must be below white, which is %g in %s",
+                   black, white, name);
     return 0;
 }
 
@@ -112,7 +117,8 @@ static struct dark *read_dark(const char *path, GError **error) {
     return dark;
 }
 
-/* Returns the dark frame of a row for the picture. The set owns it. Returns NULL with an error. */
+/* Returns the dark frame of a row, which the set owns, or NULL with an error. The dark frame must
+ * have the size and format of picture. */
 static const struct dark *dark_frame(const struct import_set *set, const struct import_row *row,
                                      const struct import_picture *picture, const char *name,
                                      GError **error) {
@@ -131,7 +137,7 @@ static const struct dark *dark_frame(const struct import_set *set, const struct 
         return dark;
     data_error_set(set->table, row->line, error,
                    "the dark frame %s (%d × %d pixels, %s, %d bits) and %s (%d × %d pixels, %s, %d "
-                   "bits) are not alike",
+                   "bits) do not match; give a dark frame with the size and format of the picture",
                    path, of->width, of->height, of->grey ? "grey" : "colour", of->bits, name,
                    picture->width, picture->height, picture->grey ? "grey" : "colour",
                    picture->bits);
@@ -156,9 +162,10 @@ static struct import_picture *decode(const struct import_set *set, const struct 
     const int bits = picture->bits;
     if (picture->width != camera->width || picture->height != camera->height) {
         data_error_set(set->table, row->line, error,
-                       "%s has %d × %d pixels, but camera %s has %d × %d in %s", name,
-                       picture->width, picture->height, camera->name, camera->width, camera->height,
-                       set->wish->calibration);
+                       "%s has %d × %d pixels, but camera %s has %d × %d in %s; give uncropped "
+                       "pictures, or the calibration of the camera that took them",
+                       name, picture->width, picture->height, camera->name, camera->width,
+                       camera->height, set->wish->calibration);
         return NULL;
     }
     if (*picture->cfa && strcmp(picture->cfa, set->wish->cfa) != 0) {
@@ -180,9 +187,10 @@ static struct import_picture *decode(const struct import_set *set, const struct 
         const double v =
             (number - (dark ? (double)dark->picture->rgb[i] : black)) / (white - black);
         if (bits && number > white) {
-            data_error_set(set->table, row->line, error,
-                           "%s has a pixel of %g, but the largest number of %d bits is %g", name,
-                           number, coding->bits, white);
+            data_error_set(
+                set->table, row->line, error,
+                "%s has a pixel of %g, but the largest number of %d bits is %g; give more bits",
+                name, number, coding->bits, white);
             return NULL;
         }
         picture->rgb[i] = (float)picture_tone_light(tone, v);

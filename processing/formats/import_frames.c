@@ -1,4 +1,4 @@
-/* Converts pictures to frames as a capture would leave them. */
+/* Converts pictures to the frames that a capture would have written. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -14,8 +14,8 @@
 #define MAX_DN_MS   65504.0 /* maximum value of a frame in DN per ms: the largest half */
 #define UNEVEN      0.05    /* maximum deviation of a picture's angle from its step, in steps */
 #define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
-/* A peak is invalid if a missing picture is within BESIDE steps, or within PULSE standard
- * deviations of its pulse. The larger distance counts. */
+/* A peak is invalid if a picture is missing within BESIDE steps of the peak, or within PULSE
+ * standard deviations of its pulse, whichever is farther. */
 #define BESIDE 2.0
 #define PULSE  4.0
 
@@ -111,8 +111,8 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
     return saturated;
 }
 
-/* Counts and looks at the values of a lamp picture (import_look.c). Called before the flat field is
- * applied, because the undivided values decide which pixels are saturated. */
+/* Gives a lamp picture to the checks of import_look.c. Must be called before the flat field is
+ * applied, because only values before that show which pixels are saturated. */
 static void look_at_lamp(const struct import_set *set, const struct import_row *row,
                          const struct import_picture *picture) {
     const struct rig *rig = &set->known->rig;
@@ -174,7 +174,7 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
            write_part(set, row, g_steal_pointer(&part), ret, error);
 }
 
-/* The pictures of one camera and sweep, which are the rows first … first + n − 1. Some steps may be
+/* The pictures of one camera and sweep: rows[0] … rows[n − 1]. The pictures of some steps may be
  * missing. */
 struct run {
     const struct import_row *rows;
@@ -182,8 +182,8 @@ struct run {
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* whether the picture of each step is missing */
-    /* The sweep that the session states. If a frame is the difference of two pictures, its angle is
-     * half a step after the first picture: offset is then 0.5, otherwise 0. */
+    /* The sweep as the session stores it. If a frame is the difference of two pictures, its angle
+     * is half a step after the first of these, and offset is 0.5 steps. Otherwise offset is 0. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };
@@ -222,11 +222,16 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     for (int i = 0; i < run->n; i++) {
         const double at = (rows[i].sweep_deg - run->from_deg) / run->step_deg;
         const int k = (int)lround(at);
-        if (fabs(at - k) > UNEVEN || !run->missing[k])
+        if (fabs(at - k) > UNEVEN)
             return data_error_fail(set->table, rows[i].line, error,
                                    "the sweep that begins at line %d has steps of %g°, but %s is "
-                                   "at %g°, between two steps",
+                                   "at %g°, between two steps; give sweep_deg in even steps",
                                    first->line, run->step_deg, rows[i].name, rows[i].sweep_deg);
+        if (!run->missing[k])
+            return data_error_fail(set->table, rows[i].line, error,
+                                   "the sweep that begins at line %d has two pictures at %g°, the "
+                                   "second of which is %s; leave out one of them",
+                                   first->line, rows[i].sweep_deg, rows[i].name);
         run->missing[k] = FALSE;
     }
     return TRUE;
@@ -245,8 +250,7 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
     return TRUE;
 }
 
-/* The state of the conversion of a sweep's pictures to frames, which the accumulator (sweep)
- * takes. */
+/* The conversion of the pictures of a sweep to the frames that sweep_add() takes. */
 struct feed {
     Sweep *sweep;
     enum import_edge edge;
@@ -272,9 +276,9 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
     sweep_add(feed->sweep, feed->frame);
 }
 
-/* Reads the pictures. A missing picture is replaced by the previous one. Values that are not
- * numbers become 0. In colour pictures the largest of a pixel's three values counts, because a
- * laser has one colour and the largest value saturates first. */
+/* Reads the pictures of a sweep. The picture before a missing picture is repeated. Pixels with a
+ * value that is not a number become 0. In colour pictures the largest of a pixel's three values
+ * counts, because a laser has one colour and the largest value saturates first. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);
@@ -349,7 +353,7 @@ static gboolean agree(const struct import_set *set, const struct run *run,
                            shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
 }
 
-/* Returns the number of rows that have the shot and camera of row first. */
+/* Returns how many consecutive rows, from row `first` on, have the shot and camera of this row. */
 static int run_length(const struct import_set *set, guint first) {
     const struct import_row *row = row_at(set, first);
     int n = 1;
@@ -378,7 +382,7 @@ gboolean import_frames_plan(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Writes the rows first … first + n − 1, which are one camera's part of a shot. */
+/* Writes the frame of one camera in a shot, from the rows first … first + n − 1. */
 static gboolean write_camera(const struct import_set *set, guint first, int n,
                              struct session_frame *ret, GError **error) {
     struct run run = {.rows = row_at(set, first), .n = n};

@@ -15,14 +15,14 @@
 #define MIN_LENGTH 0.5
 /* a light is on the horizon if z of its unit vector is from −HORIZON to 0 */
 #define HORIZON     0.02
-#define HORIZON_DEG 91
+#define HORIZON_DEG 91 /* maximum θ of a light in a table; such a light is on the horizon */
 /* largest share of lights on the horizon; one light is always allowed */
 #define MAX_ON_IT 0.1
 #define DEG       (180 / G_PI)
 #define EXPECTED  "a picture's name and x, y, z of the direction to its light"
 
-/* Indices of the columns of a table, or −1 if there is no such column. most is the largest of
- * them. */
+/* Indices of the columns of a table, or −1 if there is no such column. most is the largest
+ * index. */
 struct columns {
     char separator[2];
     int name, x, y, z, theta, phi, most;
@@ -67,12 +67,20 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
     const gboolean named = name != NULL;
     g_free(name);
     g_array_append_val(list->lights, light);
-    if (length < MIN_LENGTH || d[2] < -HORIZON * length)
+    if (length < MIN_LENGTH)
         return data_error_fail(list->path, line, error,
-                               "%g %g %g is not a direction to a light above the sample", d[0],
-                               d[1], d[2]);
+                               "the direction %g %g %g is too short; give x, y, z of a vector of "
+                               "length 1",
+                               d[0], d[1], d[2]);
+    if (d[2] < -HORIZON * length)
+        return data_error_fail(list->path, line, error,
+                               "the direction %g %g %g to the light leads below the sample; z must "
+                               "be above 0",
+                               d[0], d[1], d[2]);
     if (list->lights->len > MAX_LIGHTS)
-        return data_error_fail(list->path, line, error, "it lists more than %d lights", MAX_LIGHTS);
+        return data_error_fail(list->path, line, error,
+                               "the list has more than %d lights; leave out the others",
+                               MAX_LIGHTS);
     return !mixed ||
            data_error_fail(list->path, line, error,
                            named ? "this line has a picture's name, but the first line has none; "
@@ -80,8 +88,8 @@ static gboolean add(struct list *list, int line, char *name, const double d[3], 
                                  : "x, y, z must follow a picture's name, as in the lines before");
 }
 
-/* Cuts the last three words off a text. Returns FALSE if there are fewer. ret_nameless is whether
- * nothing is left. */
+/* Cuts the last three words off a text. Returns FALSE if the text has fewer words. *ret_nameless
+ * says whether no text is left in front of the three words. */
 static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     int n = 0;
     while (n < 3 && *g_strchomp(text)) {
@@ -115,7 +123,8 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
             if (!number(list, line, words[i], &d[i], error))
                 return FALSE;
     }
-    /* The rest of the text is the name. It keeps its own separators. */
+    /* The text in front of the three words is the name, with the separators that it has in the
+     * file. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
     return add(list, line, name, d, error);
 }
@@ -153,8 +162,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         d[2] = cos(theta);
     }
     if (c->name >= 0 && !*cells[c->name])
-        return data_error_fail(list->path, line, error, "a picture's name is expected in column %d",
-                               c->name + 1);
+        return data_error_fail(list->path, line, error,
+                               "column %d is empty, but must have a picture's name", c->name + 1);
     return add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
 }
 

@@ -1,5 +1,5 @@
-/* Finds facts about the pictures of a set while they are imported: the tone curves that were used,
- * lamps that gave no light, and whether another tone curve or a black level fits better.
+/* Examines the pictures of a set while they are imported. Finds which tone curves were used, which
+ * lamps gave no light, and whether another tone curve or a black level fits the pictures better.
  *
  * A texel with the normal n and the reflectance ρ has the value z_l = b + E_l max(0, g·l) under the
  * light l of irradiance E_l, with g = ρ n and b = 0 (Lambert). g is fitted to each texel for four
@@ -22,13 +22,14 @@
 #define SAMPLES    400 /* number of texels to which g is fitted */
 #define MIN_LIGHTS 6
 #define WHITE      0.98 /* values from WHITE on are saturated */
-/* a light is dark below this share of the upper quartile of all lights */
+/* a light is dark if the mean of its picture is below this share of the upper quartile of all
+ * means */
 #define DARK    0.02
-#define MIN_COS 0.1
-/* A texel is used if its largest value is at least this share of the largest value of all. */
+#define MIN_COS 0.1 /* minimum cos θ by which the mean of a picture is divided */
+/* A texel is used if its largest value is above this share of the largest value of all texels. */
 #define MIN_VALUE  0.02
-#define STEPS      10 /* number of fits of a texel, each with the weights of the fit before */
-#define MIN_MISFIT 0.05
+#define STEPS      10   /* number of fits of a texel, each with the weights of the fit before */
+#define MIN_MISFIT 0.05 /* minimum misfit for which another tone curve is reported */
 /* minimum misfit for which a level is reported. It is smaller than MIN_MISFIT because the weights
  * already reject most values that a level raises, as if they were shadows. */
 #define MIN_LIFTED 0.015
@@ -133,7 +134,8 @@ static double back(int candidate, double v) {
                                         : v;
 }
 
-/* Solves a symmetric system of n ≤ 4 equations by Gauss's elimination, with a little damping. */
+/* Solves a symmetric system of n ≤ 4 equations by Gaussian elimination. Column n of a is the
+ * right-hand side. A small number is added to the diagonal. */
 static void solve(double a[4][5], int n, double *ret) {
     for (int i = 0; i < n; i++)
         a[i][i] += 1e-9 * (a[0][0] + a[1][1] + a[2][2]);
@@ -157,8 +159,8 @@ struct texel {
     double value[256], gain[256];
 };
 
-/* Fits g, and with the candidate WITH_LEVEL also b, which *ret_level receives. Returns the
- * misfit. */
+/* Fits g to a texel. With the candidate WITH_LEVEL, also fits b. *ret_level is b, 0 for the other
+ * candidates. Returns the misfit. */
 static double fit_texel(const struct texel *t, int candidate, double *ret_level) {
     const int n = candidate == WITH_LEVEL ? 4 : 3;
     double p[4] = {0}, weight[256], residual[256], square = 0;
@@ -185,7 +187,7 @@ static double fit_texel(const struct texel *t, int candidate, double *ret_level)
             residual[i] = fabs(back(candidate, z) - t->value[i]);
             weight[i] = residual[i];
         }
-        /* robust_median() sorts residual, which the misfit below uses */
+        /* robust_median() sorts residual; the misfit below needs it sorted */
         const double scale = MAX(1.5 * robust_median(residual, t->n), 1e-9);
         for (int i = 0; i < t->n; i++)
             weight[i] = 1 / (1 + weight[i] * weight[i] / (scale * scale));
@@ -260,22 +262,24 @@ static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
     if (best == WITH_LEVEL)
         g_ptr_array_add(
             ret,
-            g_strdup_printf("a level of %.3g of white is added to all values: without it the "
-                            "values follow the lights to %.2g %% instead of %.2g %%; subtract the "
-                            "camera's black level from the pictures, or keep out other light",
-                            level, 100 * medians[best], 100 * medians[AS_IS]));
+            g_strdup_printf(
+                "all values seem to contain a constant level of %.3g of white: without this level, "
+                "they differ from a matt surface under the same lights by %.2g %% instead of %.2g "
+                "%%; subtract the camera's black level from the pictures, or keep out other light",
+                level, 100 * medians[best], 100 * medians[AS_IS]));
     else
         g_ptr_array_add(
-            ret, g_strdup_printf(
-                     "read as %s, the pictures follow the lights to %.2g %%; read as %s, only to "
-                     "%.2g %%. Import them with --transfer %s if that is their tone curve",
-                     best == DECODED_WRONGLY ? "linear" : "sRGB", 100 * medians[best],
-                     best == DECODED_WRONGLY ? "sRGB" : "linear", 100 * medians[AS_IS],
-                     best == DECODED_WRONGLY ? "linear" : "srgb"));
+            ret, g_strdup_printf("read as %s, the pictures differ from a matt surface under the "
+                                 "same lights by only %.2g %%; read as %s, by %.2g %%. Import them "
+                                 "with --transfer %s if that is their tone curve",
+                                 best == DECODED_WRONGLY ? "linear" : "sRGB", 100 * medians[best],
+                                 best == DECODED_WRONGLY ? "sRGB" : "linear", 100 * medians[AS_IS],
+                                 best == DECODED_WRONGLY ? "linear" : "srgb"));
 }
 
-/* Adds a sentence about the lights under which the sample is dark. The means of the pictures are
- * compared with the upper quartile over all lights, so that up to half of the lamps may be dead. */
+/* Adds a sentence about the lights under which the sample is dark. The means of the pictures,
+ * divided by cos θ, are compared with their upper quartile over all lights, so that the result is
+ * right even if half of the lamps gave no light. */
 static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
     g_autofree double *shown = g_new(double, look->n_lights);
     g_autofree guint8 *dark = g_new0(guint8, look->n_lights);

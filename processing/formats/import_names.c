@@ -33,7 +33,7 @@ struct pictures {
     GArray *views, *lights; /* of struct direction, in order */
     GPtrArray *of;          /* of struct named: the picture of each view and light, view × light */
     const struct import_wish *wish;
-    /* the first picture without its pixels, whose size all pictures must have */
+    /* the size and layout of the first picture, without pixels; all pictures must have this size */
     struct import_picture *first;
     struct import_look *look;
 };
@@ -43,8 +43,8 @@ static void named_free(gpointer data) {
     g_free(data);
 }
 
-/* Finds the number after a key, as in "tl045.0". The end of a longer word is not a key. Returns
- * FALSE if the key is missing or occurs twice. */
+/* Finds the number after a key in a name, as in "tl045.0". A key must not follow a letter. Returns
+ * FALSE if the key is missing or occurs twice, or if the number is above 360. */
 static gboolean find_key(const char *name, const char *key, double *ret_deg) {
     const gsize n = strlen(key);
     int found = 0;
@@ -107,14 +107,16 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
     const struct direction *light =
         &g_array_index(pictures->lights, struct direction, first % n_lights);
     return data_error_fail(pictures->source, 0, error,
-                           "%u of %u views × %u lights have no picture. The first one is the view "
-                           "from θ %g° φ %g° under the light from θ %g° φ %g°",
+                           "%u pairs of a view and a light have no picture, although each of %u "
+                           "views needs each of %u lights. The first pair without a picture is the "
+                           "view from θ %g° φ %g° under the light from θ %g° φ %g°",
                            missing, pictures->views->len, n_lights,
                            (double)view->theta / STEPS_A_DEG, (double)view->phi / STEPS_A_DEG,
                            (double)light->theta / STEPS_A_DEG, (double)light->phi / STEPS_A_DEG);
 }
 
-/* Arranges the pictures by view and light. Each pair must occur once. */
+/* Arranges the pictures by view and light. Fails unless each pair of a view and a light has exactly
+ * one picture. */
 static gboolean arrange(struct pictures *pictures, GError **error) {
     for (guint i = 0; i < pictures->all->len; i++) {
         const struct named *named = pictures->all->pdata[i];
@@ -171,7 +173,7 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     }
     return pictures->all->len > 0 ||
            data_error_fail(folder, 0, error,
-                           "there is no .jpg, .png, .tif or .exr picture in that folder");
+                           "the folder has no picture (JPEG, PNG, TIFF, EXR or camera raw)");
 }
 
 static int by_number(gconstpointer a, gconstpointer b) {
@@ -190,8 +192,8 @@ static char *find_picture(const char *folder, const char *name) {
     return g_build_filename(folder, base, NULL);
 }
 
-/* Gives the last number in a name and its number of digits, of which at most the last nine are
- * read. Returns FALSE if the name has no number. */
+/* Gives the last number in a name, without the extension, and its number of digits. Of a longer
+ * number, only the last nine digits are read. Returns FALSE if the name has no number. */
 static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
     const char *end = strrchr(name, '.');
     end = end ? end : name + strlen(name);
@@ -237,8 +239,8 @@ static int by_time(gconstpointer a, gconstpointer b) {
                           : (x->order > y->order) - (x->order < y->order);
 }
 
-/* Sorts pictures by the time at which they were taken, if all files state this time. names is
- * sorted by name. */
+/* Sorts pictures by the time at which they were taken, if all files state this time. Otherwise
+ * leaves them sorted by name. Fails if a camera's counter has begun again within the names. */
 static gboolean order_by_time(const char *list, const char *folder, GPtrArray *names,
                               GPtrArray *notes, GError **error) {
     g_autofree struct taken *taken = g_new0(struct taken, MAX(names->len, 1));
@@ -253,12 +255,12 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     }
     if (!all)
         return !counter_wrapped(names) ||
-               data_error_fail(list, 0, error,
-                               "the names of its pictures go from %s to %s with a gap, as if the "
-                               "camera's counter had begun again, and not all files state when "
-                               "they were taken; write a picture's name before each direction",
-                               (const char *)names->pdata[0],
-                               (const char *)names->pdata[names->len - 1]);
+               data_error_fail(
+                   list, 0, error,
+                   "the names of the pictures next to this list go from %s to %s with a gap, as if "
+                   "the camera's counter had begun again, and not all pictures state when they "
+                   "were taken; write a picture's name before each direction",
+                   (const char *)names->pdata[0], (const char *)names->pdata[names->len - 1]);
     qsort(taken, names->len, sizeof *taken, by_time);
     for (guint i = 0; i < names->len; i++) {
         differs |= names->pdata[i] != taken[i].name;
@@ -304,12 +306,12 @@ static GPtrArray *names_beside(const struct pictures *pictures, const char *list
         return listed || order_by_time(list, folder, names, pictures->wish->notes, error)
                    ? g_steal_pointer(&names)
                    : NULL;
-    data_error_set(
-        list, 0, error,
-        "it lists %u directions without names of pictures, but %s has %u pictures%s%s; remove the "
-        "pictures that do not belong to the list, or write a picture's name before each direction",
-        n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
-        names->len ? (const char *)names->pdata[names->len - 1] : "");
+    data_error_set(list, 0, error,
+                   "the list has %u directions without names of pictures, but %s has %u "
+                   "pictures%s%s; remove the pictures that do not belong to the list, or write a "
+                   "picture's name before each direction",
+                   n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
+                   names->len ? (const char *)names->pdata[names->len - 1] : "");
     return NULL;
 }
 
@@ -335,7 +337,10 @@ static gboolean read_list(struct pictures *pictures, const char *list, GError **
         const struct import_light *light = &g_array_index(lights, struct import_light, i);
         g_autofree char *path = find_picture(folder, names ? names->pdata[i] : light->name);
         if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
-            return data_error_fail(list, light->line, error, "there is no picture %s", path);
+            return data_error_fail(
+                list, light->line, error,
+                "there is no picture %s; correct the name in the list, or copy the picture there",
+                path);
         if (light->on_horizon) {
             tell_horizon(pictures, list, light, path);
             continue;

@@ -47,7 +47,8 @@ static void take_mosaic(struct import_picture *to, const struct picture *from, c
         to->rgb[i] = from->values[i / 3];
 }
 
-/* Makes one pixel of each 2 × 2 cell of a mosaic, with the mean of its two green values. */
+/* Makes one pixel of each 2 × 2 cell of a mosaic. Its green value is the mean of the two green
+ * values of the cell. */
 static void take_cells(struct import_picture *to, const struct picture *from, const char *cfa) {
     to->width = from->width / 2;
     to->height = from->height / 2;
@@ -77,8 +78,8 @@ static struct import_picture *read_raw(const char *path, gboolean mosaic, GError
 }
 
 /* Finds the layer whose channels R, G and B are to be read. Returns the prefix of their names,
- * which ends with a dot, or "" if the channels have no prefix. Returns NULL if there is no such
- * layer or if there are several. ret_layers then lists them. */
+ * which ends with a dot, or "" if the channels have no prefix. Returns NULL if there are several
+ * such layers, whose names ret_layers then lists, or none. */
 static char *find_layer(const struct exr_part *part, GString *ret_layers) {
     g_autofree char *found = NULL;
     int n = 0;
@@ -142,11 +143,14 @@ static struct import_picture *read_exr(const char *path, GError **error) {
     g_autofree char *layer = grey ? NULL : find_layer(part, layers);
     if (!grey && !layer) {
         if (layers->len)
-            data_error_set(path, 0, error,
-                           "there are several layers with R, G and B: %s; save only one of them",
-                           layers->str);
+            data_error_set(
+                path, 0, error,
+                "the picture has several layers with R, G and B: %s; save it with only one of them",
+                layers->str);
         else
-            data_error_set(path, 0, error, "it has neither the channels R, G and B nor Y");
+            data_error_set(path, 0, error,
+                           "the picture has neither the channels R, G and B nor Y; save it with "
+                           "one of these sets of channels");
         return NULL;
     }
     const float *const planes[3] = {grey ? grey : plane_of(part, layer, "R"),
@@ -182,8 +186,8 @@ static struct import_picture *read_other(const char *path, const struct import_r
     return picture;
 }
 
-/* Reads a picture. With codes, camera raw is read as its mosaic. part is used only for files of
- * which a part can be read. */
+/* Reads a picture. Camera raw is read as its mosaic if codes is TRUE. If `part` is not NULL and the
+ * file allows to read a part, only this part is read. */
 static struct import_picture *read_any(const char *path, gboolean codes,
                                        const struct import_region *part, GError **error) {
     g_autoptr(GError) found = NULL;
@@ -195,7 +199,7 @@ static struct import_picture *read_any(const char *path, gboolean codes,
         picture->part = (struct import_region){0, 0, picture->width, picture->height};
     if (!picture)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s",
-                    found ? found->message : "it cannot be read");
+                    found ? found->message : "the picture cannot be read");
     return picture;
 }
 
@@ -230,9 +234,10 @@ gboolean import_picture_check_same(const struct import_picture *first,
                                    const struct import_picture *second, const char *list, int line,
                                    const char *name, GError **error) {
     if (second->width != first->width || second->height != first->height)
-        return data_error_fail(list, line, error,
-                               "%s has %d × %d pixels, but the first picture has %d × %d", name,
-                               second->width, second->height, first->width, first->height);
+        return data_error_fail(
+            list, line, error,
+            "%s has %d × %d pixels, but the first picture has %d × %d; give pictures of one size",
+            name, second->width, second->height, first->width, first->height);
     return (second->left_px == first->left_px && second->top_px == first->top_px) ||
            data_error_fail(
                list, line, error,
@@ -253,5 +258,7 @@ gboolean import_picture_check_holes(const struct import_picture *picture, gsize 
                                "these pixels show the sample",
                                n_bad, of);
     return (double)(n_bad - masked) <= IMPORT_MAX_HOLES * (double)(n_pixels - masked) ||
-           data_error_fail(list, line, error, "%zu of %s are not numbers", n_bad, of);
+           data_error_fail(list, line, error,
+                           "%zu of %s are not numbers; save the picture again, or leave it out",
+                           n_bad, of);
 }

@@ -1,5 +1,5 @@
-/* Reads the table, sorts its rows into shots, checks them against each other and the calibration,
- * and creates the session. */
+/* Reads the table, sorts its rows into shots, compares the rows with each other and with the
+ * calibration, and creates the session. */
 #include "import_poses_private.h"
 
 #include "base/data_error.h"
@@ -48,12 +48,19 @@ static gboolean read_devices(const struct import_set *set, const TextTable *tabl
                       : find_device(rig->lamps, sizeof *rig->lamps,
                                     G_STRUCT_OFFSET(struct rig_lamp, name), rig->n_lamps, lamp);
     if (row->camera < 0)
-        return data_error_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
-                               set->wish->calibration);
-    if ((*lamp != '\0') == row->sweep)
-        return data_error_fail(set->table, row->line, error, "give either a lamp or a laser");
+        return data_error_fail(
+            set->table, row->line, error,
+            "camera “%s” is not in %s; correct the name, or add a section for this camera", camera,
+            set->wish->calibration);
+    if (*lamp != '\0' && row->sweep)
+        return data_error_fail(set->table, row->line, error,
+                               "there are a lamp and a laser; leave one of them empty");
+    if (*lamp == '\0' && !row->sweep)
+        return data_error_fail(set->table, row->line, error,
+                               "lamp and laser are both empty; give one of them");
     if (row->device < 0)
-        return data_error_fail(set->table, row->line, error, "%s “%s” is not in %s",
+        return data_error_fail(set->table, row->line, error,
+                               "%s “%s” is not in %s; correct the name, or add its section",
                                row->sweep ? "laser" : "lamp", row->sweep ? laser : lamp,
                                set->wish->calibration);
     return TRUE;
@@ -78,12 +85,17 @@ static gboolean read_row(const struct import_set *set, const TextTable *table,
         return data_error_fail(set->table, row->line, error,
                                "the column file is empty; give a picture's name");
     if (!g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
-        return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
+        return data_error_fail(set->table, row->line, error,
+                               "there is no picture %s; correct its name in the column file, or "
+                               "copy the picture there",
+                               row->path);
     if (!(row->exposure_ms > 0))
         return data_error_fail(set->table, row->line, error,
                                "exposure_ms is %g; it must be above 0", row->exposure_ms);
     return !row->sweep || isfinite(row->sweep_deg) ||
-           data_error_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
+           data_error_fail(
+               set->table, row->line, error,
+               "sweep_deg is empty, but a picture of a sweep needs the angle of its laser");
 }
 
 static void clear_row(gpointer data) {
@@ -103,7 +115,9 @@ static gboolean read_rows(struct import_set *set, const TextTable *table, GError
                                     .exposure = text_table_column(table, "exposure_ms"),
                                     .sweep = text_table_column(table, "sweep_deg")};
     if (text_table_rows(table) > MAX_ROWS)
-        return data_error_fail(set->table, 0, error, "it has more than %d rows", MAX_ROWS);
+        return data_error_fail(
+            set->table, 0, error,
+            "the table has more than %d rows; import the pictures as several sessions", MAX_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
         struct import_row row = {0};
         const gboolean ok = read_row(set, table, &columns, i, &row, error);
@@ -149,9 +163,9 @@ static struct vec3 import_poses_direction(const struct import_set *set, struct v
     return vec3_unit(rig_turn(at_mm, -radians(turntable_deg)));
 }
 
-/* Returns the index of a view, light or laser position in the list. Takes an entry of the same
- * device at the same angle, or an entry whose direction is at most within_deg away (if within_deg
- * is above 0). If there is none, appends a new entry. */
+/* Returns the index of a view, light or laser position in the list. An entry fits if it has the
+ * same device at the same angle, or if within_deg is above 0 and its direction is at most
+ * within_deg away. If no entry fits, appends a new one. */
 static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
                            double within_deg) {
     const double least = cos(radians(within_deg));
@@ -174,8 +188,8 @@ static int direction_index(GArray *list, int device, double turntable_deg, struc
     return added.index;
 }
 
-/* Returns the index of the light or laser position of a row. They are distinguished by the device
- * and by its angle relative to the sample. */
+/* Returns the index of the light or laser position of a row. Lights and laser positions differ by
+ * the device and by its angle relative to the sample. */
 static int source_of(struct import_set *set, const struct import_row *row) {
     const struct rig *rig = &set->known->rig;
     const double arc_rad = radians(row->arc_deg);
@@ -250,7 +264,7 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
         if (other->kind != SHOT_LAMP || other->source != light_index ||
             steps(other->turntable_deg) != steps(view->turntable_deg))
             continue;
-        if (other->state == SHOT_SKIPPED) { /* the same shot is missing for another camera */
+        if (other->state == SHOT_SKIPPED) { /* the shot was already added for another camera */
             other->cameras |= 1u << view->device;
             return TRUE;
         }
@@ -335,8 +349,8 @@ static gboolean check_lights(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Returns a new look at the pictures (import_look.c), whose fit uses the view that is nearest to
- * the normal. */
+/* Returns a new struct import_look (import_look.c), which fits the view that is nearest to the
+ * normal of the sample. */
 static struct import_look *new_look(const struct import_set *set) {
     const guint n = set->lights->len;
     g_autofree float *theta = g_new(float, MAX(n, 1)), *phi = g_new(float, MAX(n, 1));
@@ -393,8 +407,8 @@ static gboolean make(struct import_set *set, const char *path, const struct work
     return import_place_end(&place, set->session, ok, error);
 }
 
-/* Adds a note for each camera that looks straight down. There is no level direction in its
- * pictures, so their rotation is an assumption. */
+/* Adds a note for each camera that looks straight down. Nothing in its pictures shows their
+ * rotation, which is therefore an assumption. */
 static void tell_downward(const struct import_set *set) {
     const struct rig *rig = &set->known->rig;
     for (int c = 0; set->wish->notes && c < rig->n_cameras; c++) {
@@ -413,8 +427,8 @@ static void tell_downward(const struct import_set *set) {
     }
 }
 
-/* Adds a note if no picture has a dark frame. Only dark frames show offsets of columns and pixels;
- * a black level does not. */
+/* Adds a note if no picture has a dark frame. Only dark frames contain the offsets of columns and
+ * pixels; a black level does not. */
 static void tell_dark_frames(const struct import_set *set) {
     for (guint i = 0; i < set->rows->len; i++)
         if (g_array_index(set->rows, struct import_row, i).coding.dark_path)

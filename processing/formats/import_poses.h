@@ -4,7 +4,7 @@
  * “mesorig process” makes its BTF and MDF.
  *
  * The table (text_table.h) has a row for each picture:
- *   file            in the table's folder or a folder below; JPEG, PNG, TIFF or EXR
+ *   file            path from the table's folder; JPEG, PNG, TIFF, EXR or camera raw
  *   camera          a camera of the calibration
  *   lamp, or laser  of the calibration; with a lamp the picture is for the BTF, with a laser it is
  *                   a picture of a sweep
@@ -19,22 +19,22 @@
  *   transfer        linear or srgb; if empty, the file decides (PNG, ICC profile, EXIF), and
  *                   otherwise files of 8 bits are srgb and others are linear
  *   flat_field      a picture of an even surface with the same coding; the pictures for the BTF
- *                   are divided by it, with 1 around its middle
+ *                   are divided by it, relative to its middle
  *
  * White (1) of a picture becomes 4095 DN, the scale of the calibration's responses. Grey pictures
  * are from a grey camera, or are mosaics if a colour filter is named. Colour pictures keep all
- * three channels (colour filter "rgb" of rectify.h). The pictures of one view for the BTF are all
- * grey or all in colour. The pictures of its sweeps may be either. Saturated pixels become lower
+ * three channels (colour filter "rgb" of rectify.h). The pictures of one view for the BTF must all
+ * be grey or all be in colour. The pictures of a sweep may be either. Saturated pixels become lower
  * bounds.
  *
- * Every view of the BTF needs at least nine lights in ten; “mesorig process” predicts the others.
- * Pictures of a calibration target may lack any light. A light is a lamp at an angle of the arc
- * relative to the sample. If lamps stand still and the sample turns, same_light_deg joins lamps
- * that have the same direction from the sample to one light. The light has the direction of its
- * first lamp in the plan, and the files of the BTF contain the direction of each lamp. In a sweep
- * one picture in ten may be missing, but never two in a row. Pixels whose peak would be next to a
- * missing picture count as not seen. Pixels that are not numbers or are masked (transparent) are
- * holes. Any thread.
+ * Every view of the BTF needs pictures under at least nine lights in ten; “mesorig process”
+ * predicts the pictures under the others. Pictures of a calibration target may lack any light. A
+ * light is a lamp at an angle of the arc relative to the sample. If lamps stand still and the
+ * sample turns, same_light_deg joins lamps that have the same direction from the sample to one
+ * light. The light has the direction of the lamp that comes first in the plan. The files of the BTF
+ * contain the direction of the lamp of each picture. In a sweep one picture in ten may be missing,
+ * but never two in a row. Pixels whose peak would be next to a missing picture count as not seen.
+ * Pixels that are not numbers or are masked (transparent) are holes. Any thread.
  */
 #pragma once
 
@@ -55,10 +55,11 @@ struct import_poses {
     struct session_grid grid;
     enum import_edge edge;
     double threshold_dn; /* minimum height of a peak */
-    /* lamps whose directions from the sample differ by at most this angle are one light; 0 joins no
-     * lamps */
+    /* lamps whose directions from the sample differ by at most this angle are joined to one light;
+     * 0 joins no lamps */
     double same_light_deg;
-    /* tone curve for rows without one; PICTURE_TONES_UNSAID means as each file states */
+    /* tone curve for rows without `transfer`; PICTURE_TONES_UNSAID means the tone curve that each
+     * file states */
     enum picture_tones transfer;
     GPtrArray *notes; /* NULL, or receives sentences for the user, g_free() */
     gboolean target;  /* pictures of a calibration target, whose views need not have all lights */

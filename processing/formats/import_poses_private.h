@@ -1,4 +1,5 @@
-/* Shared by the sources of import_poses.h. */
+/* import_poses.c, import_coding.c and import_frames.c share the rows of the table and what is made
+ * of them. */
 #pragma once
 
 #include "base/text_table.h"
@@ -6,11 +7,11 @@
 #include "import_poses.h"
 #include "import_private.h"
 
-/* The relation between the numbers of a picture and light. */
+/* How the numbers in the file of a picture are converted to light. */
 struct import_coding {
     double black_level;          /* the number of a pixel without light */
     int bits;                    /* white is 2^bits − 1; 0 means all bits of the file */
-    enum picture_tones transfer; /* tone curve; PICTURE_TONES_UNSAID means as the file states */
+    enum picture_tones transfer; /* tone curve; PICTURE_TONES_UNSAID means that of the file */
     char *flat_path;             /* a picture of an even surface by the same camera, or NULL */
     char *dark_path;             /* a picture without light by the same camera, or NULL */
 };
@@ -24,7 +25,7 @@ struct import_row {
     gboolean sweep;
     double turntable_deg, arc_deg, exposure_ms, sweep_deg;
     struct import_coding coding;
-    int view, shot; /* indices of lists in struct import_set */
+    int view, shot; /* indices in the lists of struct import_set */
 };
 
 struct import_set {
@@ -33,8 +34,8 @@ struct import_set {
     GArray *rows; /* of struct import_row, sorted by shot, camera, sweep_deg */
     struct calibration *known;
     GArray *views, *lights, *lasers; /* of struct session_direction */
-    const struct import_row **first; /* the first picture for the BTF of each view */
-    gboolean *in_colour;             /* whether that picture is in colour */
+    const struct import_row **first; /* for each view, the first row with a picture for the BTF */
+    gboolean *in_colour;             /* for each view, whether that picture is in colour */
     GArray *shots;                   /* of struct session_shot */
     GHashTable *flats; /* used by import_coding.c: key → struct import_picture of factors */
     GHashTable *darks; /* used by import_coding.c: path → dark frame */
@@ -50,8 +51,8 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
 
 void import_coding_free_dark(gpointer dark); /* frees a value of struct import_set.darks */
 
-/* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. The picture
- * has the size that its camera has. */
+/* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. Fails if the
+ * picture does not have the size of its camera. */
 struct import_picture *import_coding_picture(const struct import_set *set,
                                              const struct import_row *row, GError **error);
 
@@ -64,8 +65,9 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
  * then found before anything is written. */
 gboolean import_frames_prepare(struct import_set *set, GError **error);
 
-/* Determines range and steps of each sweep for the plan. */
+/* Sets the range and the steps of each sweep in set->shots, from which the plan is made. */
 gboolean import_frames_plan(struct import_set *set, GError **error);
 
-/* Writes the files and rows of all shots. The progress stage is "import". */
+/* Writes the frames of all shots, and records them in the session. The progress stage is
+ * "import". */
 gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error);

@@ -1,10 +1,11 @@
-/* Shared by the sources of import.h. */
+/* The files import*.c share the reading of pictures and of lists of lights, the checks of pictures,
+ * and the creation of a session. */
 #pragma once
 
 #include "import.h"
 #include "pictures/picture_says.h"
 
-/* White of an imported picture; the scale of the responses in nominal.h. */
+/* White of an imported picture in DN. The responses in nominal.h refer to this scale. */
 #define IMPORT_WHITE_DN 4095
 
 /* maximum share of pixels without a number among the pixels that are not masked */
@@ -29,13 +30,13 @@ typedef struct import_picture {
 
 /* Reads a colour picture as linear light. An EXR has R, G and B in its first part, or in its only
  * layer with these channels, or a grey "Y" for all three. Camera raw has one pixel for each 2 × 2
- * of the mosaic, with the mean of the two green pixels. Other files are read by OpenCV, with the
- * tone curve wanted or the tone curve of the file (picture_tone_choose()). Pixels outside an EXR's
- * data window are NaN. Returns NULL with DATA_ERROR_INVALID. */
+ * of the mosaic, with the mean of the two green pixels. Numbers are converted with the tone curve
+ * `wanted`, or else with the tone curve of the file (picture_tone_choose()). Pixels outside an
+ * EXR's data window are NaN. Returns NULL with DATA_ERROR_INVALID. */
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error);
-/* Reads a part of a picture as import_picture_read() does; NULL means the whole picture. Only the
- * part is decoded if the file is a PNG that is not interlaced, which may then be too large to be
+/* Reads a part of a picture as import_picture_read() does; NULL means the whole picture. If
+ * picture_part_can() allows it, only the part is decoded, and the picture may be too large to be
  * read as a whole. Of other files the whole picture is read. The member part of the result says
  * what was read. The part must lie within the picture. */
 struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
@@ -44,14 +45,14 @@ struct import_picture *import_picture_read_part(const char *path, const struct i
  * mosaic of floating-point numbers, with 0 at its black level and 1 at its white level. */
 struct import_picture *import_picture_read_codes(const char *path, GError **error);
 /* Returns FALSE if two pictures, which must show the same part of the scene, differ in size or in
- * the position of their display windows. name and line describe the second picture in the message;
- * line 0 means none. */
+ * the position of their display windows. In the message, list and line say where the second picture
+ * is named, and name is its name. line 0 means no line. */
 gboolean import_picture_check_same(const struct import_picture *first,
                                    const struct import_picture *second, const char *list, int line,
                                    const char *name, GError **error);
 /* Returns FALSE if more than half of the pixels that are not masked are not numbers, or if nearly
- * all pixels are masked. n_bad of the n_pixels pixels are NaN. If name is NULL, list is the path of
- * the picture. */
+ * all pixels are masked. n_bad of the n_pixels pixels are NaN. The message begins with list and
+ * line. If name is NULL, list is the path of the picture. */
 gboolean import_picture_check_holes(const struct import_picture *picture, gsize n_bad,
                                     gsize n_pixels, const char *list, int line, const char *name,
                                     GError **error);
@@ -59,15 +60,16 @@ void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)
 gboolean import_is_picture(const char *name);
 
-/* Finds facts about the pictures of a set while they are imported (import_look.c). view is the view
- * whose values are fitted. */
+/* Makes the state in which import_look.c examines the pictures of a set while they are imported.
+ * view is the index of the view whose values are fitted. */
 struct import_look *import_look_new(enum picture_tones transfer, int n_views, int n_lights,
                                     const float *theta_deg, const float *phi_deg, int view);
 void import_look_free(struct import_look *look); /* NULL is ignored */
 /* Counts the tone curve that was used for a picture. */
 void import_look_count(struct import_look *look, const struct import_picture *picture);
-/* Adds a picture of n texels, linear with white at 1. step is the distance of two texels in floats.
- * NaN means unknown. gain is the light's irradiance, in any unit. */
+/* Adds a picture of n texels, linear with white at 1. rgb are its three planes, in which
+ * consecutive texels are `step` floats apart. NaN means unknown. gain is the light's irradiance, in
+ * any unit. */
 void import_look_add(struct import_look *look, int view, int light, const float *const rgb[3],
                      gsize step, gsize n, double gain);
 /* Adds sentences to notes, if notes is not NULL. Sentences about mistakes are also stored in the
@@ -79,18 +81,19 @@ gboolean import_look_tell(const struct import_look *look, Session *session, GPtr
 struct import_light {
     char *name; /* name of the picture as in the list; NULL if no line has a name */
     double theta_deg, phi_deg;
-    gboolean on_horizon; /* the light is too low to light the sample; the picture is left out */
+    /* whether the light is too low to light the sample, so that the picture is left out */
+    gboolean on_horizon;
     int line;
 };
 /* Reads a list as import_rti() does. Returns an array of struct import_light, with at least one. */
 GArray *import_lights_read(const char *path, GError **error);
 
-/* A new session, which has a hidden name until it is filled. */
+/* A new session, which is in a hidden folder until it is filled. */
 struct import_place {
     char *path, *folder, *session;
     char *name; /* name of the session */
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
-/* Closes the session. Renames it to its final name if good, otherwise removes it. */
+/* Closes the session. If good is TRUE, moves it to its final path, otherwise removes it. */
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error);

@@ -11,7 +11,8 @@
  *   ptm   b = 1, lx, ly, lx², lx ly, ly²
  *   hsh   b of hsh.h. Lights lower than 0.15 rad above the horizon are raised to this elevation.
  *
- * f is sRGB, and is converted to linear. The material is f under the lights that info.json lists.
+ * f is encoded as sRGB, and is converted to linear values. The material is f under the lights that
+ * info.json lists.
  */
 #include "import_private.h"
 
@@ -149,14 +150,17 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
     if (relight->n_planes * 3 != planes ||
         (relight->hsh ? relight->n_terms != 4 && relight->n_terms != 9 && relight->n_terms != 16
                       : relight->n_terms != PTM_TERMS))
-        return data_error_fail(relight->path, 0, error,
-                               "nplanes is %g, which does not fit %s in %s", planes, type, space);
+        return data_error_fail(
+            relight->path, 0, error,
+            "nplanes is %g, which is not possible for %s in %s; build the set again in Relight",
+            planes, type, space);
     JsonArray *list =
         materials && JSON_NODE_HOLDS_ARRAY(materials) ? json_node_get_array(materials) : NULL;
     JsonNode *first = list && json_array_get_length(list) ? json_array_get_element(list, 0) : NULL;
     if (!first || !JSON_NODE_HOLDS_OBJECT(first))
         return data_error_fail(relight->path, 0, error,
-                               "“materials” is expected, a list of one object with scale and bias");
+                               "“materials” is missing, or is not a list that begins with an "
+                               "object; it must have scale and bias");
     n = (guint)relight->n_planes * 3;
     JsonObject *material = json_node_get_object(first);
     if (!(relight->scale = relight_numbers(relight, material, "scale", n, NULL, error)) ||
@@ -179,9 +183,9 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
     if (!g_file_test(path, G_FILE_TEST_EXISTS))
         return data_error_fail(
             relight->path, 0, error,
-            "there is no %s next to it. Planes that are cut into tiles (.dzi, .tzi, planes.tzi) "
-            "cannot be read; build the set again in Relight as plain pictures without tiles, or "
-            "import the photographs from which it was made (mesorig import rti)",
+            "there is no %s in the same folder. Planes that are cut into tiles (.dzi, .tzi, "
+            "planes.tzi) cannot be read; build the set again in Relight as plain pictures without "
+            "tiles, or import the photographs from which it was made (mesorig import rti)",
             name);
     g_autoptr(ImportPicture) picture = import_picture_read_codes(path, error);
     if (!picture)
@@ -191,8 +195,11 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
                                "it has %d × %d pixels, but info.json states %d × %d",
                                picture->width, picture->height, relight->width, relight->height);
     if (picture->bits != 8)
-        return data_error_fail(path, 0, error,
-                               "its numbers do not have 8 bits, which planes must have");
+        return data_error_fail(
+            path, 0, error,
+            "its numbers have %d bits (0: floating-point), but those of planes must "
+            "have 8; build the set again in Relight",
+            picture->bits);
     relight->planes[plane] = g_new(guint8, n);
     for (gsize i = 0; i < n; i++)
         relight->planes[plane][i] = isfinite(picture->rgb[i]) ? (guint8)picture->rgb[i] : 0;
@@ -312,13 +319,17 @@ gboolean import_relight(const char *path, const char *file, const struct import_
         return FALSE;
     }
     if (!json_parser_load_from_data(parser, text, -1, &found)) {
-        data_error_set(info, 0, error, "it is not JSON: %s", found->message);
+        data_error_set(info, 0, error,
+                       "the file is not JSON (%s); copy it or build it again in Relight",
+                       found->message);
         g_error_free(found);
         return FALSE;
     }
     JsonNode *root = json_parser_get_root(parser);
     if (!root || !JSON_NODE_HOLDS_OBJECT(root))
-        return data_error_fail(info, 0, error, "it is not a JSON object");
+        return data_error_fail(
+            info, 0, error,
+            "the file is not a JSON object; give the info.json of a set that Relight has built");
     relight.info = json_node_get_object(root);
     const gboolean ok = relight_import(&relight, path, wish, work, ret, error);
     relight_clear(&relight);

@@ -12,8 +12,8 @@
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
-/* maximum angle between a camera's axis and straight down at which the camera counts as looking
- * down */
+/* largest angle between the axis of a camera and straight down for which the camera counts as
+ * looking straight down */
 #define STEEP_DEG 1.0
 
 struct nominal_place {
@@ -27,7 +27,7 @@ struct nominal_key {
     gsize offset;
     int n; /* number of numbers in the value */
     double min, max;
-    const char *otherwise; /* default value; NULL means that the key is required */
+    const char *otherwise; /* text of the default value; NULL means that the key is required */
     const char *help;
 };
 
@@ -124,10 +124,12 @@ static gboolean nominal_camera(const struct config_section *section, const struc
     const struct vec3 eye = nominal_vec3(p->eye_mm), target = nominal_vec3(p->target_mm);
     if (p->width != floor(p->width) || p->height != floor(p->height))
         return config_set_error(error, CONFIG_ERROR_VALUE, section, "width",
-                                "%g × %g pixels must be whole numbers", p->width, p->height);
+                                "a picture cannot have %g × %g pixels; give whole numbers",
+                                p->width, p->height);
     if (!(vec3_length(vec3_sub(eye, target)) > 1))
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, "eye_mm",
-                                "it is less than 1 mm from target_mm");
+        return config_set_error(
+            error, CONFIG_ERROR_VALUE, section, "eye_mm",
+            "the point is less than 1 mm from target_mm; give two points that are farther apart");
     *camera = (struct rig_camera){.width = (int)p->width,
                                   .height = (int)p->height,
                                   .fx_px = p->focal_px,
@@ -143,7 +145,7 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                   .response = p->response};
     g_strlcpy(camera->name, section->name, RIG_NAME);
     rig_camera_look_at(camera, eye, target);
-    /* Without a horizon, the picture is oriented like a map: x to the right, y to the top. */
+    /* A picture without a horizon is oriented like a map: x points to the right, y to the top. */
     if (nominal_looks_down(camera)) {
         const struct vec3 forward = vec3_unit(vec3_sub(target, eye));
         const struct vec3 right = vec3_unit(
@@ -169,8 +171,9 @@ static gboolean nominal_lamp(const struct config_section *section, const struct 
     struct rig_lamp *lamp = &rig->lamps[rig->n_lamps++];
     const struct vec3 way = vec3_sub(nominal_vec3(p->aim_mm), nominal_vec3(p->position_mm));
     if (!(vec3_length(way) > 1))
-        return config_set_error(error, CONFIG_ERROR_VALUE, section, "position_mm",
-                                "it is less than 1 mm from aim_mm");
+        return config_set_error(
+            error, CONFIG_ERROR_VALUE, section, "position_mm",
+            "the point is less than 1 mm from aim_mm; give two points that are farther apart");
     *lamp = (struct rig_lamp){.position_mm = nominal_vec3(p->position_mm),
                               .aim = vec3_unit(way),
                               .exponent = p->exponent,
@@ -179,17 +182,26 @@ static gboolean nominal_lamp(const struct config_section *section, const struct 
     return TRUE;
 }
 
-/* Adds a laser. Its sheet contains the axis through position_mm and, at sweep_deg = 0, the origin.
- * Its normal is position × axis. */
+/* Adds a laser. Its sheet contains the axis, which goes through position_mm. At sweep_deg = 0 the
+ * sheet also contains the origin, and its normal is position_mm × axis. */
 static gboolean nominal_laser(const struct config_section *section, const struct nominal_place *p,
                               struct rig *rig, GError **error) {
     struct rig_laser *laser = &rig->lasers[rig->n_lasers++];
     const struct vec3 position = nominal_vec3(p->position_mm), axis = nominal_vec3(p->axis);
     const struct vec3 normal = vec3_cross(position, axis);
-    if (!(vec3_length(normal) > 1e-6 * vec3_length(position) * vec3_length(axis)))
+    if (!(vec3_length(axis) > 0))
         return config_set_error(
             error, CONFIG_ERROR_VALUE, section, "axis",
-            "it is 0, or it points from position_mm to the middle of the turntable");
+            "0; 0; 0 has no direction; give a vector along the axis of rotation");
+    if (!(vec3_length(position) > 0))
+        return config_set_error(
+            error, CONFIG_ERROR_VALUE, section, "position_mm",
+            "0; 0; 0 is the middle of the turntable; give the position of the laser");
+    if (!(vec3_length(normal) > 1e-6 * vec3_length(position) * vec3_length(axis)))
+        return config_set_error(error, CONFIG_ERROR_VALUE, section, "axis",
+                                "%g; %g; %g points along the line from position_mm to the middle "
+                                "of the turntable; give the axis about which the sheet turns",
+                                axis.x, axis.y, axis.z);
     *laser = (struct rig_laser){
         .position_mm = position, .axis = vec3_unit(axis), .normal = vec3_unit(normal)};
     g_strlcpy(laser->name, section->name, RIG_NAME);
@@ -208,7 +220,8 @@ static gboolean nominal_section(const struct config_section *section,
                                 RIG_NAME - 1, kind->class_name);
     if (counts[kind - kinds] >= kind->most)
         return config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
-                                "there are more than %d sections of this kind", kind->most);
+                                "there are more than %d sections [%s NAME]; leave out the others",
+                                kind->most, kind->class_name);
     for (const char *const *name = config_keys(section); *name; name++) {
         const struct nominal_key *key = kind->keys;
         while (key->name && strcmp(key->name, *name) != 0)
@@ -274,8 +287,8 @@ static struct calibration *from_config(const Config *config, GError **error) {
 struct calibration *nominal_read(const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autofree char *text = input_file_read_text(path, 1 << 20, NULL);
-    /* A calibration file has the key “format”. A file that is not a key file gets the error of
-     * calibration_read(). */
+    /* A calibration file has the key “format”. For a file that is neither kind, calibration_read()
+     * gives the error. */
     if (!text || !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL) ||
         g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
         return calibration_read(path, error);
@@ -283,7 +296,7 @@ struct calibration *nominal_read(const char *path, GError **error) {
     return config ? from_config(config, error) : NULL;
 }
 
-/* Appends a section with all keys of a device: with their defaults, or with UNFILLED if a key is
+/* Appends a section with all keys of a device. A key has its default value, or UNFILLED if it is
  * required. picture is a picture of the camera, or NULL for lamps and lasers. */
 static void append(GString *text, const struct nominal_kind *kind, const char *name,
                    const struct import_picture *picture) {

@@ -1,8 +1,8 @@
 /*
- * A file of nominal values describes a rig as its builder measures it with a rule. It is for
- * pictures of a rig without calibration. Each device has a section [camera NAME], [lamp NAME] or
- * [laser NAME], with points x; y; z in the rig frame (rig.h). nominal_template() writes all keys
- * and their meanings. Any thread.
+ * A file of nominal values describes a rig by lengths that its builder has measured with a rule. It
+ * takes the place of a calibration for pictures of a rig that has none. Each device has a section
+ * [camera NAME], [lamp NAME] or [laser NAME], with points x; y; z in the rig frame (rig.h).
+ * nominal_template() writes all keys and their meanings. Any thread.
  */
 #pragma once
 
@@ -14,12 +14,12 @@
  * file, line and key, or with the error of calibration_read(). */
 struct calibration *nominal_read(const char *path, GError **error);
 
-/* Returns whether a camera looks straight down, within a degree. The pictures of such a camera
- * count as level if x points to their right and y to their top, because they have no horizon. The
- * pictures of other cameras are level if the horizon is level. */
+/* Returns whether a camera looks straight down, within a degree. The pictures of such a camera show
+ * no horizon. They count as level if x points to their right and y to their top. The pictures of
+ * other cameras count as level if the horizon in them is level. */
 gboolean nominal_looks_down(const struct rig_camera *camera);
 
-/* Returns a file to fill in for the cameras, lamps and lasers in a table of pictures
- * (import_poses.h); g_free(). Each camera has the size of its first picture. Returns NULL with
- * DATA_ERROR. */
+/* Returns the text of a file of nominal values to fill in, for the cameras, lamps and lasers in a
+ * table of pictures (import_poses.h); g_free(). Each camera has the size of its first picture.
+ * Returns NULL with DATA_ERROR. */
 char *nominal_template(const char *table, GError **error);

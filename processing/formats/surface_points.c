@@ -32,9 +32,9 @@ struct view {
     int index;
 };
 
-/* Computes the tangent at texel i: from the neighbour before to the neighbour after, or between the
- * texel and its only neighbour. −1 means that there is no neighbour. Returns FALSE if neither
- * neighbour is on the surface of the texel. */
+/* Computes the tangent at texel i, from the neighbour `before` to the neighbour `after` (−1 if the
+ * map ends there). The texel takes the place of a neighbour that is not on the same surface.
+ * Returns FALSE if neither neighbour is on the same surface. */
 static gboolean along(const struct view *view, int i, int before, int after, struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
     int from = before >= 0 && view->distance[before] >= 0 ? before : i;
@@ -93,7 +93,8 @@ static gboolean add_view(struct surface *surface, const struct exr_part *part, i
         !isfinite(eye[0] + eye[1] + eye[2]))
         return data_error_fail(
             path, 0, error,
-            "part %s is not a view of an MDF of %d × %d texels; process the session again",
+            "part %s lacks the channels D and S or the attribute view.centre_mm, or does not have "
+            "the %d × %d texels of the session; process the session again",
             part->name, surface->grid.width, surface->grid.height);
     g_autofree struct vec3 *at_mm = g_new0(struct vec3, part->width * part->height);
     struct view view = {.surface = surface,

@@ -8,8 +8,9 @@
 
 struct surface_point {
     struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
-    float weight;
-    int view; /* 0 … n_views − 1 */
+    float
+        weight; /* cosine between normal and camera, divided by the square of the error in texels */
+    int view;   /* 0 … n_views − 1 */
 };
 
 struct surface {

@@ -20,10 +20,10 @@
  *   FMF    Signature "!FMF06FCR", or "!FMF12FCER", which has a version and further fields. One
  *          matrix, factored into U and S·V. Its rows are (view, light, channel) and its columns
  *          texels, or its rows are (texel, channel) and its columns (view, light).
- *   DFMF   Signature "!DFMF08FCR". One matrix per channel. A colour model has been applied before,
- *          which makes the channels independent.
+ *   DFMF   Signature "!DFMF08FCR". One matrix per channel. Before the factorisation, a colour model
+ * has made the channels independent.
  *
- * Rows of all matrices, and texels, are stored row by row, with the first row of texels at +y.
+ * Matrices are stored row by row. Texels are stored row by row too, and the first row is at +y.
  * Hostile files are refused: all sizes are compared with the file's length before memory is
  * allocated. One BonnFile may be read from several threads at the same time. */
 #pragma once
@@ -51,7 +51,7 @@ struct bonn_header {
     double texels_a_mm;
     double rgb_scale[BONN_CHANNELS]; /* scale of R, G, B in the file, which is not applied */
     gboolean cosine;                 /* whether values contain n·l */
-    /* number of rotations of local frames, which are not applied */
+    /* number of rotations in the file; they are for local frames, and are not applied */
     int n_rotations;
     int width, height;                      /* texels */
     int n_views, n_lights;                  /* the same lights for every view */
@@ -74,10 +74,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 
 const struct bonn_header *bonn_header(const BonnFile *file);
 
-/* Reads one view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone.
- * Texels that the mask leaves out, and texels with a value that is not finite, are 0. ret_holes
- * (n_lights) receives the number of such texels for each light. Returns FALSE if the file has been
- * truncated since it was opened. */
+/* Reads one view: n_lights × height × width × 3 (R, G, B), as stored, except that logarithms and
+ * colour models are undone. Texels that the mask leaves out, and texels with a value that is not
+ * finite, are 0. ret_holes (n_lights) receives the number of such texels for each light. Returns
+ * FALSE with an error if the file cannot be read, or has become shorter since it was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
@@ -86,7 +86,8 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
 typedef struct BonnWriter BonnWriter;
 
 /* header->kind is BONN_BDI or BONN_BDI_SPARSE. The necessary parts of the header are copied. mask
- * has one byte per texel, 0 if there is no texel. NULL means that all texels exist. */
+ * has one byte for each texel: 0 if the texel has no values. mask = NULL means that all texels have
+ * values. */
 BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
                             GError **error);
 /* deletes the data of a file that is not finished; NULL is ignored */

@@ -1,6 +1,6 @@
-/* Factored BTFs (FMF, DFMF): M ≈ U (S V)ᵀ with U: rows × components and S V: columns × components,
- * and the inverse of the colour transformations and logarithms that were applied before
- * factoring. */
+/* Parses and multiplies the factors of FMF and DFMF: M ≈ U (S V)ᵀ with U (rows × components) and S
+ * V (columns × components). Inverts the colour transformations and logarithms that were applied
+ * before factoring. */
 #include "bonn_private.h"
 
 #include <cblas.h>
@@ -51,7 +51,9 @@ static gboolean take_factor(struct bonn_bytes *bytes, const char *what, gsize ro
         return FALSE;
     *ret = g_try_new(float, n);
     if (!*ret)
-        return bonn_fail(bytes, BONN_ERROR_IO, error, "there is no memory for its %s of %zu × %zu",
+        return bonn_fail(bytes, BONN_ERROR_IO, error,
+                         "there is no memory for the %s of %zu × %zu numbers; read the file on a "
+                         "computer with more memory",
                          what, rows, columns);
     for (gsize i = 0; i < n; i += BLOCK) {
         const gsize some = MIN(BLOCK, n - i);
@@ -72,26 +74,28 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     if (!bonn_take(bytes, 1, "matrix", &scalar, error))
         return FALSE;
     if (scalar != 2 && scalar != 4 && scalar != 8)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "its numbers have %d bytes each; only 2, 4 and 8 bytes can be read",
-                         scalar);
+        return bonn_fail(
+            bytes, BONN_ERROR_FORMAT, error,
+            "the numbers of a matrix have %d bytes each; only 2, 4 and 8 bytes can be read",
+            scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;
     if (sizes[0] < 1 || sizes[0] > MAX_COMPONENTS)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "%u is not a valid number of components of a matrix", sizes[0]);
+        return bonn_fail(
+            bytes, BONN_ERROR_FORMAT, error,
+            "a matrix has %u components, but must have 1 to 65536; copy the file again", sizes[0]);
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    /* The file does not say what rows and columns are. The numbers of rows and columns tell it. */
+    /* The file does not say what rows and columns stand for. It follows from their numbers. */
     ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
     if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
-        return bonn_fail(
-            bytes, BONN_ERROR_FORMAT, error,
-            "a matrix of %zu × %zu does not fit %d × %d texels, %d views and %d lights",
-            ret->n_rows, ret->n_columns, header->width, header->height, header->n_views,
-            header->n_lights);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "a matrix of %zu × %zu does not fit %d × %d texels, %d views and %d "
+                         "lights; copy the file again",
+                         ret->n_rows, ret->n_columns, header->width, header->height,
+                         header->n_views, header->n_lights);
     return bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
            take_factor(bytes, "matrix U", ret->n_rows, ret->n_components, scalar, &ret->u, error) &&
            take_factor(bytes, "matrix SV", ret->n_columns, ret->n_components, scalar, &ret->sv,
@@ -140,7 +144,7 @@ gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_co
         if (colours->model == known[i])
             return TRUE;
     return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                     "its colour model is %u; only 0, 1, 3, 4 and 9 to 12 can be read",
+                     "the colour model is %u; only 0, 1, 3, 4 and 9 to 12 can be read",
                      colours->model);
 }
 

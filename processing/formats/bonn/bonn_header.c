@@ -54,7 +54,8 @@ static gboolean check_left(const struct bonn_bytes *bytes, gsize n, const char *
                            GError **error) {
     return n <= bytes->size - bytes->at ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "it is cut off: its %s needs %zu bytes from byte %zu on, the file has %zu",
+                     "the file is cut off: the %s needs %zu bytes from byte %zu on, but the file "
+                     "has %zu; copy it again",
                      what, n, bytes->at, bytes->size);
 }
 
@@ -95,8 +96,8 @@ static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *r
         bits = GUINT32_FROM_LE(bits);
         memcpy(&ret[i], &bits, sizeof bits);
         if (!isfinite(ret[i]))
-            return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a number of its %s is not finite",
-                             what);
+            return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                             "a number in the %s is not finite; copy the file again", what);
     }
     return TRUE;
 }
@@ -113,7 +114,9 @@ static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret
     g_autofree char *text = g_try_malloc((gsize)length + 1);
     if (!text)
         return bonn_fail(bytes, BONN_ERROR_IO, error,
-                         "there is no memory for the %u bytes of its %s", length, what);
+                         "there is no memory for the %u bytes of the %s; copy the file again if "
+                         "this number is too large",
+                         length, what);
     if (!bonn_take(bytes, length, what, text, error))
         return FALSE;
     *ret = bonn_header_text_of(text, length);
@@ -131,7 +134,7 @@ static gboolean take_channels(struct bonn_bytes *bytes, int ret_order[BONN_CHANN
         return FALSE;
     if (n != BONN_CHANNELS)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it has %u channels; only BTFs of R, G and B are read", n);
+                         "the BTF has %u channels; only BTFs of R, G and B can be read", n);
     for (int i = 0; i < BONN_CHANNELS; i++) {
         g_autofree char *name = NULL;
         if (!take_text(bytes, "channel's name", &name, error))
@@ -168,7 +171,7 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
     ret->cosine = cosine != 0;
     return bytes->at - begin == size ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "its header says that the metadata has %u bytes, but it has %zu", size,
+                     "the metadata should have %u bytes, but has %zu; copy the file again", size,
                      bytes->at - begin);
 }
 
@@ -177,12 +180,14 @@ static gboolean take_count(struct bonn_bytes *bytes, const char *what, guint32 m
     if (!bonn_take_u32(bytes, what, ret, error))
         return FALSE;
     if (*ret < 1 || *ret > most)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u is not a valid %s", *ret, what);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "the %s is %u, but must be from 1 to %u; copy the file again", what, *ret,
+                         most);
     return *ret <= (bytes->size - bytes->at) / MAX(each, 1) || each == 0 ||
-           bonn_fail(
-               bytes, BONN_ERROR_FORMAT, error,
-               "it is cut off: with %u as the %s it would need more than the %zu bytes that it has",
-               *ret, what, bytes->size);
+           bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                     "the file is cut off: the %s is %u, for which its %zu bytes are too few; copy "
+                     "it again",
+                     what, *ret, bytes->size);
 }
 
 static float bonn_header_degrees(float rad) {
@@ -264,8 +269,8 @@ static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gb
         return TRUE;
     }
     return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "it is not a known kind of Bonn's BTF files, which begin with !BDIF06R2!, "
-                     "!BDI06R2!, !DFMF08FCR, !FMF12FCER or !FMF06FCR");
+                     "the file is not a known kind of Bonn's BTF files, which begin with "
+                     "!BDIF06R2!, !BDI06R2!, !DFMF08FCR, !FMF12FCER or !FMF06FCR");
 }
 
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,

@@ -1,4 +1,4 @@
-/* Shared by the sources of bonn.h. */
+/* The files bonn_*.c share the parsing and writing of headers, and the factors of FMF and DFMF. */
 #pragma once
 
 #include "bonn.h"
@@ -15,7 +15,8 @@ struct bonn_bytes {
     const char *path;
 };
 
-/* Takes n bytes. what names the bytes in the error. Returns FALSE if not enough bytes are left. */
+/* Reads n bytes and moves the cursor. `what` names the bytes in the error. Returns FALSE with an
+ * error if fewer bytes are left, or if they cannot be read. bonn_skip() only moves the cursor. */
 gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
                    GError **error);
 gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
@@ -26,7 +27,7 @@ void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **
 #define bonn_fail(...) (bonn_report(__VA_ARGS__), FALSE)
 
 /* Parses the file from the signature to width and height. ret_order gives the positions of R, G, B
- * among the channels. ret_extra is whether the file is an FMF with a version. */
+ * among the channels. *ret_extra says whether the file is an FMF with a version. */
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
                            int ret_order[BONN_CHANNELS], gboolean *ret_extra, GError **error);
 
@@ -63,7 +64,8 @@ void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to);
 
-/* The transformation of a pixel's channels, which bonn_colours_undo() inverts. */
+/* The transformation of a pixel's channels in a file, which bonn_colours_undo() inverts.
+ * bonn_colours_check() fails if the model is not known. */
 struct bonn_colours {
     guint32 model;
     float mean[3], matrix[9];

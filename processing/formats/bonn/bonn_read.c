@@ -47,8 +47,8 @@ static gsize abrdf_bytes(const struct bonn_header *header) {
     return (gsize)header->n_views * (gsize)header->n_lights * BONN_CHANNELS * sizeof(guint16);
 }
 
-/* Checks that every chunk exists and has the right length, so that all positions can be
- * computed. */
+/* Checks that every chunk exists and has the right length. Later reads compute positions in the
+ * file from these lengths. */
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     const gsize each = abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
@@ -58,9 +58,10 @@ static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **
         if (!bonn_take_u32(bytes, "chunk", &size, error))
             return FALSE;
         if (size != n * each)
-            return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                             "a chunk of %u bytes at byte %zu should have %zu bytes", size,
-                             bytes->at - sizeof size, n * each);
+            return bonn_fail(
+                bytes, BONN_ERROR_FORMAT, error,
+                "the chunk of %u bytes at byte %zu should have %zu bytes; copy the file again",
+                size, bytes->at - sizeof size, n * each);
         if (!bonn_skip(bytes, size, "chunk", error))
             return FALSE;
         left -= n;
@@ -78,11 +79,13 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
         !bonn_take(bytes, 1, "compression", &compression, error))
         return FALSE;
     if (compression == 1)
-        return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is compressed by bzip2, which is not supported");
+        return bonn_fail(
+            bytes, BONN_ERROR_UNSUPPORTED, error,
+            "the file is compressed by bzip2, which is not supported; give a full or sparse file");
     if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "compression %d with %u lines per chunk is not valid", compression, lines);
+                         "compression %d with %u lines per chunk is not valid; copy the file again",
+                         compression, lines);
     header->kind = compression ? BONN_BDI_SPARSE : BONN_BDI;
     file->per_chunk = MIN(lines, (guint32)header->height) * (guint32)header->width;
     if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
@@ -104,15 +107,17 @@ static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GErr
         return FALSE;
     if (version > 2)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is FMF version %d; only versions up to 2 can be read", version);
+                         "the file is FMF version %d; only versions up to 2 can be read", version);
     if (version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
         return FALSE;
     if (version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||
                          !bonn_take_u32(bytes, "height map", &height, error)))
         return FALSE;
     if (width > G_MAXUINT16 || height > G_MAXUINT16)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "%u × %u is not a valid size of a height map", width, height);
+        return bonn_fail(
+            bytes, BONN_ERROR_FORMAT, error,
+            "the height map has %u × %u texels, which is too large; copy the file again", width,
+            height);
     file->colours.logarithm = method != 0;
     return bonn_skip(bytes, 2 * (gsize)width * height, "height map", error);
 }
@@ -149,7 +154,8 @@ static gboolean parse(BonnFile *file, gsize size, GError **error) {
     if (view > input_file_memory(size))
         return bonn_fail(&bytes, BONN_ERROR_FORMAT, error,
                          "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
-                         " MiB of memory; the limit for a file of %zu bytes is %" G_GUINT64_FORMAT,
+                         " MiB of memory, which is too much for a file of %zu bytes; copy the file "
+                         "again if these numbers are wrong. The limit in MiB is %" G_GUINT64_FORMAT,
                          header->width, header->height, header->n_lights, view >> 20, size,
                          input_file_memory(size) >> 20);
     switch (header->kind) {

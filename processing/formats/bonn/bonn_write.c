@@ -1,5 +1,5 @@
-/* Writes a BDI view by view. Each view fills its slice of every texel's ABRDF, so that no
- * transposed copy of the BTF is needed. */
+/* Writes a BDI view by view. Each view is written to its place in the ABRDF of every texel, so that
+ * no transposed copy of the BTF is needed. */
 #include "bonn_private.h"
 
 #include <errno.h>
@@ -27,8 +27,8 @@ struct BonnWriter {
 static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     g_set_error(error, BONN_ERROR,
-                saved == ENOSPC || saved == EDQUOT ? BONN_ERROR_FULL : BONN_ERROR_IO, "%s: %s",
-                path, g_strerror(saved));
+                saved == ENOSPC || saved == EDQUOT ? BONN_ERROR_FULL : BONN_ERROR_IO,
+                "%s: the file cannot be written: %s", path, g_strerror(saved));
     return FALSE;
 }
 

@@ -11,7 +11,7 @@
 #define THETA_H 90
 #define THETA_D 90
 #define PHI_D   180
-#define BELOW   (-1.0)
+#define BELOW   (-1.0) /* number of a bin with a direction below the surface */
 
 static const double scales[3] = {1 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0};
 
@@ -38,8 +38,9 @@ static gboolean read_colours(struct merl *merl, int fd, const char *path, GError
             merl->values[c * n + i] = (float)(row[i] * scales[c]);
         }
     }
-    return bad == 0 ||
-           data_error_fail(path, 0, error, "%zu of its %zu numbers are not finite", bad, 3 * n);
+    return bad == 0 || data_error_fail(path, 0, error,
+                                       "%zu of the %zu numbers are not finite; copy the file again",
+                                       bad, 3 * n);
 }
 
 struct merl *merl_read(const char *path, GError **error) {
@@ -56,16 +57,21 @@ struct merl *merl_read(const char *path, GError **error) {
     gboolean ok =
         length >= sizeof sizes && input_file_read_at(fd, path, sizes, sizeof sizes, 0, NULL) &&
         sizes[0] == THETA_H && sizes[1] == THETA_D && (sizes[2] == PHI_D || sizes[2] == 2 * PHI_D);
-    if (!ok)
+    if (length < sizeof sizes)
         data_error_set(path, 0, error,
-                       "it begins with the numbers %d, %d, %d; a file in MERL's format begins with "
-                       "90, 90, 180",
+                       "the file has only %" G_GUINT64_FORMAT
+                       " bytes, which is too short for MERL's format; copy it again",
+                       length);
+    else if (!ok)
+        data_error_set(path, 0, error,
+                       "the file begins with the numbers %d, %d, %d, but a file in MERL's format "
+                       "begins with 90, 90, 180 (or 360)",
                        sizes[0], sizes[1], sizes[2]);
     const guint64 expected = 12 + (guint64)3 * 8 * THETA_H * THETA_D * (guint64)MAX(sizes[2], 0);
     if (ok && length != expected)
         ok = data_error_fail(path, 0, error,
-                             "it has %" G_GUINT64_FORMAT " bytes instead of %" G_GUINT64_FORMAT
-                             "; it is damaged or cut off",
+                             "the file has %" G_GUINT64_FORMAT
+                             " bytes instead of %" G_GUINT64_FORMAT "; copy it again",
                              length, expected);
     if (ok) {
         merl->n_phi = sizes[2];

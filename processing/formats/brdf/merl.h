@@ -27,9 +27,8 @@ void merl_evaluate(const struct merl *merl, const float light[3], const float vi
                    float ret[3]);
 
 struct merl_result {
-    /* How much f_r depends on a rotation about the normal and on an exchange of light and view. It
-     * is the RMS difference over all bins from the mean that is written, relative to the RMS of
-     * that mean. */
+    /* How much f depends on a rotation about the normal and on an exchange of light and view: the
+     * RMS difference of f from the means that are written, relative to the RMS of these means. */
     double spread;
 };
 

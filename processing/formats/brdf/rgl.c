@@ -49,7 +49,8 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
     if (good)
         return field;
     data_error_set(path, 0, error,
-                   "its field “%s” does not have %d dimensions of 1 to %d finite numbers (%s)",
+                   "the field “%s” must have %d dimensions of 1 to %d numbers each, all finite and "
+                   "of type %s, but does not; copy the file again",
                    name, n_dimensions, MAX_NODES, type == TENSOR_FLOAT32 ? "float32" : "uint8");
     return NULL;
 }
@@ -63,7 +64,9 @@ static gboolean read_nodes(const struct rgl *rgl, const char *path, const char *
     *ret_n = (int)field->shape[0];
     for (int i = 1; i < *ret_n; i++)
         if ((*ret)[i] <= (*ret)[i - 1])
-            return data_error_fail(path, 0, error, "its field “%s” does not ascend at number %d",
+            return data_error_fail(path, 0, error,
+                                   "the numbers of the field “%s” must ascend, but number %d does "
+                                   "not; copy the file again",
                                    name, i + 1);
     return TRUE;
 }
@@ -84,8 +87,8 @@ static gboolean fits(const struct rgl *rgl, const char *path, const struct tenso
                      GError **error) {
     return (field->shape[0] == (gsize)rgl->n_phi && field->shape[1] == (gsize)rgl->n_theta) ||
            data_error_fail(path, 0, error,
-                           "its field “%s” has %zu × %zu directions of incidence, phi_i and "
-                           "theta_i %d × %d",
+                           "the field “%s” has %zu × %zu directions of incidence, but phi_i and "
+                           "theta_i have %d × %d; copy the file again",
                            field->name, field->shape[0], field->shape[1], rgl->n_phi, rgl->n_theta);
 }
 
@@ -97,7 +100,8 @@ static gboolean read_colours(struct rgl *rgl, const char *path, const struct ten
         for (int c = 0; c < 3 && rgl->n_channels == 3; c++)
             rgl->colours[3 * c + c] = 1;
         return rgl->n_channels == 3 ||
-               data_error_fail(path, 0, error, "its field “rgb” has %d channels instead of 3",
+               data_error_fail(path, 0, error,
+                               "the field “rgb” has %d channels instead of 3; copy the file again",
                                rgl->n_channels);
     }
     const float *wavelengths;
@@ -105,10 +109,10 @@ static gboolean read_colours(struct rgl *rgl, const char *path, const struct ten
     if (!read_nodes(rgl, path, "wavelengths", &wavelengths, &n, error))
         return FALSE;
     if (n != rgl->n_channels)
-        return data_error_fail(
-            path, 0, error,
-            "its field “spectra” has %d wavelengths, but its field “wavelengths” has %d",
-            rgl->n_channels, n);
+        return data_error_fail(path, 0, error,
+                               "the field “spectra” has %d wavelengths, but the field "
+                               "“wavelengths” has %d; copy the file again",
+                               rgl->n_channels, n);
     rgl_colour_weights(wavelengths, n, rgl->colours);
     return TRUE;
 }
@@ -127,9 +131,10 @@ static gboolean read_values(struct rgl *rgl, const char *path, GError **error) {
     if (vndf->shape[2] < 2 || vndf->shape[3] < 2 ||
         !(rgl->vndf =
               warp_new((int)vndf->shape[3], (int)vndf->shape[2], (int)slices, vndf->values)))
-        return data_error_fail(path, 0, error,
-                               "its field “vndf” is not a density: each direction of incidence "
-                               "needs at least 2 × 2 numbers, none negative and not all zero");
+        return data_error_fail(
+            path, 0, error,
+            "the field “vndf” is not a density, because each direction of incidence needs at least "
+            "2 × 2 numbers, none negative and not all 0; copy the file again");
     return read_colours(rgl, path, field, error);
 }
 
@@ -149,9 +154,10 @@ static gboolean read_fields(struct rgl *rgl, const char *path, GError **error) {
         const double range = (double)rgl->phi[rgl->n_phi - 1] - (double)rgl->phi[0];
         rgl->reduction = (int)CLAMP(lround(2 * G_PI / range), 1, 5);
         if (rgl->reduction == 3 || rgl->reduction == 5)
-            return data_error_fail(path, 0, error,
-                                   "phi_i covers %.0f degrees; it must cover 360, 180 or 90",
-                                   range * 180 / G_PI);
+            return data_error_fail(
+                path, 0, error,
+                "phi_i covers %.0f degrees, but must cover 360, 180 or 90; copy the file again",
+                range * 180 / G_PI);
     }
     return TRUE;
 }
@@ -164,13 +170,13 @@ struct rgl *rgl_read(const char *path, GError **error) {
     return rgl;
 }
 
-/* Returns the angle from the normal without the loss of digits that acos() has near it. */
+/* Returns the angle of d from the normal. acos() would lose digits near the normal. */
 static double elevation(const double d[3]) {
     return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
 }
 
-/* Mirrors both directions so that in lies in the azimuths of the file: y ≤ 0 for a half, x ≤ 0 and
- * y ≤ 0 for a quarter. For a half, x and y change their signs together. */
+/* Mirrors both directions so that `in` lies in the azimuths of the file: y ≤ 0 for a half, x ≤ 0
+ * and y ≤ 0 for a quarter. For a half, x and y change their signs together. */
 static void mirror(const struct rgl *rgl, double in[3], double out[3]) {
     if (rgl->reduction < 2)
         return;

@@ -16,7 +16,7 @@
  * (warp.h), applied to u_m. Then
  *   f_r(ω_i, ω_o) = rgb(ω_i; s) · D(u_m) / (4 σ(u_i))                      (Dupuy & Jakob 2018).
  * All tables are linear between their nodes. Here ω_i is the light and ω_o the view; the files of
- * RGL are reciprocal. Files that contain half or a quarter of the azimuths are mirrored.
+ * RGL are reciprocal. Files with only half or a quarter of the azimuths are completed by mirroring.
  *
  * Spectra become colours by the CIE's 1931 observer under equal energy, with the functions of Wyman
  * et al. 2013 eq. 4. X, Y and Z are scaled so that a spectrum of ones is white (1, 1, 1). */
@@ -39,21 +39,21 @@ struct rgl_options {
 };
 
 struct rgl_result {
-    /* numbers of φ_i and θ_i, and n of the sample space, in the file */
+    /* numbers of φ_i and θ_i in the file, and n of its n × n sample space */
     int n_phi, n_theta, resolution;
 };
 
-/* Writes f_r as such a file, with rgb and with spectra at six wavelengths that have the same
- * colours (for programs that read only spectra). D is found from the retro-reflection by power
+/* Writes f_r as a .bsdf file, with rgb and, for programs that read only spectra, with spectra at
+ * six wavelengths that have the same colours. D is found from the retro-reflection by power
  * iteration (Dupuy et al. 2015; Dupuy & Jakob 2018). With f of luminance,
  *   D(ω) = 4 f(ω, ω) cos θ · ∫ ⟨ω, m⟩ D(m) dm,     ∫ D(m) cos θ_m dm = 1.
- * D is kept above 0.3/π; D of the uniform hemisphere is 1/π. σ(ω) = ∫ ⟨ω, m⟩ D(m) dm, and vndf is
- * the mean of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du and of a constant. Neither limit changes f_r at the
- * nodes of the file. Between the nodes, the product of D and of rgb, which contains 1/D, is wrong
- * where D changes much within a cell. The two limits reduce this error to 0.3 … 0.8 % of f (RMS)
- * for rough and glossy metals on a diffuse base. The table luminance is meant for importance
- * sampling. A node of rgb whose ω_o is below the surface has the value of the horizon. The progress
- * stage is "export". */
+ * D is kept above 0.3/π; D of the uniform hemisphere is 1/π. σ(ω) = ∫ ⟨ω, m⟩ D(m) dm. vndf is the
+ * mean of a constant and of D(m) ⟨ω_i, m⟩ / σ(ω_i) · dm/du. Neither the minimum of D nor the
+ * constant changes f_r at the nodes of the file. Between the nodes, the product of D and of rgb,
+ * which contains 1/D, is wrong where D changes much within a cell. The minimum and the constant
+ * reduce this error to 0.3 … 0.8 % of f (RMS) for rough and glossy metals on a diffuse base. The
+ * table luminance is meant for importance sampling. A node of rgb whose ω_o is below the surface
+ * has the value for ω_o near the horizon. The progress stage is "export". */
 gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
                    const struct rgl_options *options, const struct work *work,
                    struct rgl_result *ret, GError **error);

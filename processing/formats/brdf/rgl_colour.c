@@ -3,7 +3,8 @@
 #define FIRST_NM 360
 #define LAST_NM  830
 
-/* Wavelengths of the spectra that are written: two for blue, two for green and two for red. */
+/* The wavelengths of the spectra that are written are two for blue, two for green and two for
+ * red. */
 const float rgl_wavelengths_nm[RGL_WAVELENGTHS] = {360, 475, 505, 575, 605, 830};
 
 /* Returns a Gaussian with different widths on the two sides of its peak (Wyman et al. 2013). */

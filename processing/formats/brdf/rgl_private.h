@@ -1,4 +1,5 @@
-/* Shared by rgl.c, rgl_write.c and rgl_colour.c. */
+/* rgl.c, rgl_write.c and rgl_colour.c share the map of directions to the unit square, and
+ * colours. */
 #pragma once
 
 #include "rgl.h"
@@ -20,9 +21,9 @@ static inline double rgl_phi_of_u(double u) {
     return (2 * u - 1) * G_PI;
 }
 
-/* Gives the weights that convert a spectrum to linear sRGB. Row k is the colour of a spectrum that
- * is 1 at the wavelength k, 0 at the others and linear between them. ret is n × 3. Its rows sum to
- * the colour of a spectrum of ones, (1, 1, 1). */
+/* Gives the weights that convert a spectrum to linear sRGB (n × 3). Row k is the colour of a
+ * spectrum that is 1 at wavelength k, 0 at the other wavelengths and linear between them. The sum
+ * of all rows is the colour of a spectrum of ones, (1, 1, 1). */
 void rgl_colour_weights(const float *wavelengths_nm, int n, double *ret);
 
 /* The wavelengths of the spectra that rgl_write() writes. rgl_colour_spectra() gives the matrix,

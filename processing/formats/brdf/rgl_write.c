@@ -33,9 +33,9 @@ struct rgl_writing {
     float ndf[ROWS * N_A], sigma[ROWS * N_A];
     double spectra[RGL_WAVELENGTHS][3];
     double directions[N_B * N_A][3],
-        solid[N_B * N_A]; /* of the nodes: directions m, and the solid angle dm of each */
+        solid[N_B * N_A];                      /* direction m and solid angle dm of each node */
     double d[N_B * N_A], projected[N_B * N_A]; /* D and σ of each node */
-    float *vndf, *luminance, *rgb, *values;    /* tables of the file; values are the spectra */
+    float *vndf, *luminance, *rgb, *values;    /* tables of the file; values is the table spectra */
 };
 
 static void direction(double theta, double phi, double ret[3]) {
@@ -81,7 +81,8 @@ static void place_nodes(struct rgl_writing *writing) {
         }
 }
 
-/* Computes σ of the directions of a row. The rows of an isotropic D are equal. */
+/* Computes σ of the directions of row b. If D is isotropic, all rows are equal, and only row 0 is
+ * computed. */
 static void project(int b, gpointer data) {
     struct rgl_writing *writing = data;
     const int row = writing->options->isotropic ? 0 : b;
@@ -135,7 +136,8 @@ static void find_d(struct rgl_writing *writing, const struct work *work) {
     }
 }
 
-/* Computes the density of visible normals over the square; dm/du is 2π² u sin θ. */
+/* Computes vndf of rgl.h: the mean of a constant and of the density of visible normals over the
+ * unit square. dm/du is 2π² u sin θ. */
 static void fill_vndf(const struct rgl_writing *writing, const double in[3], double phi_i,
                       double area, float *ret) {
     const struct warp_table ndf = {N_A, ROWS, 1, writing->ndf};
@@ -152,8 +154,8 @@ static void fill_vndf(const struct rgl_writing *writing, const double in[3], dou
         }
 }
 
-/* Returns the direction into which the microfacet m reflects light from in, clamped to be above the
- * surface. */
+/* Gives the direction into which the microfacet m reflects light from `in`. A direction below the
+ * surface is replaced by one just above the horizon. */
 static void reflect(const double in[3], const double m[3], double ret[3]) {
     const double twice = 2 * dot(in, m);
     for (int k = 0; k < 3; k++)

@@ -59,7 +59,8 @@ struct reader {
 static gboolean take(struct reader *reader, void *to, gsize n, GError **error) {
     GError *found = NULL;
     if (n > reader->length - reader->at)
-        return data_error_fail(reader->path, 0, error, "it ends within its list of fields");
+        return data_error_fail(reader->path, 0, error,
+                               "the file ends within the list of fields; copy it again");
     if (!input_file_read_at(reader->fd, reader->path, to, n, reader->at, &found)) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_IO, DATA_ERROR_INVALID, error);
         return FALSE;
@@ -77,7 +78,7 @@ static gboolean read_values(struct reader *reader, struct tensor_field *field, g
             bytes = G_MAXUINT64;
     if (bytes > reader->left || offset > reader->length || bytes > reader->length - offset)
         return data_error_fail(reader->path, 0, error,
-                               "its field “%s” is larger than the file; it is damaged or cut off",
+                               "the field “%s” is larger than the file; copy the file again",
                                field->name);
     reader->left -= bytes;
     field->bytes = (gsize)bytes;
@@ -99,23 +100,24 @@ static gboolean read_field(struct reader *reader, struct tensor_file *file, GErr
     if (length > MAX_NAME)
         return data_error_fail(
             reader->path, 0, error,
-            "the name of field %u has %u bytes, but at most %d are possible; is the "
-            "file damaged?",
+            "the name of field %u has %u bytes, but at most %d are possible; copy the file again",
             file->fields->len + 1, length, MAX_NAME);
     if (!take(reader, name, length, error) ||
         !take(reader, &n_dimensions, sizeof n_dimensions, error) ||
         !take(reader, &type, sizeof type, error) || !take(reader, &offset, sizeof offset, error))
         return FALSE;
     if (strlen(name) != length || !g_utf8_validate(name, -1, NULL))
-        return data_error_fail(reader->path, 0, error, "the name of field %u is not UTF-8",
+        return data_error_fail(reader->path, 0, error,
+                               "the name of field %u is not UTF-8; copy the file again",
                                file->fields->len + 1);
     if (type < TENSOR_UINT8 || type > TENSOR_FLOAT64 || n_dimensions > TENSOR_FILE_DIMENSIONS)
-        return data_error_fail(
-            reader->path, 0, error,
-            "its field “%s” has type %u and %u dimensions; such fields cannot be read", name, type,
-            n_dimensions);
+        return data_error_fail(reader->path, 0, error,
+                               "the field “%s” has type %u and %u dimensions; only types 1 to 11 "
+                               "and at most 8 dimensions can be read",
+                               name, type, n_dimensions);
     if (tensor_file_field(file, name))
-        return data_error_fail(reader->path, 0, error, "it has two fields “%s”", name);
+        return data_error_fail(reader->path, 0, error,
+                               "the file has two fields “%s”; copy it again", name);
     if (!take(reader, sizes, n_dimensions * sizeof sizes[0], error))
         return FALSE;
     struct tensor_field *field = g_new0(struct tensor_field, 1);
@@ -132,16 +134,19 @@ static gboolean read_fields(struct reader *reader, struct tensor_file *file, GEr
     guint8 head[HEAD_BYTES];
     guint32 n;
     if (reader->length < HEAD_BYTES)
-        return data_error_fail(reader->path, 0, error, "it is too short for a tensor file (.bsdf)");
+        return data_error_fail(reader->path, 0, error,
+                               "the file is too short for a tensor file (.bsdf); copy it again");
     if (!take(reader, head, sizeof head, error))
         return FALSE;
     memcpy(&n, head + 14, sizeof n);
     if (memcmp(head, MAGIC, sizeof MAGIC) != 0)
-        return data_error_fail(reader->path, 0, error, "it is not a tensor file (.bsdf)");
+        return data_error_fail(
+            reader->path, 0, error,
+            "the file is not a tensor file; give a BRDF in RGL's format (.bsdf)");
     if (head[12] != 1 || head[13] != 0 || n > MAX_FIELDS)
         return data_error_fail(reader->path, 0, error,
-                               "it is a tensor file of version %u.%u with %u fields; 1.0 with at "
-                               "most %d is read",
+                               "the tensor file has version %u.%u and %u fields; only version 1.0 "
+                               "with at most %d fields can be read",
                                head[12], head[13], n, MAX_FIELDS);
     for (guint32 i = 0; i < n; i++)
         if (!read_field(reader, file, error))

@@ -5,9 +5,9 @@
  *   field   u16 length of the name; the name; u16 number of dimensions; u8 type; u64 position of
  *           the numbers in the file; u64 size of each dimension, of which the last varies fastest
  *
- * A hostile file is refused: the size of a field is compared with the file's length before memory
- * is allocated, and all fields together take no more memory than the file has bytes. Errors are
- * DATA_ERROR_INVALID and name the file. Any thread. */
+ * A damaged or hostile file cannot take much memory: the size of a field is compared with the
+ * length of the file before memory is allocated, and all fields together take no more memory than
+ * the file has bytes. Errors are DATA_ERROR_INVALID and name the file. Any thread. */
 #pragma once
 
 #include <gio/gio.h>
@@ -33,7 +33,7 @@ struct tensor_field {
     enum tensor_type type;
     int n_dimensions;
     gsize shape[TENSOR_FILE_DIMENSIONS];
-    gsize n_values, bytes; /* number of the numbers, and their bytes */
+    gsize n_values, bytes; /* n_values: how many numbers; bytes: how many bytes they have */
     void *values;          /* the numbers, aligned as by g_malloc() */
 };
 
@@ -50,7 +50,7 @@ struct tensor_file *tensor_file_read(const char *path, GError **error);
 /* Returns a field, or NULL if there is none of that name. */
 const struct tensor_field *tensor_file_field(const struct tensor_file *file, const char *name);
 
-/* Adds a field of n_dimensions sizes. values are copied. */
+/* Adds a field. shape has n_dimensions sizes. values are copied. */
 void tensor_file_add(struct tensor_file *file, const char *name, enum tensor_type type,
                      int n_dimensions, const gsize *shape, const void *values);
 

@@ -21,10 +21,11 @@ struct utia {
 #define BYTES (3 * PIXELS * sizeof(double))
 
 static gboolean fail_size(const char *path, gsize is, GError **error) {
-    return data_error_fail(path, 0, error,
-                           "it has %zu bytes; a BRDF in UTIA's format has %zu: 3 × 288 × 288 "
-                           "numbers of 8 bytes (288 × 288 pairs of directions in three colours)",
-                           is, BYTES);
+    return data_error_fail(
+        path, 0, error,
+        "the file has %zu bytes, but a BRDF in UTIA's format has %zu: 3 × 288 × 288 numbers of 8 "
+        "bytes (288 × 288 pairs of directions in three colours)",
+        is, BYTES);
 }
 
 static gboolean read_bin(struct utia *utia, const char *path, GError **error) {
@@ -50,8 +51,8 @@ static gboolean read_bin(struct utia *utia, const char *path, GError **error) {
     return TRUE;
 }
 
-/* Returns the sum of the differences of neighbouring rows among the 48 rows from first on. Larger
- * is less alike. */
+/* Returns the sum of the absolute differences of neighbouring rows, among the 48 rows from `first`
+ * on. The sum is large if the rows are not alike. */
 static double unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
@@ -79,18 +80,21 @@ static gboolean read_exr(struct utia *utia, const char *path, GError **error) {
         return FALSE;
     const struct exr_part *first = headers->parts->len ? headers->parts->pdata[0] : NULL;
     if (!first || first->width != UTIA_SIDE || first->height != UTIA_SIDE)
-        return data_error_fail(path, 0, error,
-                               "it has %d × %d pixels; a BRDF in UTIA's format has 288 × 288",
-                               first ? first->width : 0, first ? first->height : 0);
+        return data_error_fail(
+            path, 0, error,
+            "the picture has %d × %d pixels, but a BRDF in UTIA's format has 288 × 288",
+            first ? first->width : 0, first ? first->height : 0);
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)
         return FALSE;
     if (part->width != UTIA_SIDE || part->height != UTIA_SIDE || part->outside > 0)
-        return data_error_fail(path, 0, error, "it is cropped; save the whole picture");
+        return data_error_fail(path, 0, error, "the picture is cropped; save the whole picture");
     for (gsize c = 0; c < 3; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
         if (!plane)
-            return data_error_fail(path, 0, error, "channel %s is missing", channels[c]);
+            return data_error_fail(path, 0, error,
+                                   "channel %s is missing; a BRDF in UTIA's format has R, G and B",
+                                   channels[c]);
         memcpy(utia->values[c], plane, PIXELS * sizeof *plane);
     }
     if (unlike(utia, UTIA_SIDE - UTIA_PHIS) < unlike(utia, 0))
@@ -107,8 +111,8 @@ static float decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Replaces the 48 directions of θ = 0 by their mean: the 48 rows (lights) if step is UTIA_SIDE and
- * other is 1, the 48 columns (views) if step is 1 and other is UTIA_SIDE. */
+/* Replaces the values of the 48 directions of θ = 0 by their mean. Does this for lights (rows) if
+ * step is UTIA_SIDE and other is 1, and for views (columns) if step is 1 and other is UTIA_SIDE. */
 static void join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
         double sum = 0;
@@ -134,7 +138,8 @@ struct utia *utia_read(const char *path, const struct brdf_coding *coding, GErro
         join_zenith(utia->values[c], 1, UTIA_SIDE);
     }
     if (ok && bad > 0)
-        ok = data_error_fail(path, 0, error, "%zu of its %zu numbers are not finite", bad,
+        ok = data_error_fail(path, 0, error,
+                             "%zu of the %zu numbers are not finite; copy the file again", bad,
                              3 * PIXELS);
     if (!ok)
         g_clear_pointer(&utia, utia_free);

@@ -1,5 +1,5 @@
-/* Densities on the unit square, tabulated at width × height nodes and bilinear between them, and
- * the map that they define between the square and itself (Dupuy & Jakob 2018 §4; the marginal and
+/* Densities on the unit square, tabulated at width × height nodes and bilinear between them. A
+ * density defines a map of the square to itself (Dupuy & Jakob 2018 §4; the marginal and
  * conditional distributions of Pharr et al. 2016 §13.6.7). Tables have several slices, one for each
  * direction of incidence. A density between directions is a weighted sum of slices, and so are its
  * cumulative sums.
@@ -26,8 +26,8 @@ struct warp_table {
     const float *values;
 };
 
-/* Returns the bilinear interpolant at x, y of 0 … 1. Along an axis with one node the table is
- * constant. */
+/* Returns the bilinear interpolant at (x, y), each 0 … 1. If an axis has one node, the table is
+ * constant along this axis. */
 double warp_table_value(const struct warp_table *table, const struct warp_slices *slices, double x,
                         double y);
 
@@ -39,8 +39,9 @@ Warp *warp_new(int width, int height, int n_slices, const float *values);
 void warp_free(Warp *warp); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Warp, warp_free)
 
-/* Maps x, y, distributed with this density, to a point of the unit square that is distributed
- * uniformly (ret). Returns the density at x, y; its integral over the square is 1. */
+/* Maps (x, y) to ret, a point of the unit square. If (x, y) is distributed with the density, ret is
+ * distributed uniformly. Returns the density at (x, y), scaled so that its integral over the square
+ * is 1. */
 double warp_invert(const Warp *warp, const struct warp_slices *slices, double x, double y,
                    double ret[2]);
 
@@ -48,6 +49,6 @@ double warp_invert(const Warp *warp, const struct warp_slices *slices, double x,
 void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
                  double ret[2]);
 
-/* Finds the position of a value among n ascending nodes: index, index + 1 and the weight of the
- * latter, 0 … 1. A value beyond the ends counts as the end. */
+/* Finds the two of n ascending nodes between which a value lies: *ret_index and the node after it,
+ * whose weight is *ret_weight (0 … 1). A value beyond an end counts as this end. */
 void warp_interval(const float *nodes, int n, double value, int *ret_index, double *ret_weight);

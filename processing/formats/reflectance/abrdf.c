@@ -14,7 +14,7 @@
 #define GRID    DIRECTION_GRID_MAX
 #define SAMPLES (GRID * GRID)
 
-/* minimum of cos θ in f_r = B / (π cos θ), which would otherwise be noise for low lights */
+/* minimum of cos θ in f_r = B / (π cos θ), because f_r of low lights would otherwise be noise */
 #define MIN_COSINE 0.05
 
 struct Abrdf {
@@ -39,8 +39,8 @@ const struct abrdf_info *abrdf_info(const Abrdf *abrdf) {
     return &abrdf->info;
 }
 
-/* Stores sizes, directions and region, and checks them before values are read. Returns FALSE with
- * an error if they are not valid. */
+/* Stores the sizes, directions and region of the material. Returns FALSE with an error if they are
+ * not valid. */
 static gboolean begin(Abrdf *abrdf, const char *path, int width, int height,
                       const struct direction_list *views, const struct direction_list *lights,
                       const struct import_region *region, GError **error) {
@@ -57,12 +57,13 @@ static gboolean begin(Abrdf *abrdf, const char *path, int width, int height,
         r->height > height - r->y)
         return data_error_fail(
             path, 0, error,
-            "%d × %d texels from column %d, row %d do not lie within its %d × %d texels", r->width,
-            r->height, r->x, r->y, width, height);
+            "the region of %d × %d texels from column %d, row %d does not lie within the %d × %d "
+            "texels of the material; give a region within them",
+            r->width, r->height, r->x, r->y, width, height);
     if (views->n < ABRDF_MIN_DIRECTIONS || lights->n < ABRDF_MIN_DIRECTIONS)
         return data_error_fail(path, 0, error,
-                               "it has %zu views and %zu lights; a BRDF needs %d of each or more "
-                               "(“export ptm” and “export relight” need one view)",
+                               "the material has %zu views and %zu lights, but a BRDF needs %d of "
+                               "each or more (“export ptm” and “export relight” need one view)",
                                views->n, lights->n, ABRDF_MIN_DIRECTIONS);
     abrdf->sums = g_new0(double, views->n * lights->n * 3);
     abrdf->counts = g_new0(double, views->n * lights->n);
@@ -149,7 +150,8 @@ static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view,
     return nearest;
 }
 
-/* Converts sums to f_r, 3 × n_views × n_lights. */
+/* Returns f_r from the sums, 3 × n_views × n_lights. A pair without a value gets the value of the
+ * nearest light. Fails if a view has no value at all. g_free() */
 static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
     const gsize n_views = abrdf->info.views.n, n = abrdf->info.lights.n, pairs = n_views * n;
     g_autofree float *lights = direction_list_vectors(&abrdf->info.lights);
@@ -158,7 +160,7 @@ static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
         const gssize nearest = abrdf_nearest(abrdf, lights, pair / n, pair % n);
         if (nearest < 0) {
             data_error_set(path, 0, error,
-                           "view %zu has no value in any of these texels; choose other texels",
+                           "view %zu has no value in any texel of the region; give another region",
                            pair / n);
             return NULL;
         }

@@ -19,9 +19,12 @@ struct abrdf_info {
     struct import_region region; /* region over which the mean was taken */
     struct direction_list views, lights;
     gint64 holes; /* number of values that were left out */
-    /* number of pairs of directions without any value, which have the value of the nearest light */
+    /* number of pairs of a view and a light without any value; they get the value of the nearest
+     * light in the same view */
     int filled;
-    double error; /* error of the interpolant at the measured pairs, relative RMS of B */
+    /* RMS error of the interpolated B at the measured pairs of directions, relative to the RMS of
+     * B */
+    double error;
     /* angle from the normal of the lowest measured direction, beyond which nothing is known */
     double lowest_deg;
 };

@@ -19,7 +19,8 @@ struct export_brdf_options {
 struct export_brdf_result {
     int n_views, n_lights, width, height; /* width, height: texels of the region */
     gint64 holes;
-    int filled; /* see struct abrdf_info */
+    /* as in struct abrdf_info */
+    int filled;
     double error, lowest_deg;
     double spread; /* for BRDF_MERL, see struct merl_result; otherwise −1 */
 };
@@ -34,7 +35,8 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    /* TRUE: six terms for each colour; FALSE: six terms for the brightness, and a colour (LRGB) */
+    /* whether each colour has six terms (RGB). If not, the brightness has six terms, which are
+     * multiplied by a colour (LRGB) */
     gboolean rgb;
     int view; /* index; −1 means the view nearest to the normal */
     /* whether to replace the files of an existing folder, which is otherwise an error */
@@ -46,7 +48,7 @@ struct export_rti_result {
     int view;
     double theta_deg;      /* angle of the view from the normal */
     double error;          /* RMS difference in sRGB, see struct rti_fit_result */
-    gint64 clipped, holes; /* numbers of values that were clipped, and of holes */
+    gint64 clipped, holes; /* number of values that were clipped, and number of holes */
 };
 
 /* Needs the memory of one view. The progress stage is "read". */

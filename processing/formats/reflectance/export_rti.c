@@ -41,8 +41,9 @@ static gboolean choose(const struct session_view_files *files, const char *sessi
     const int n = (int)files->views.n;
     *ret = MAX(wished, 0);
     if (wished >= n)
-        return data_error_fail(session, 0, error, "there is no view %d; it has views 0 to %d",
-                               wished, n - 1);
+        return data_error_fail(session, 0, error,
+                               "there is no view %d; the session has the views 0 to %d", wished,
+                               n - 1);
     for (int v = 0; wished < 0 && v < n; v++)
         if (files->views.theta_deg[v] < files->views.theta_deg[*ret])
             *ret = v;
@@ -60,7 +61,9 @@ static gboolean export_rti_view(const struct session_view_files *files, const ch
     g_autofree float *pictures = source.pictures;
     struct rti_fit_result fit;
     if (!pictures)
-        return data_error_fail(session, 0, error, "there is no memory for a view of %.1f GiB",
+        return data_error_fail(session, 0, error,
+                               "there is no memory for a view of %.1f GiB; process the session "
+                               "with fewer texels, or use a computer with more memory",
                                (double)values * sizeof(float) / (1 << 30));
     if (!session_view_files_read(files, ret->view, picture, &source, error))
         return FALSE;

@@ -10,12 +10,14 @@ struct import_brdf_wish {
     struct brdf_coding coding; /* for UTIA's files */
     int texels;                /* number of equal texels in each dimension; 0 means 1 */
     double texel_mm;           /* 0 means 1 */
-    /* a table for btf_directions_read(); NULL means UTIA's own 241 directions for UTIA's files,
-     * otherwise the 81 of the papers, for views and lights */
+    /* path of a table of directions (btf_directions.h). NULL means the 241 directions of UTIA for
+     * UTIA's files, and for other files the 81 directions of the papers, each for views and
+     * lights */
     const char *directions;
 };
 
-/* Imports a file. The values are B = π f_r cos θ_l at the directions of the wish. */
+/* Imports a BRDF file. The values of the BTF are B = π f_r cos θ_l at the directions of the
+ * wish. */
 gboolean import_brdf(const char *path, const char *file, const struct import_brdf_wish *wish,
                      const struct work *work, struct import_result *ret, GError **error);
 

@@ -26,7 +26,7 @@ static gboolean directions(struct session_view_files *files, GError **error) {
         if (!file)
             return FALSE;
         if (file->parts->len == 0)
-            return fail(path, "it has no lights", error);
+            return fail(path, "there are no pictures in this view", error);
         if (v == 0)
             files->lights = direction_list_new(file->parts->len);
         if (!direction(file->parts->pdata[0], "view", path, &files->views, v, error))
@@ -58,15 +58,16 @@ static gboolean picture(const struct session_view_files *files, const struct exr
                         GError **error) {
     float theta, phi;
     if (part->width != files->grid.width || part->height != files->grid.height)
-        return fail(path, "its size in texels differs from that of the session", error);
+        return fail(path, "the size of a picture in texels differs from that of the session",
+                    error);
     if (!btf_direction(part, "light", &theta, &phi))
         return fail(path, DIRECTION_MISSING, error);
     if (theta != files->lights.theta_deg[light] || phi != files->lights.phi_deg[light])
-        return fail(path, "its lights differ from those of the first view", error);
+        return fail(path, "the direction of a light differs from that in the first view", error);
     const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                     exr_part_plane(part, "B"), exr_part_plane(part, "mark")};
     if (!planes[0] || !planes[1] || !planes[2])
-        return fail(path, "a colour is missing", error);
+        return fail(path, "a picture lacks channel R, G or B", error);
     return func(view, light, planes, data, error);
 }
 
@@ -79,7 +80,7 @@ gboolean session_view_files_read(const struct session_view_files *files, int vie
     if (!file)
         return FALSE;
     if (file->parts->len != files->lights.n)
-        return fail(path, "its number of lights differs from that of the first view", error);
+        return fail(path, "the number of lights differs from that of the first view", error);
     for (guint light = 0; light < file->parts->len; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         g_autoptr(ExrPart) alone = whole ? NULL : exr_read_part(path, part->name, error);

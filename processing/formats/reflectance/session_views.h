@@ -11,7 +11,7 @@ struct session_view_files {
 };
 
 /* Opens the files. The lights are read from the first view. The lights of another view are compared
- * with them when that view is read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet. */
+ * with these when that view is read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet. */
 gboolean session_view_files_open(struct session_view_files *ret, const char *session,
                                  GError **error);
 void session_view_files_clear(struct session_view_files *files);

@@ -37,7 +37,8 @@ static gboolean is_blank(guint8 c) {
     return c == ' ' || c == '\t' || c == '\r' || c == '\n';
 }
 
-/* Reads the next word of the header. Returns FALSE if there is none, or if it is too long. */
+/* Reads the next word of the header. Returns FALSE if there is none, if it is too long, or if the
+ * header has more than MAX_HEAD bytes. */
 static gboolean rti_word(struct head *head, char ret[MAX_NUMBER + 1]) {
     gsize length = 0;
     while (head->at < head->n && head->at < MAX_HEAD && is_blank(head->bytes[head->at]))
@@ -52,12 +53,14 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
                            double *ret, GError **error) {
     char word[MAX_NUMBER + 1], *end;
     if (!rti_word(head, word))
-        return data_error_fail(head->path, 0, error, "its header has no %s", what);
+        return data_error_fail(head->path, 0, error, "the header lacks the %s; copy the file again",
+                               what);
     *ret = g_ascii_strtod(word, &end);
     if (*end || !(*ret >= least && *ret <= most)) {
         g_autofree char *shown = g_utf8_make_valid(word, -1);
-        return data_error_fail(head->path, 0, error, "its %s is %s; it must be %g to %g", what,
-                               shown, least, most);
+        return data_error_fail(head->path, 0, error,
+                               "the %s in the header is %s, but must be from %g to %g", what, shown,
+                               least, most);
     }
     return TRUE;
 }
@@ -67,7 +70,8 @@ static gboolean line_end(struct head *head, GError **error) {
     while (head->at < head->n && head->bytes[head->at] != '\n' && is_blank(head->bytes[head->at]))
         head->at++;
     if (head->at >= head->n || head->bytes[head->at] != '\n')
-        return data_error_fail(head->path, 0, error, "the last line of its header does not end");
+        return data_error_fail(head->path, 0, error,
+                               "the file ends within the header; copy it again");
     head->at++;
     return TRUE;
 }
@@ -75,7 +79,7 @@ static gboolean line_end(struct head *head, GError **error) {
 static gboolean take(struct head *head, void *to, gsize n, GError **error) {
     if (n > head->n - head->at)
         return data_error_fail(head->path, 0, error,
-                               "it ends %zu bytes too soon; it is damaged or cut off",
+                               "the file ends %zu bytes too soon; copy it again",
                                n - (head->n - head->at));
     memcpy(to, head->bytes + head->at, n);
     head->at += n;
@@ -99,7 +103,7 @@ static gboolean make_bytes(const struct head *head, struct rti *rti, GError **er
     const gsize each = (gsize)rti->n_terms * (rti->lrgb ? 1 : 3);
     if (texels * (each + (rti->lrgb ? 3 : 0)) > head->n - head->at)
         return data_error_fail(head->path, 0, error,
-                               "it has too few bytes for %d × %d texels; it is damaged or cut off",
+                               "the file has too few bytes for %d × %d texels; copy it again",
                                rti->width, rti->height);
     rti->bytes = g_malloc(texels * each);
     rti->colours = rti->lrgb ? g_malloc(texels * 3) : NULL;
@@ -109,12 +113,13 @@ static gboolean make_bytes(const struct head *head, struct rti *rti, GError **er
 static gboolean read_ptm(struct head *head, struct rti *rti, GError **error) {
     char version[MAX_NUMBER + 1], format[MAX_NUMBER + 1];
     if (!rti_word(head, version) || !rti_word(head, format))
-        return data_error_fail(head->path, 0, error, "its format is missing");
+        return data_error_fail(head->path, 0, error,
+                               "the header lacks the format; copy the file again");
     g_autofree char *shown = g_utf8_make_valid(format, -1);
     rti->lrgb = strcmp(format, "PTM_FORMAT_LRGB") == 0;
     if (!rti->lrgb && strcmp(format, "PTM_FORMAT_RGB") != 0)
         return data_error_fail(head->path, 0, error,
-                               "its format is %s; only PTM_FORMAT_RGB and PTM_FORMAT_LRGB can be "
+                               "the format is %s; only PTM_FORMAT_RGB and PTM_FORMAT_LRGB can be "
                                "read. Convert it, for instance with relight-cli",
                                shown);
     rti->n_terms = RTI_PTM_TERMS;
@@ -164,8 +169,8 @@ static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
     rti->hsh = TRUE;
     rti->n_terms = (int)terms;
     if (rti->n_terms != 4 && rti->n_terms != 9 && rti->n_terms != 16)
-        return data_error_fail(head->path, 0, error, "it has %d terms; only 4, 9 or 16 can be read",
-                               rti->n_terms);
+        return data_error_fail(head->path, 0, error,
+                               "the file has %d terms; only 4, 9 or 16 can be read", rti->n_terms);
     const gsize bytes = (gsize)rti->n_terms * sizeof(float);
     if (!take(head, scale, bytes, error) || !take(head, bias, bytes, error) ||
         !make_bytes(head, rti, error))
@@ -174,7 +179,7 @@ static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
         if (!isfinite(scale[i]) || !isfinite(bias[i]) || scale[i] == 0)
             return data_error_fail(head->path, 0, error,
                                    "scale %d is %g and its bias is %g; both must be finite, and "
-                                   "the scale must not be 0",
+                                   "the scale must not be 0; copy the file again",
                                    i + 1, (double)scale[i], (double)bias[i]);
         rti->scale[i] = (double)scale[i] / 255;
         rti->bias[i] = -(double)bias[i] / rti->scale[i];
@@ -200,8 +205,8 @@ struct rti *rti_read(const char *path, GError **error) {
         ok = read_hsh(&head, rti, error);
     else
         ok = data_error_fail(path, 0, error,
-                             "it is neither a .ptm file, which begins with PTM_1.2, nor a .rti "
-                             "file of harmonics, which begins with #HSH1.2");
+                             "the file is neither a .ptm file, which begins with PTM_1.2, nor a "
+                             ".rti file of harmonics, which begins with #HSH1.2");
     return ok ? g_steal_pointer(&rti) : NULL;
 }
 

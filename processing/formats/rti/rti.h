@@ -1,7 +1,7 @@
-/* Files of reflectance transformation imaging: a picture whose texels are functions of the light,
- * seen from one view along the normal. A texel's colours are sums of a basis b of the light,
- * f(l) = Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that multiplies
- * the texel's colour.
+/* Files of reflectance transformation imaging (RTI) hold a picture whose texels are functions of
+ * the light, seen from one view along the normal. A texel's colours are sums of a basis b of the
+ * light, f(l) = Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that
+ * multiplies the texel's colour.
  *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
  *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
  *            then bytes. LRGB: six bytes per texel, then (before 1.2: after each six) red, green
@@ -24,7 +24,7 @@
 
 struct rti {
     int width, height; /* row 0 is the top one */
-    /* TRUE: the basis is hsh_basis() of 4, 9 or 16 terms; FALSE: it is rti_ptm_basis() of 6
+    /* whether the basis is hsh_basis() with 4, 9 or 16 terms. If not, it is rti_ptm_basis() with 6
      * terms */
     gboolean hsh;
     gboolean lrgb;
@@ -43,9 +43,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rti, rti_free)
 /* Computes the basis lx², ly², lx ly, lx, ly, 1. */
 void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]);
 
-/* Reads a .ptm or .rti. The first bytes tell which it is. Errors are DATA_ERROR_INVALID and
- * DATA_ERROR_IO, and name the file. PTMs of JPEGs, LUTs and luminance are refused with a
- * message. */
+/* Reads a .ptm or .rti, whose first bytes tell which of these it is. Errors are DATA_ERROR_INVALID
+ * and DATA_ERROR_IO, and name the file. Other forms of PTM (with JPEG, a table of colours, or
+ * luminance only) are refused with an error. */
 struct rti *rti_read(const char *path, GError **error);
 
 /* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */
@@ -54,9 +54,9 @@ void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float 
 /* Writes a PTM. */
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
-/* Writes a PTM as a new folder for OpenLIME: info.json and plane_0.png … in the same folder. lights
- * (n × 3) are the lights from which it was made. The folder appears complete or not at all. It must
- * not exist unless replace is set. */
+/* Writes a PTM as a new folder for OpenLIME, with info.json and plane_0.png …. lights (n × 3) are
+ * the lights from which the PTM was made. Unless replace is set, the folder must not exist, and it
+ * appears complete or not at all. */
 gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
                            const float *lights, int n, double texel_mm, GError **error);
 
@@ -65,9 +65,10 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
  * the texel's mean colour. Values that are NaN do not count. A texel with too few values is
  * black. */
 struct rti_fit_result {
-    /* RMS difference between the values of the file and the pictures, sRGB, over all values */
+    /* RMS difference between the values of the PTM and of the pictures (sRGB), over all values that
+     * are not NaN */
     double error;
-    gint64 clipped; /* number of values that the file cannot show because they are above 1 */
+    gint64 clipped; /* number of values of the pictures that are above 1, which viewers clip */
     gint64 holes;   /* number of values that are NaN */
 };
 

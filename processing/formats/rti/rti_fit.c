@@ -49,7 +49,7 @@ struct fitting {
     const float *pictures;
     gsize texels, n;      /* n is the number of lights */
     float *basis;         /* values of the basis at each light: n × TERMS */
-    struct normal *whole; /* the normal equations of all lights */
+    struct normal *whole; /* the normal equations without NaN; only the matrix is set */
 };
 
 /* Fits the terms to one value per light by least squares. Values that are NaN are left out. Returns
@@ -105,8 +105,8 @@ static void observed(const struct fitting *fitting, gsize texel, gsize c, const 
     }
 }
 
-/* Chooses scale and bias of each term so that the bytes cover the range from its minimum to its
- * maximum. The range always includes 0, because a bias is a byte. */
+/* Chooses scale and bias of each term so that bytes cover the range from the term's minimum to its
+ * maximum. The range always includes 0, because the bias must be a byte. */
 static void quantise(struct rti *rti, const float *terms, gsize n) {
     for (int j = 0; j < TERMS; j++) {
         double least = 0, most = 0;
@@ -114,7 +114,8 @@ static void quantise(struct rti *rti, const float *terms, gsize n) {
             least = MIN(least, (double)terms[i * TERMS + (gsize)j]);
             most = MAX(most, (double)terms[i * TERMS + (gsize)j]);
         }
-        /* One step more than needed, so that rounding the bias does not cut off either end. */
+        /* The range has 254 of the 255 steps of a byte, so that rounding the bias does not cut off
+         * an end. */
         rti->scale[j] = most > least ? (most - least) / 254 : 1 / 255.0;
         rti->bias[j] = (double)lround(-least / rti->scale[j]);
         for (gsize i = 0; i < n; i++)
@@ -163,7 +164,7 @@ struct rti *rti_fit(const char *name, const float *pictures, int width, int heig
     }
     if (!solve(&whole, solution)) {
         data_error_set(name, 0, error,
-                       "its %d lights do not determine the six terms of a PTM; at least six lights "
+                       "the %d lights do not determine the six terms of a PTM; at least six lights "
                        "are needed that do not lie on one ring",
                        n);
         return NULL;

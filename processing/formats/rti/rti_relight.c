@@ -47,8 +47,9 @@ static void append(GString *text, gboolean first, double value) {
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
 }
 
-/* Writes info.json. OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255
- * times the scale of struct rti, and its bias is the bias of struct rti divided by 255. */
+/* Writes info.json. OpenLIME computes c = (byte / 255 − bias) · scale. The scale in the file is
+ * therefore 255 times that of struct rti, and the bias in the file is that of struct rti divided by
+ * 255. */
 static gboolean write_info(const char *folder, const struct rti *rti, const float *lights, int n,
                            double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;
@@ -96,7 +97,7 @@ static gboolean fail_folder(const char *folder, GError **error) {
     return FALSE;
 }
 
-/* Removes a folder and the files in it. Only for folders that this process has made. */
+/* Removes a folder with its files. It must be a folder that this process has made. */
 static void remove_folder(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     const char *name;

@@ -282,10 +282,10 @@ TEST(messages) {
     } bad[] = {
         {bdi, metadata, 31, BONN_ERROR_UNSUPPORTED, "31 channels"},
         {bdi, size - 8, 0, BONN_ERROR_UNSUPPORTED, "the lights of view 2 differ"},
-        {bdi, size, 100000, BONN_ERROR_FORMAT, "100000 is not a valid width"},
+        {bdi, size, 100000, BONN_ERROR_FORMAT, "the width is 100000, but must be from 1 to 8192"},
         {bdi, size + 12, 0x01010101, BONN_ERROR_UNSUPPORTED, "bzip2"},
-        {bdi, size, WIDTH - 1, BONN_ERROR_FORMAT, "it is cut off"},
-        {dfmf, size + 8 + 4 + 4, 6, BONN_ERROR_UNSUPPORTED, "its colour model is 6"},
+        {bdi, size, WIDTH - 1, BONN_ERROR_FORMAT, "the file is cut off"},
+        {dfmf, size + 8 + 4 + 4, 6, BONN_ERROR_UNSUPPORTED, "the colour model is 6"},
         {dfmf, size, WIDTH + 1, BONN_ERROR_FORMAT, "does not fit 6 × 3 texels"},
     };
     assert_says("/nonexistent.btf", BONN_ERROR_IO, "No such file");

@@ -397,13 +397,13 @@ TEST(coding__bad) {
     assert_refused(dir, CODED("transfer") "a.png,cam,lamp,gamma\n",
                    "transfer “gamma” is not known; choose from: linear, srgb");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,no.png\n",
-                   "poses.csv:2: there is no flat field /");
+                   "poses.csv:2: flat_field names the file /");
     assert_refused(dir, CODED("flat_field") "a.png,cam,lamp,small.png\n",
                    "small.png has 1 × 1 pixels, but camera cam has 96 × 96");
     assert_refused(dir, CODED("dark_frame") "a.png,cam,lamp,no.png\n",
-                   "poses.csv:2: there is no dark frame /");
+                   "poses.csv:2: dark_frame names the file /");
     assert_refused(dir, CODED("dark_frame") "a.png,cam,lamp,b.png\n",
-                   "(96 × 96 pixels, colour, 8 bits) are not alike");
+                   "(96 × 96 pixels, colour, 8 bits) do not match");
     assert_refused(dir, CODED("dark_frame,black_level") "a.png,cam,lamp,a.png,10\n",
                    "there are a dark_frame and a black_level of 10; leave out one of them");
     assert_refused(dir, CODED("flat_field") "grey.exr,cam,lamp,f.exr\n",
@@ -557,10 +557,14 @@ TEST(nominal__bad) {
         {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 1; 2\n",
          "nominal.conf:5: [camera c] eye_mm: “1; 2” is not three numbers x; y; z"},
         {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 0; 0; 0\n",
-         "eye_mm: it is less than 1 mm from target_mm"},
+         "eye_mm: the point is less than 1 mm from target_mm"},
         {"[world]\n[camera c]\n", "nominal.conf:1: [world]"},
         {"[laser l]\nposition_mm = 0; 0; 9\naxis = 0; 0; 1\n[camera c]\n",
-         "nominal.conf:3: [laser l] axis: it is 0, or it points"},
+         "nominal.conf:3: [laser l] axis: 0; 0; 1 points along the line from position_mm"},
+        {"[laser l]\nposition_mm = 0; 0; 9\naxis = 0; 0; 0\n[camera c]\n",
+         "nominal.conf:3: [laser l] axis: 0; 0; 0 has no direction"},
+        {"[laser l]\nposition_mm = 0; 0; 0\naxis = 0; 0; 1\n[camera c]\n",
+         "nominal.conf:2: [laser l] position_mm: 0; 0; 0 is the middle of the turntable"},
     };
     g_autofree char *dir = session_fixture_new_folder(),
                     *path = g_build_filename(dir, "nominal.conf", NULL);

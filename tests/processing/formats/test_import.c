@@ -125,9 +125,10 @@ TEST(pictures__bad) {
     assert_folder_refused("/nonexistent", "No such file");
     write_set(dir);
     g_unlink(one);
-    assert_folder_refused(dir,
-                          "1 of 2 views × 3 lights have no picture. The first one is the view from "
-                          "θ 60° φ 180° under the light from θ 30° φ 90°");
+    assert_folder_refused(
+        dir, "1 pairs of a view and a light have no picture, although each of 2 views needs each "
+             "of 3 lights. The first pair without a picture is the view from "
+             "θ 60° φ 180° under the light from θ 30° φ 90°");
     write_exr(one, 1, 1, WIDTH + 1, 0);
     assert_folder_refused(
         dir, "tl030.0_pl090.0.exr: it has 7 × 4 pixels, but the first picture has 6 × 4");
@@ -303,14 +304,15 @@ TEST(rti__bad) {
         {"0 0 1\na.png 0 0 1\n",
          "lights.lp:2: this line has a picture's name, but the first line has "},
         {"a.png 0 0 1\n0 0 1\n", "lights.lp:2: x, y, z must follow a picture's name"},
-        {"0 0 1\n0 1 1\n", "it lists 2 directions without names of pictures, but "},
+        {"0 0 1\n0 1 1\n", "the list has 2 directions without names of pictures, but "},
         {"image,theta\na.png,30\n", "lights.lp:1: "},
         {"image,theta,phi\na.png,30\n",
          "lights.lp:2: this line has 2 columns; the first line names at least 3"},
         {"image,theta,phi\na.png,3O,0\n", "lights.lp:2: “3O” is not a number"},
         {"image,theta,phi\na.png,95,0\n",
          "lights.lp:2: theta is 95°; it is the angle from the normal"},
-        {"image,theta,phi\n,5,0\n", "lights.lp:2: a picture's name is expected in column 1"},
+        {"image,theta,phi\n,5,0\n",
+         "lights.lp:2: column 1 is empty, but must have a picture's name"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
@@ -617,7 +619,7 @@ TEST(exists) {
     assert_error_clear(&error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_autofree char *path = session_fixture_path("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
-    assert_not_imported(path, error, "do not lie within the 6 × 4 texels of the file");
+    assert_not_imported(path, error, "does not lie within the 6 × 4 texels of the file");
 }
 
 TEST(cancelled) {

@@ -141,18 +141,18 @@ static void assert_refused(const char *info, const char *what) {
 
 TEST(bad) {
     static const char *const bad[][2] = {
-        {"{", "it is not JSON"},
-        {"[]", "it is not a JSON object"},
+        {"{", "the file is not JSON"},
+        {"[]", "the file is not a JSON object"},
         {"{}", "type is none and colorspace is none; only ptm or hsh with rgb or lrgb can be read"},
         {"{\"type\": 3, \"colorspace\": null}", "type is none"},
         {"{\"type\": \"rbf\", \"colorspace\": \"mrgb\"}", "type is rbf and colorspace is mrgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": \"4\"}", "width is 0"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "27}",
-         "nplanes is 27, which does not fit ptm in rgb"},
+         "nplanes is 27, which is not possible for ptm in rgb"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "18}",
-         "“materials” is expected"},
+         "“materials” is missing"},
         {"{\"type\": \"ptm\", \"colorspace\": \"rgb\", \"width\": 4, \"height\": 3, \"nplanes\": "
          "18, "
          "\"materials\": [{\"scale\": [1, \"2\"]}]}",
@@ -173,7 +173,8 @@ TEST(bad) {
     assert_refused(info, "light 4 is 0 -0.995 -0.1, which is not a direction above the sample");
     g_free(write_info("ptm", "rgb", 6, ""));
     g_unlink(gone);
-    assert_refused(info, "there is no plane_2.png next to it. Planes that are cut into tiles");
+    assert_refused(info,
+                   "there is no plane_2.png in the same folder. Planes that are cut into tiles");
 }
 
 TEST(command) {

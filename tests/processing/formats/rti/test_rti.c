@@ -189,13 +189,13 @@ TEST(refused) {
         const char *text, *words;
     } bad[] = {
         {"", "neither a .ptm"},
-        {"PTM_1.2\n", "format is missing"},
+        {"PTM_1.2\n", "lacks the format"},
         {"PTM_1.2\nPTM_FORMAT_JPEG_LRGB\n4\n4\n", "PTM_FORMAT_JPEG_LRGB"},
-        {"PTM_1.2\nPTM_FORMAT_RGB\n0\n4\n", "its width is 0"},
-        {"PTM_1.2\nPTM_FORMAT_RGB\n4\n4\n1 1 1 1 x 1\n", "its scale is x"},
-        {"PTM_1.2\nPTM_FORMAT_RGB\n4\n4\n1 1 1 1 1 1\n0 0 0 0 0 0", "does not end"},
+        {"PTM_1.2\nPTM_FORMAT_RGB\n0\n4\n", "the width in the header is 0"},
+        {"PTM_1.2\nPTM_FORMAT_RGB\n4\n4\n1 1 1 1 x 1\n", "the scale in the header is x"},
+        {"PTM_1.2\nPTM_FORMAT_RGB\n4\n4\n1 1 1 1 1 1\n0 0 0 0 0 0", "ends within the header"},
         {"PTM_1.2\nPTM_FORMAT_RGB\n4\n4\n1 1 1 1 1 1\n0 0 0 0 0 0\nabc", "too few bytes"},
-        {"#HSH1.2\n2\n4 4 3\n", "its type is 2"},
+        {"#HSH1.2\n2\n4 4 3\n", "the type in the header is 2"},
         {"#HSH1.2\n3\n4 4 3\n5 2 1\n", "5 terms"},
         {"#HSH1.2\n3\n4 4 3\n9 2 1\nabc", "ends 33 bytes too soon"},
     };
