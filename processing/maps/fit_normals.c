@@ -15,10 +15,11 @@
 #include "session/session.h"
 
 #define LIGHTS 128
-/* minimum z of lights; lower lights, where fits are least certain, are left out */
+/* minimum z of the lights under which the fit is evaluated; fits are least certain under lower
+ * lights */
 #define MIN_Z 0.15
 #define FACES 0.15 /* minimum cosine between normal and light */
-/* maximum difference from Lambert's law of a light that counts, relative to |b| */
+/* largest difference |f(l) − b·l| of a light that counts, relative to |b| */
 #define TOLERANCE   0.1
 #define ROUNDS      8
 #define SHADOWED    0.25
@@ -73,8 +74,8 @@ static gboolean fit_normals_open(struct fit *fit, const char *path, GError **err
         fit->n_terms = fit->hsh ? fit->hsh->n_terms : 0;
     } else {
         return data_error_fail(file, 0, error,
-                               "it is of kind %s, but normals need a ptm or an hsh; make one with "
-                               "mesorig compress --method ptm",
+                               "the file is of kind %s, but normals need a ptm or an hsh; make one "
+                               "with “mesorig compress --method ptm”",
                                kind ? kind : "none");
     }
     return fit->layout &&
@@ -109,8 +110,8 @@ static void choose_lights(struct fit *fit) {
     }
 }
 
-/* Gives the coefficients of luminance. The coefficients of a PTM are relative to its colour, which
- * does not change the direction. */
+/* Gives the coefficients of luminance. Those of a PTM are without the colour of the texel, which
+ * does not change the normal. */
 static void coefficients(const struct fit *fit, gsize texel, double *ret) {
     const gsize at = fit->slice * btf_layout_texels(fit->layout) + texel;
     for (int k = 0; k < fit->n_terms; k++)
@@ -232,7 +233,8 @@ static gboolean fit_normals_write(const struct fit *fit, const char *path, const
     }
     if (ret->holes == ret->texels)
         return data_error_fail(path, 0, error,
-                               "no texel of its %s has a normal: all are black or clipped",
+                               "no texel of the %s has a normal, because all texels are black or "
+                               "clipped; check the pictures, or leave out --maximum",
                                ret->model);
     struct exr_part *part = fit_normals_part(fit, heights);
     g_autoptr(ExrFile) exr = exr_file_new();

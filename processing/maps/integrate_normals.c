@@ -1,6 +1,6 @@
-/* Finds the surface whose slopes fit best in the least-squares sense (Frankot & Chellappa 1988
- * without their periodic border). With slopes p = ∂z/∂x and q = ∂z/∂y, the width h of a texel, and
- * j the right neighbour of texel i in a row or the one below it in a column (y points up, hence the
+/* Finds the surface whose slopes fit best by least squares, as Frankot & Chellappa 1988, but
+ * without a periodic border. With slopes p = ∂z/∂x and q = ∂z/∂y, the width h of a texel, and j the
+ * right neighbour of texel i in a row or the one below it in a column (y points up, hence the
  * plus),
  *   min Σ_rows (z_j − z_i − h (p_i + p_j) / 2)² + Σ_columns (z_j − z_i + h (q_i + q_j) / 2)²
  * over the pairs in which both texels have slopes. The normal equations L z = b are a Poisson
@@ -27,7 +27,7 @@ static gboolean joined(const struct grid *grid, gsize i, gsize j) {
     return isfinite(grid->p[i] + grid->q[i] + grid->p[j] + grid->q[j]);
 }
 
-/* Computes L z (slopes FALSE), or b (slopes TRUE; z may be NULL), as sums over the pairs of each
+/* Computes b if slopes is TRUE (z may then be NULL), otherwise L z, as sums over the pairs of each
  * texel. The normal equations are those at the top of this file. */
 static void apply(const struct grid *grid, const double *z, gboolean slopes, double *ret) {
     const gsize width = (gsize)grid->width, n = width * (gsize)grid->height;
@@ -55,8 +55,8 @@ static double dot(const double *a, const double *b, gsize n) {
     return sum;
 }
 
-/* Solves L z = b by conjugate gradients, beginning with z. L is singular, but b has no part in its
- * kernel. */
+/* Solves L z = b by conjugate gradients, beginning with z. L is singular, but b is orthogonal to
+ * its kernel. */
 static void relax(const struct grid *grid, double *z) {
     const gsize n = (gsize)grid->width * (gsize)grid->height;
     g_autofree double *r = g_new0(double, n), *along = g_new0(double, n), *l = g_new0(double, n);
@@ -82,8 +82,8 @@ static void relax(const struct grid *grid, double *z) {
     }
 }
 
-/* Averages the slopes of 2 × 2 texels, without texels that have no slopes. The result has NaN if
- * all four have none. */
+/* Averages the slopes of 2 × 2 texels. Texels without slopes do not count. The mean is NaN if none
+ * of the four has slopes. */
 static struct grid halve(const struct grid *grid, float *p, float *q) {
     const struct grid half = {p, q, (grid->width + 1) / 2, (grid->height + 1) / 2, 2 * grid->step};
     for (int i = 0; i < half.width * half.height; i++) {

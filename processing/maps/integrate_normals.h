@@ -1,4 +1,4 @@
-/* Heights from normals. Any thread. */
+/* Computes heights from slopes or normals. Any thread. */
 #pragma once
 
 #include <glib.h>

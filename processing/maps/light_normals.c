@@ -53,8 +53,8 @@ static gboolean take_planes(const ExrFile *file, const char *path, int n_texels,
             !to->planes[3 * light + 1] || !to->planes[3 * light + 2])
             return data_error_fail(
                 path, 0, error,
-                "its picture under light %u lacks R, G or B or has another size than the session; "
-                "delete the file and process again, or import again",
+                "the picture under light %u lacks channel R, G or B, or does not have the size of "
+                "the session; delete the file and process the session again, or import it again",
                 light);
     }
     return TRUE;
@@ -134,7 +134,7 @@ static gboolean write_maps(const struct photometric_texel *found, const struct s
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-/* Returns the cause that the largest number of holes has. */
+/* Returns the most frequent cause of holes. */
 static enum photometric_cause usual_cause(const struct light_normals_result *result) {
     int usual = PHOTOMETRIC_DARK;
     for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++)
@@ -160,7 +160,9 @@ static gboolean solve_view(const struct near_field *near_field, const char *path
         return FALSE;
     summarize(found, ret);
     if (ret->holes == ret->texels)
-        return data_error_fail(path, 0, error, "no texel has a normal: most %s",
+        return data_error_fail(path, 0, error,
+                               "no texel has a normal, because most texels %s; check the pictures "
+                               "and the directions of the lights",
                                photometric_cause_text(usual_cause(ret)));
     return write_maps(found, &near_field->grid, file, heights, ret, error);
 }
@@ -174,8 +176,8 @@ gboolean light_normals(const char *path, const char *file, gboolean heights,
     *ret = (struct light_normals_result){0};
     if (ok && near_field->lights.n < PHOTOMETRIC_MIN_LIGHTS)
         ok = data_error_fail(path, 0, error,
-                             "it has %d %s; normals need at least three lights, and at least five "
-                             "to detect shadows and highlights",
+                             "the session has %d %s; normals need at least three lights, and at "
+                             "least five to detect shadows and highlights",
                              PLURAL((int)near_field->lights.n, "light"));
     if (ok) {
         for (gsize v = 1; v < near_field->views.n; v++)

@@ -1,6 +1,6 @@
-/* Normals, albedo and heights of a session from its pictures under the measured lights, by
- * photometric stereo (photometric.h). The view nearest to the normal is used. No model is needed.
- * Any thread. */
+/* Finds normals, albedo and heights of a session from its pictures under the measured lights, by
+ * photometric stereo (photometric.h). Uses the view nearest to the normal. The session needs no PTM
+ * or other model. Any thread. */
 #pragma once
 
 #include "photometric.h"
@@ -10,8 +10,8 @@ struct light_normals_result {
     int view;                       /* index of the session's view */
     int texels, holes;              /* holes is the number of texels without a normal */
     int causes[PHOTOMETRIC_CAUSES]; /* number of holes by cause */
-    double sigma_deg[2];            /* median and 95th percentile of the normals' errors */
-    double used;                    /* median of the number of lights that agree */
+    double sigma_deg[2]; /* median and 95th percentile of the standard errors of the normals */
+    double used; /* median, over the texels with a normal, of the number of lights that agree */
 };
 
 /* Returns whether a path is a session with a BTF and without an MDF. */

@@ -12,19 +12,20 @@
 
 enum maps_heights { MAPS_HEIGHTS_MDF, MAPS_HEIGHTS_NORMALS };
 
-/* Whether the fit is stored: not stored, stored for the next export, or taken from an earlier
- * export. */
+/* What was done with the fit: it was not stored, it was stored for the next export, or it was taken
+ * from an earlier export. */
 enum maps_kept { MAPS_FIT_UNKEPT, MAPS_FIT_KEPT, MAPS_FIT_TAKEN };
 
 /* The difference between the maps, rounded to 8 bits, and the BTF to which they were fitted. */
 struct maps_errors {
     int n_views, n_lights;
-    double delta_e;        /* mean CIEDE2000, relative to the white diffuser */
+    double delta_e;        /* mean CIEDE2000; the white diffuser is white */
     double relative_error; /* ‖A − Â‖ / ‖A‖ of R, G and B */
     /* n_views × n_lights: mean CIEDE2000 over texels; NaN if no texel was compared */
     float *pairs;
     float *texels; /* height × width: mean CIEDE2000 over pairs */
-    int every;     /* each every-th pair of a texel was compared; 1 means all pairs */
+    /* one of `every` pairs of a view and a light was compared for each texel; 1 means all pairs */
+    int every;
 };
 
 struct maps {
@@ -32,7 +33,8 @@ struct maps {
     int width, height;
     double texel_mm;
     int n_views, n_lights;
-    /* number of values of the BTF that were not measured and are taken from neighbouring texels */
+    /* number of values of the BTF that were not measured, and were taken from neighbouring
+     * texels */
     gint64 holes;
     /* depth below the reference plane of the mean surface, which the maps describe */
     double depth_mm;
@@ -54,8 +56,8 @@ struct maps {
 };
 
 /* Makes the maps of path, a session or its products/btf. model gives the parameters that the fit
- * may use; a fit of each model is stored. memory is the maximum number of bytes for the BTF, of
- * which the rest is kept in a file; 0 if not limited. The fit is stored in the session
+ * may use; a fit of each model is stored. memory is the maximum number of bytes for the values of
+ * the BTF (0 if not limited); a larger BTF stays in a file. The fit is stored in the session
  * (maps_store.h), and taken from there while the BTF is the same. Progress stages are "read",
  * "depth", "layers", "fit", "errors" and "occlusion". If the fit is taken from the session, only
  * "occlusion" is left. */
@@ -84,10 +86,10 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };
-/* Adds a binary glTF or, with text, a .gltf with the files that it names. shapes is a sum of flags.
- * Lengths are in metres, with y upwards. Extensions are used only if a map needs them. A material
- * of the core model has no extensions and no occlusion, which some renderers apply to direct light.
- * file is the name of the first file. */
+/* Adds a binary glTF, or, if text is TRUE, a .gltf and the files that it names. shapes is a sum of
+ * enum maps_shapes. Lengths are in metres, with y upwards. Extensions are used only if a map needs
+ * them. A material of the core model has no extensions and no occlusion, which some renderers apply
+ * to direct light. file is the name of the first file. */
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,
                        MapsFiles *files, GError **error);
 /* Adds NAME_openpbr.mtlx, NAME_standard_surface.mtlx, and the maps. */

@@ -1,5 +1,5 @@
-/* A Python script that makes the material in Blender 3.4 from the maps in the same folder. The
- * values that differ between materials are at its beginning. */
+/* This Python script makes the material in Blender 3.4 from the maps in the same folder.
+ * maps_add_blender() writes the values that differ between materials in front of the script. */
 #include "maps.h"
 
 static const char script[] =

@@ -1,11 +1,11 @@
-/* Compares each texel under every k-th pair of a view and a light, with k = errors.every.
- * Consecutive texels begin with different pairs. */
+/* Compares the maps with the BTF: each texel at every k-th pair of a view and a light, where k is
+ * errors.every. Consecutive texels begin with different pairs. */
 #include <math.h>
 
 #include "maps_private.h"
 #include "metrics/delta_e.h"
 
-/* maximum number of comparisons, each of one texel in one view under one light */
+/* largest number of comparisons, each of one texel in one view under one light */
 #define MAX_COMPARED 8000000
 
 struct maps_errors_run {

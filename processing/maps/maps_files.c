@@ -66,7 +66,7 @@ gboolean maps_files_check(const char *path, gboolean replace, GError **error) {
     return TRUE;
 }
 
-/* Writes a file into an existing folder. If FALSE is returned, errno is set. */
+/* Writes a file into an existing folder. Returns FALSE with errno set if it cannot be written. */
 static gboolean write_one(const struct maps_file *file, const char *folder) {
     struct new_file to;
     if (!new_file_begin(&to, folder, file->name))
@@ -79,8 +79,7 @@ static gboolean write_one(const struct maps_file *file, const char *folder) {
     return FALSE;
 }
 
-/* Writes a file into a folder of the user. Returns FALSE with an error, also if the file exists and
- * replace is FALSE. */
+/* Writes a file into a folder of the user. Also fails if the file exists and replace is FALSE. */
 static gboolean write_output(const struct maps_file *file, const char *folder, gboolean replace,
                              GError **error) {
     g_autofree char *path = g_build_filename(folder, file->name, NULL);
@@ -98,8 +97,8 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
     }
 }
 
-/* Writes all files into an existing folder, and replaces files of the same names. Returns FALSE
- * with an error at the first file that cannot be written. */
+/* Writes all files into an existing folder, and replaces files of the same names. Stops with an
+ * error at the first file that cannot be written. */
 static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
     for (guint i = 0; i < files->len; i++)
         if (!write_output(files->pdata[i], path, TRUE, error))

@@ -1,5 +1,5 @@
-/* The mean of all texels is fitted first, from many shapes. The fit of each texel begins with the
- * shape of the mean. */
+/* The mean of the texels is fitted first, beginning with many shapes. The fit of each texel begins
+ * with the shape of the mean. */
 #include "maps_fit_private.h"
 
 #include <math.h>
@@ -14,8 +14,8 @@
 #define BETTER 0.95 /* a layer is used if it reduces the cost to at most this share */
 /* minimum decrease of the mean cost of a texel by a layer; the cost is relative to Σ u² Y² */
 #define WORTH         3e-4
-#define STARTS        5 /* number of starts of a texel */
-#define LAMBERT_LIMIT 0.7
+#define STARTS        5   /* number of starts of a texel */
+#define LAMBERT_LIMIT 0.7 /* minimum z of a normal from lambert() with which a fit begins */
 
 struct maps_fit_run {
     const struct maps_register *of;
@@ -23,7 +23,9 @@ struct maps_fit_run {
     const struct maps_pairs *pairs;
     struct maps_fit *fit;
     float mean[MAPS_SHAPE];
-    int step; /* computes the costs of every step-th texel; 0 fits all texels */
+    /* if above 0, only the costs of every step-th texel are computed; 0 means that all texels are
+     * fitted */
+    int step;
     double *costs;
     GMutex mutex;
     GError *error; /* the first error of reading */
@@ -60,7 +62,8 @@ static gboolean rows(const struct maps_fit_run *run, gsize first, int n, float *
     return TRUE;
 }
 
-/* Finds the normal's x and y by Lambert's law: b / |b| of min Σ (Y − b·l)². */
+/* Gives x and y of the normal b / |b| by Lambert's law, min Σ (Y − b·l)². Gives 0, 0 if the normal
+ * is not determined or is steeper than LAMBERT_LIMIT. */
 static void lambert(const struct maps_pairs *pairs, const float *rgb, float ret[2]) {
     double a[3][3] = {{0}}, b[3] = {0};
     for (int i = 0; i < pairs->n; i++) {
@@ -150,7 +153,8 @@ static gboolean blocks(struct maps_fit_run *run, const struct work *work, int n,
     return FALSE;
 }
 
-/* Fits the mean of about MEAN texels, beginning from several shapes, and keeps the best. */
+/* Fits the mean of about MEAN texels, beginning with several shapes. The shape of the best result
+ * becomes run->mean. */
 static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
     static const float widths[] = {-4, -3, -2, -1.2F, -0.4F};
     static const float spreads[3][2] = {{0, 0}, {0.5F, 0}, {-0.5F, 0}};
@@ -181,16 +185,17 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
         maps_solver_run(solver, mean, starts, (int)G_N_ELEMENTS(starts), &solution);
     maps_solver_free(solver);
     if (!lit)
-        return data_error_fail(run->btf->name ? run->btf->name : "BTF", 0, error,
-                               "all of its values are 0 or missing, so there is nothing to fit; "
-                               "look at it with mesorig info");
+        return data_error_fail(
+            run->btf->name ? run->btf->name : "BTF", 0, error,
+            "all values of the BTF are 0 or missing, so that there is nothing to fit; see “mesorig "
+            "info” and process or import the session again");
     memcpy(run->mean, solution.shape, sizeof run->mean);
     return TRUE;
 }
 
 /* Chooses the layers: fits about SOME texels without layers, with sheen and with clear coats of
- * some roughnesses, and keeps those with the smallest cost. The first layer must reduce the cost by
- * the limits BETTER and WORTH. */
+ * some roughnesses, and keeps those with the smallest cost. A layer must reduce the cost without
+ * layers as BETTER and WORTH require. */
 static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const struct work *work,
                        GError **error) {
     static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};
@@ -232,11 +237,13 @@ struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_
     gboolean ok = pairs->n > 0;
     if (!ok)
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
-                       "no view or no light stands above the sample's plane");
+                       "there is no pair of a view and a light that are both at least 1.2° above "
+                       "the plane of the sample; capture or import other directions");
     fit->texels = ok ? g_try_new0(struct maps_texel, n) : NULL;
     if (ok && !fit->texels) {
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
-                       "there is not enough memory for the maps of %zu × %zu texels",
+                       "there is not enough memory for the maps of %zu × %zu texels; export on a "
+                       "computer with more memory",
                        btf->layout.width, btf->layout.height);
         ok = FALSE;
     }

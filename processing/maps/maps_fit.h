@@ -1,4 +1,5 @@
-/* Fits the model of maps_model.h to the whole BTF of each texel: to all views and lights together.
+/* Fits the model of maps_model.h to each texel of a BTF, in all views and under all lights
+ * together.
  *
  * The fit is a weighted least-squares fit of luminance Y over pairs i of a view and a light,
  *   min Σ u_i² (Y_i − d D_i − S A_i − w B_i − e E_i)² + priors,   u_i = h_i / (m_i + y0)^0.6.
@@ -12,10 +13,10 @@
  * the model, y0 a twentieth of the mean, and h_i Huber's factor. Shadows and other effects that the
  * model does not contain then count less. Metallic and specular follow from d and S. Then base,
  * specular colour and sheen are solved for each colour: first by least squares, then with weights
- * that minimise the sum of absolute differences of all three (iteratively reweighted least
- * squares). The weight of a view is v·z.
+ * that minimise the sum of absolute differences of all three colours (iteratively reweighted least
+ * squares). In both, values are also weighted by v·z of their view.
  *
- * In the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give metallic m.
+ * In the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give the metallic value m.
  *
  * Values that are NaN are left out. A texel without light is black. Any thread. */
 #pragma once
@@ -30,7 +31,8 @@
  * dielectric, and there are no layers. */
 enum maps_model { MAPS_MODEL_FULL, MAPS_MODEL_CORE };
 
-/* maximum number of pairs of a view and a light; of more pairs, every second, third, … is taken */
+/* maximum number of pairs of a view and a light that are fitted; if there are more pairs, every
+ * second, third, … is taken */
 #define MAPS_MAX_PAIRS 4096
 
 struct maps_fit {
@@ -40,8 +42,8 @@ struct maps_fit {
 };
 
 /* Fits the points of the mean surface. If layers is NULL, a layer is used if it lowers the cost of
- * some texels by more than a twentieth. The error is in DATA_ERROR if the BTF has no light at all,
- * or if there is not enough memory. Progress stages are "layers" and "fit". */
+ * a selection of texels by more than a twentieth. The error is in DATA_ERROR if the BTF has no
+ * light at all, or if there is not enough memory. Progress stages are "layers" and "fit". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

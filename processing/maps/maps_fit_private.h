@@ -1,4 +1,5 @@
-/* The parts of the fit of maps_fit.h: pairs of directions, the solver of one texel. */
+/* maps_fit.c, maps_pairs.c and maps_solver.c share the pairs of directions and the solver of one
+ * texel. */
 #pragma once
 
 #include "maps_fit.h"
@@ -35,7 +36,7 @@ struct maps_pairs {
 /* Returns the pairs of a view and a light that are both above the plane. If the BTF has more than
  * MAPS_MAX_PAIRS pairs, takes every second, third, … pair. */
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
-/* Sets E for the layers and for the normal z. */
+/* Computes the plane E (MAPS_EXTRA) for the layers, with the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
 void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
 
@@ -44,13 +45,14 @@ struct maps_solver;
 struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
 void maps_solver_free(struct maps_solver *solver);
 
-/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the shapes in
- * starts, and the best result is kept. The results are the shape, the factors of the columns, and Σ
- * w² r² relative to Σ w² Y². Returns FALSE if there is no light. */
+/* The result of a fit: the shape, the factors of the columns, and the cost, Σ u² r² / Σ u² Y², with
+ * the weights u of maps_fit.h and the residuals r. */
 struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;
 };
+/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the shapes in
+ * starts, and the best result is kept. Returns FALSE if the texel has no light. */
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);

@@ -1,6 +1,6 @@
-/* glTF 2.0: meshes with tangents, textures, and one material. The text is written without a JSON
- * library. The name is the only text from outside, and has no character that JSON would have to
- * escape. */
+/* Writes glTF 2.0: meshes with tangents, textures, and one material. The text is written without a
+ * JSON library. The name of the maps is the only text from outside, and has no character that JSON
+ * would have to escape. */
 #include <math.h>
 #include <string.h>
 
@@ -89,7 +89,7 @@ static void comma(GString *list) {
         g_string_append(list, ",\n  ");
 }
 
-/* Adds a buffer view. target is 0 if it has none. Returns the index of the buffer view. */
+/* Adds a buffer view. stride and target are 0 if the buffer view has none. Returns its index. */
 static int put(struct maps_gltf *to, gconstpointer data, gsize size, int stride, int target) {
     static const guint8 zeros[4] = {0};
     g_byte_array_append(to->bytes, zeros, (4 - to->bytes->len % 4) % 4);
@@ -129,8 +129,8 @@ static void accessor(struct maps_gltf *to, int view, gsize offset, int type, gui
     to->n_accessors++;
 }
 
-/* Adds a mesh. Numbers are written in the byte order of this machine. glTF requires little-endian,
- * which is the order of all machines that run Debian's Blender. */
+/* Adds a mesh. glTF requires little-endian numbers. They are written in the byte order of this
+ * machine, which must be little-endian. */
 static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};

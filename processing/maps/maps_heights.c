@@ -16,7 +16,8 @@
 #define TAIL       0.002 /* share of the heights at each end that are assumed to be wrong */
 #define STEEPEST   0.1F  /* minimum z of a normal whose slope is integrated */
 
-/* Sets the heights from the map that `mesorig export height` writes. */
+/* Sets the heights to those that “mesorig export height” writes. If too many texels have none, sets
+ * heights_from so that the heights follow from normals. */
 static gboolean maps_heights_mdf(struct maps *maps, const char *session, const struct work *work,
                                  GError **error) {
     const struct export_surface_options options = {.what = EXPORT_HEIGHT, .layered = TRUE};
@@ -34,7 +35,7 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
     if (part->width != maps->width || part->height != maps->height)
         return data_error_fail(
             session, 0, error,
-            "its MDF has %d × %d texels, but its BTF has %d × %d; process the session again",
+            "the MDF has %d × %d texels, but the BTF has %d × %d; process the session again",
             part->width, part->height, maps->width, maps->height);
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     const float *z = exr_part_plane(part, "Z"), *count = exr_part_plane(part, "N");
@@ -102,7 +103,8 @@ struct maps_occlusion {
     float *ret;
 };
 
-/* Gives the height at a position by bilinear interpolation. Returns FALSE outside of the field. */
+/* Gives the height at a position in texels by bilinear interpolation. Returns FALSE if the position
+ * is outside of the field. */
 static gboolean maps_heights_at(const struct maps_occlusion *of, double x, double y, double *ret) {
     const int x0 = (int)floor(x), y0 = (int)floor(y);
     if (x0 < 0 || y0 < 0 || x0 + 1 >= of->width || y0 + 1 >= of->height)

@@ -1,4 +1,5 @@
-/* Makes maps: the fit, or the stored fit of an earlier export, and what is not fitted. */
+/* Makes maps: computes the fit or reads the stored fit of an earlier export, then computes heights
+ * and occlusion. */
 #include "maps.h"
 
 #include <math.h>
@@ -19,8 +20,9 @@ static char *plain_name(const char *name) {
     return ret;
 }
 
-/* Sets max_specular and anisotropic. If the mean anisotropy is below ISOTROPIC, removes it; the
- * roughness of both directions is then their geometric mean. A second call changes nothing. */
+/* Sets max_specular and anisotropic. If the mean anisotropy is below ISOTROPIC, makes all texels
+ * isotropic, with the geometric mean of the roughnesses in both directions. A second call changes
+ * nothing. */
 static void summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
@@ -50,8 +52,8 @@ static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
     if (n > MAPS_MAX_TEXELS) {
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
-                       "%zu × %zu texels are too many for an export of maps, which may have %d "
-                       "texels (4096 × 4096)",
+                       "the BTF has %zu × %zu texels, but maps can have at most %d (4096 × 4096); "
+                       "process or import the session with fewer texels",
                        btf->layout.width, btf->layout.height, MAPS_MAX_TEXELS);
         return NULL;
     }
@@ -73,7 +75,7 @@ static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
     return ok ? g_steal_pointer(&maps) : NULL;
 }
 
-/* Computes the maps that are not fitted: heights from the session's MDF, and occlusion. */
+/* Computes the maps that are not fitted: the heights (maps_find_heights()) and the occlusion. */
 static gboolean shape(struct maps *maps, const char *session, const struct work *work,
                       GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
@@ -92,8 +94,8 @@ struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
     return maps && shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
 }
 
-/* Returns the stored fit of an earlier export, or makes a new one, which is stored if the session
- * can be written to. */
+/* Returns the stored fit of an earlier export, or makes a new fit and stores it if the session can
+ * be written to. */
 static struct maps *fitted(const char *path, const char *session, enum maps_model model,
                            gint64 memory, const struct work *work, GError **error) {
     g_autoptr(GError) unknown = NULL;

@@ -1,5 +1,5 @@
-/* MaterialX 1.39: one document for each shading model. The name is the only text from outside, and
- * has no character that XML would have to escape. */
+/* Writes MaterialX 1.39, one document for each shading model. The name of the maps is the only text
+ * from outside, and has no character that XML would have to escape. */
 #include <math.h>
 
 #include "maps.h"
@@ -126,7 +126,7 @@ static double maps_materialx_most(const struct maps *maps) {
 }
 
 /* Returns the index of refraction of the most specular texel. The map of the specular weight is
- * relative to its reflectance. */
+ * relative to the reflectance of this texel. */
 static double maps_materialx_ior(const struct maps *maps) {
     const double root = sqrt(MIN((double)MAPS_DIELECTRIC * maps_materialx_most(maps), 0.9));
     return (1 + root) / (1 - root);

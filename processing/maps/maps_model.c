@@ -47,7 +47,8 @@ static double sheen_integral(double roughness, double cosine) {
     for (int i = 0; i < STEPS; i++) {
         const double nl = (i + 0.5) / STEPS, sl = sqrt(1 - nl * nl);
         for (int j = 0; j < STEPS; j++) {
-            /* half of the azimuths, because the integrand is symmetric about the plane of v */
+            /* half of the azimuths are enough, because the integrand is symmetric about the plane
+             * of v and n */
             const double phi = (j + 0.5) / STEPS * G_PI;
             const double x = sv + sl * cos(phi), y = sl * sin(phi), z = nv + nl;
             sum += nl * maps_sheen(roughness, nl, nv, z / sqrt(x * x + y * y + z * z));

@@ -48,11 +48,12 @@ struct maps_layers {
 struct maps_layers maps_layers_new(double sheen_roughness, double coat_roughness);
 
 /* Evaluates the model. v and l are unit vectors with z > 0. The result is 0 if the normal faces
- * away from one of them. */
+ * away from v or l. */
 void maps_evaluate(const struct maps_layers *layers, const struct maps_texel *texel,
                    const float v[3], const float l[3], float ret[3]);
 
-/* Return D V of an isotropic lobe of α, and D_s V_s, at the cosines n·l, n·v and n·h. */
+/* maps_lobe() returns D V of an isotropic lobe with α, maps_sheen() returns D_s V_s, both at the
+ * cosines n·l, n·v and n·h. */
 double maps_lobe(double alpha, double nl, double nv, double nh);
 double maps_sheen(double roughness, double nl, double nv, double nh);
 /* Returns E(cos θ) from the table. */

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define MIN_Z 0.02F /* minimum z of a direction: lower directions see almost nothing */
+#define MIN_Z 0.02F /* minimum z of a direction; from lower directions almost nothing is seen */
 
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model) {
     g_autofree float *views = direction_list_vectors(&layout->views);

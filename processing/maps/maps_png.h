@@ -1,11 +1,11 @@
-/* Pictures of any number of channels as PNG. Any thread. */
+/* Encodes pictures with 1, 3 or 4 channels as PNG. Any thread. */
 #pragma once
 
 #include <gio/gio.h>
 
-/* values is height × width × channels (1 grey, 3 RGB, 4 RGBA) of 0 … 1, with row 0 at the top.
- * Values outside this range are clamped. bits is 8 or 16. With srgb, R, G and B are linear light,
- * and are encoded as sRGB. */
+/* Returns the bytes of a PNG file. values is height × width × channels (1 grey, 3 RGB, 4 RGBA),
+ * with row 0 at the top. Values are clamped to 0 … 1. bits is 8 or 16. If srgb is TRUE, grey or R,
+ * G and B are linear light, and are encoded as sRGB. */
 GBytes *maps_png(const float *values, int width, int height, int channels, int bits, gboolean srgb,
                  GError **error);
 

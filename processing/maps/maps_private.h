@@ -1,4 +1,4 @@
-/* The parts of maps_new(). */
+/* These are the parts of maps_new(). */
 #pragma once
 
 #include "maps.h"
@@ -8,11 +8,13 @@ gboolean maps_find_heights(struct maps *maps, const char *session, const struct 
                            GError **error);
 
 /* Computes the ambient occlusion of a height field: the share of a white sky's light that arrives.
- * The horizon is found from each texel in DIRECTIONS azimuths up to a maximum distance:
- *   1/n Σ cos² θ_k,  θ_k the horizon's elevation.
+ * For each texel, the elevations θ_k of the horizon are found in n azimuths, up to a maximum
+ * distance:
+ *   occlusion = 1/n Σ_k cos² θ_k.
  * heights are in units of a texel's width. There is no surface outside of the field. */
 gboolean maps_find_occlusion(const float *heights, int width, int height, const struct work *work,
                              float *ret, GError **error);
 
+/* Fills maps->errors: compares the maps, rounded to 8 bits, with the BTF. */
 gboolean maps_find_errors(struct maps *maps, const struct maps_register *of,
                           const struct work *work, GError **error);

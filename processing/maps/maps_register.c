@@ -1,5 +1,5 @@
-/* The pictures of views, averaged over lights, are shifted against each other by the displacements
- * of a depth. */
+/* Shifts the pictures of views, averaged over lights, against each other by the displacements that
+ * belong to a depth, and compares them. */
 #include "maps_register.h"
 
 #include <math.h>
@@ -15,8 +15,8 @@
 #define STEEPEST 0.45F  /* minimum z of a view that is compared */
 #define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */
 #define MOST     4.0
-#define STEP     0.125
-#define BETTER   0.9
+#define STEP     0.125 /* distance of two depths that are tried, in texels */
+#define BETTER   0.9   /* a depth must reduce the difference of the views to this part */
 /* standard deviation of a pattern, relative to the mean, below which it gives no depth */
 #define FAINT   0.005
 #define NOTHING 0.06 /* depths up to this number of texels count as 0 */
@@ -51,7 +51,7 @@ static gboolean corners(double x, double y, int width, int height, gsize ret_at[
     return TRUE;
 }
 
-/* Makes the window's picture of a view, scaled to a mean of 1. Returns FALSE on error. */
+/* Makes the picture of the window in a view: sums over all lights, scaled to a mean of 1. */
 static gboolean maps_register_picture(const struct btf_matrix *btf, int view, int x0, int y0,
                                       const struct maps_register_search *search, float *ret,
                                       GError **error) {
@@ -79,8 +79,8 @@ static gboolean maps_register_picture(const struct btf_matrix *btf, int view, in
     return TRUE;
 }
 
-/* Returns the difference of the views at a depth, in texels, relative to the contrast of their
- * mean. Returns INFINITY if there is no pattern. */
+/* Returns the quotient of maps_register.h, the variance between the views relative to that of their
+ * mean picture, for a depth in texels. Returns INFINITY if there is no pattern. */
 static double maps_register_differ(const struct maps_register_search *s, double depth) {
     double within = 0, contrast = 0, mean[3] = {0};
     gint64 n = 0;
@@ -130,7 +130,7 @@ static void maps_register_try(int i, gpointer data) {
     run->differ[i] = maps_register_differ(run->search, LEAST + i * STEP);
 }
 
-/* Finds the depth *ret, in texels, at which the views agree best. It is 0 if no depth is clearly
+/* Finds the depth *ret, in texels, at which the views agree best. *ret is 0 if no depth is clearly
  * better than the reference plane. Returns FALSE with an error when cancelled. */
 static gboolean maps_register_search(const struct maps_register_search *search,
                                      const struct work *work, double *ret, GError **error) {
@@ -150,7 +150,7 @@ static gboolean maps_register_search(const struct maps_register_search *search,
     if (!isfinite(none) || !(differ[best] < BETTER * none) || best == 0 || best == TRIES - 1 ||
         !isfinite(differ[best - 1] + differ[best + 1]))
         return TRUE;
-    /* The vertex of the parabola through the minimum and its two neighbours. */
+    /* The depth is the vertex of the parabola through the minimum and its two neighbours. */
     const double before = differ[best - 1], after = differ[best + 1];
     const double bend = before - 2 * differ[best] + after;
     const double off = bend > 0 ? 0.5 * (before - after) / bend : 0;

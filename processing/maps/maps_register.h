@@ -1,6 +1,6 @@
-/* The values of a BTF at the points of the mean surface. The texels of a BTF lie on the reference
- * plane. If the surface lies at a depth d below it, the surface point below texel (x, y) is seen
- * from the direction v at
+/* Gives the values of a BTF at the points of the mean surface. The texels of a BTF lie on the
+ * reference plane. If the surface lies at a depth d below it, the surface point below texel (x, y)
+ * is seen from the direction v at
  *   x + d v_x / (v_z w),  y − d v_y / (v_z w)      (texels of the width w, y downwards).
  * A texel of the reference plane therefore shows different points in different views, and maps that
  * follow the texels of the plane would mix these points. Any thread after the object is made. */
@@ -19,14 +19,15 @@ struct maps_register {
  *   Σ_x mean_v (M_v(x) − M(x))² / Σ_x (M(x) − M̄)²
  * over the texels x of a window in the middle. M_v is the mean of view v over lights, scaled to a
  * mean of 1 in the window. M is the mean of M_v over the views that cover x. M̄ is the mean of M.
- * The depth is 0 unless it is better by a tenth than the reference plane, because a surface without
- * a pattern does not show its depth. The progress stage is "depth". */
+ * The depth is 0 unless the minimum is more than a tenth below the value at depth 0, because a
+ * surface without a pattern does not show its depth. The progress stage is "depth". */
 struct maps_register *maps_register_new(const struct btf_matrix *btf, const struct work *work,
                                         GError **error);
 void maps_register_free(struct maps_register *registered); /* NULL is ignored */
 
 /* Gives the values of texels first … first + n − 1 in a view, interpolated bilinearly: n rows of
- * n_lights × 3 floats, *ret_stride floats apart. They are in buffer (n × n_lights × 3) or in memory
- * of the BTF. Values outside of the BTF are NaN. Returns NULL if a file cannot be read. */
+ * n_lights × 3 floats, *ret_stride floats apart. The rows are in buffer (n × n_lights × 3) or in
+ * the memory of the BTF. Values outside of the BTF are NaN. Returns NULL if a file cannot be
+ * read. */
 const float *maps_register_rows(const struct maps_register *registered, int view, int first, int n,
                                 float *buffer, gsize *ret_stride, GError **error);

@@ -1,5 +1,6 @@
-/* Levenberg–Marquardt over the shape, with the columns' factors eliminated. Loops run over all
- * pairs in planes of floats, so that compilers can vectorise them. */
+/* Finds the shape by the Levenberg–Marquardt method. For each shape, the factors of the columns are
+ * solved for. Loops run over all pairs in planes of floats, so that compilers can vectorise
+ * them. */
 #include "maps_fit_private.h"
 
 #include <math.h>
@@ -10,20 +11,21 @@
 
 #define EXPONENT 0.6F
 #define DARK     0.05F /* y0 of maps_fit.h, relative to the mean of Y */
-/* residuals beyond this number of standard deviations count less (Huber 1981) */
+/* larger residuals, in standard deviations, count less than their squares (Huber 1981) */
 #define HUBER      1.345
 #define STEPS      6
 #define ROUNDS     3
-#define ENOUGH     1e-4 /* relative decrease of the cost below which a round ends */
-#define STEP       1e-2F
-#define MAX_NORMAL 0.85F
+#define ENOUGH     1e-4  /* relative decrease of the cost below which a round ends */
+#define STEP       1e-2F /* step of the finite differences by which a shape is differentiated */
+#define MAX_NORMAL 0.85F /* maximum of |(x, y)| of a normal */
 #define MIN_COSINE 1e-3F
-#define MIN_WEIGHT 0.02F
+#define MIN_WEIGHT 0.02F /* minimum of the specular weight w */
 /* weight of the priors of the factors, as a number of pairs whose column is 1 */
 #define WEAK          0.5
-#define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ w² Y² */
+#define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ u² Y² (maps_fit.h) */
 #define COLOUR_ROUNDS 5
-/* standard deviations up to which squares count; chosen with the material low_weave */
+/* number of standard deviations up to which a difference counts with its square; chosen with the
+ * material low_weave */
 #define COLOUR_HUBER 0.3
 #define SHRINK       0.1 /* weight by which the specular colour is drawn towards grey */
 
@@ -38,7 +40,8 @@ struct maps_solver {
     float dark; /* y0 of maps_fit.h */
     float *diffuse, *lobe, *residuals, *trial, *slopes[MAPS_SHAPE];
     double *sorted;
-    double energy, weak; /* energy: Σ w² Y²; weak: weight of the priors of the factors */
+    /* energy: Σ u² Y² (maps_fit.h); weak: weight of the priors of the factors */
+    double energy, weak;
     double n_valid;
 };
 
@@ -205,8 +208,8 @@ static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS
     return cost;
 }
 
-/* Computes the priors of a shape: the distance of its values from the usual ones, in usual
- * deviations. */
+/* Computes the priors of a shape: the differences of its values from usual values, in units of
+ * `deviations`. */
 static void maps_solver_prior(const float shape[MAPS_SHAPE], double ret[MAPS_SHAPE]) {
     static const float usual[MAPS_SHAPE] = {0, 0, -1.2F, 0, 0, 1};
 
@@ -223,7 +226,7 @@ static double maps_solver_cost(struct maps_solver *solver, const float shape[MAP
     return cost;
 }
 
-/* Solves A x = b for a positive definite A, which is overwritten. Returns FALSE if A is not
+/* Solves A x = b by Cholesky's method. b becomes x, and A is overwritten. Returns FALSE if A is not
  * positive definite. */
 static gboolean cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
     for (int j = 0; j < MAPS_SHAPE; j++) {
@@ -307,8 +310,9 @@ static void limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
     shape[5] = core ? 1 : CLAMP(shape[5], MIN_WEIGHT, 1);
 }
 
-/* Improves at->shape and at->factors by Levenberg–Marquardt, at most STEPS steps. solver->residuals
- * and cost are those of the shape before, and are updated. Returns the new cost. */
+/* Improves at->shape and at->factors by Levenberg–Marquardt, at most STEPS steps. Before the call,
+ * solver->residuals and cost are those of at->shape. Updates solver->residuals, and returns the new
+ * cost. */
 static double descend(struct maps_solver *solver, double cost, struct maps_solution *at) {
     double damping = 1e-2;
     for (int step = 0; step < STEPS; step++) {
@@ -419,7 +423,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
         }
         descend(solver, cost, ret);
     }
-    /* The reported cost has no priors: it is Σ r² of the residuals, relative to Σ w² Y². */
+    /* The reported cost contains no priors: it is Σ u² r² / Σ u² Y². */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
     double squares = 0;
     for (int i = 0; i < solver->n; i++)
@@ -451,8 +455,8 @@ struct maps_colours {
     const struct maps_layers *layers;
 };
 
-/* Gives the factors of base, specular colour and sheen in pair i. Returns the remaining part, which
- * does not depend on them. */
+/* Gives the factors by which base, specular colour and sheen are multiplied in the value of pair i.
+ * Returns the part of the value that depends on none of these three. */
 static double colour_columns(const struct maps_solver *solver, const struct maps_colours *of, int i,
                              double ret[MAPS_COLUMNS]) {
     const float *const *p = (const float *const *)solver->pairs->planes;
@@ -509,10 +513,10 @@ static void colours_fit(const struct maps_solver *solver, const float *rgb,
 }
 
 /* Stores in solver->trial the weights with which the next fit reduces the sum of absolute
- * differences. An edge that a texel shows in some views and not in others then gets one of both
- * colours, not their mixture, which differs from both. A view counts with the visible area of the
- * surface, v·z. Grazing views, which differ most because they show other points, are then less
- * important. */
+ * differences. If a texel shows another colour in some views, because an edge runs through it, the
+ * result is then one of the two colours and not their mixture. Each view has the weight v·z, in
+ * proportion to the visible area. Grazing views, which differ most because they show other points,
+ * then count less. */
 static void colours_robust(struct maps_solver *solver, const float *rgb,
                            const struct maps_colours *of, const double x[3][MAPS_COLUMNS]) {
     int n = 0;

@@ -1,4 +1,4 @@
-/* Maps as PNG and EXR, and the errors as a table and pictures. */
+/* Makes maps as PNG and EXR, and the errors as a table and as pictures. */
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static float maps_textures_grey(const struct maps_texel *t) {
     return (t->specular_colour[0] + t->specular_colour[1] + t->specular_colour[2]) / 3;
 }
 
-/* A map. Its function fills the channels of a texel. */
+/* A map. fill() gives the channels of a texel. */
 struct maps_texture {
     const char *name;
     int channels, bits;
@@ -46,7 +46,7 @@ static void specular(const struct maps *maps, gsize i, float *ret) {
 static void edge(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].specular;
 }
-/* Gives only the tint, scaled so that its largest component is 1. */
+/* Gives the specular colour, scaled so that its largest component is 1. */
 static void tint(const struct maps *maps, gsize i, float *ret) {
     const float *s = maps->fit->texels[i].specular_colour;
     const float most = MAX(MAX(s[0], s[1]), s[2]);
@@ -104,7 +104,7 @@ static gboolean has(const struct maps *maps, const struct maps_texture *texture)
     return TRUE;
 }
 
-/* Makes an EXR in memory through a temporary file. */
+/* Returns the bytes of an EXR, which is written to a temporary file and read back. */
 static GBytes *maps_textures_exr(const struct maps *maps, const struct maps_texture *texture,
                                  const float *values, GError **error) {
     static const char *const rgb[] = {"B", "G", "R", NULL}, *const grey[] = {"Y", NULL};
@@ -153,7 +153,7 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
 }
 
 /* Gives the colour of a CIEDE2000: from black (0) over violet and orange to white (MAX_DE or more).
- * NaN, which was not compared, is grey. */
+ * NaN, which means that nothing was compared, is grey. */
 static void heat(float delta_e, float ret[3]) {
     static const float stops[5][3] = {
         {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};

@@ -11,7 +11,7 @@
 #define SAMPLES   1536 /* number of texels from which σ is estimated */
 #define BINS      8    /* number of ranges of |b|, with the same number of samples each */
 #define TRIPLES   160  /* maximum number of triples that are tried */
-#define TRUNCATED 3.0  /* in σ: all larger differences count as much as this one */
+#define TRUNCATED 3.0  /* in σ: larger differences count as much as a difference of this size */
 #define SHADOW    0.35 /* share of the expected value below which a light is in shadow */
 /* weight of a light that is dimmer than expected but not in shadow, relative to other lights */
 #define IMPLAUSIBLE 3.0
@@ -25,7 +25,7 @@
 #define FLATTEST 20.0 /* degrees: maximum error of a normal */
 #define MIN_REAL 1e-4 /* relative to |b|: minimum σ, for pictures without noise */
 #define VOLUME   0.02 /* minimum |det| of a triple of lights */
-/* number of simulated texels that give the bias of the scale of a few lights */
+/* number of simulated texels of rehearse() */
 #define REHEARSALS 256
 /* quantile of the samples' scales that is σ; texels with highlights have larger scales */
 #define QUANTILE 0.25
@@ -250,9 +250,10 @@ static void find_albedo(const struct lit *lit, const float *rgb, struct vec3 b, 
         ret->albedo[c] = squares > 0 ? (float)(sums[c] / squares) : 0;
 }
 
-/* Decides whether b is a valid solution, and sets used and sigma_deg. Returns PHOTOMETRIC_FOUND or
- * the cause why there is no normal. A light whose value is only noise does not count, because for
- * any two lights there is a solution that a third light just grazes. */
+/* Decides whether b is a valid solution, and sets used and sigma_deg. Returns PHOTOMETRIC_FOUND, or
+ * the cause for which there is no normal. A light whose value is only noise does not count: any two
+ * lights have a solution whose surface a third light just grazes, and such a light would confirm
+ * any solution. */
 static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double sigma,
                                     struct photometric_texel *ret) {
     int facing = 0;
@@ -354,9 +355,9 @@ static double quantile(double *values, int n) {
     return values[(int)(QUANTILE * (n - 1))];
 }
 
-/* Returns the ratio of a texel's scale, by the best triple, to the true σ, for normally distributed
- * errors. It is the quantile over simulated texels of all directions under the lights of one
- * texel. */
+/* Simulates texels with normals of many directions and normally distributed errors, under the
+ * lights of one texel. Returns QUANTILE of the ratios of their scales (median_of() of the best
+ * triple) to the true σ. */
 static double rehearse(const struct lit *of, double *buffer) {
     struct lit lit = lit_new(of->n);
     g_autofree double *ratios = g_new(double, REHEARSALS);
@@ -385,7 +386,7 @@ static double rehearse(const struct lit *of, double *buffer) {
     return found > REHEARSALS / 8 ? quantile(ratios, found) : 1;
 }
 
-/* Finds σ as a function of |b| from texels of the whole picture. */
+/* Finds σ as a function of |b| from about SAMPLES texels that are spread over the whole picture. */
 static void find_sigma(struct solver *solver) {
     const struct photometric_input *input = solver->input;
     const int stride = MAX(1, input->n_texels / SAMPLES);

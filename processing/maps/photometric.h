@@ -1,5 +1,6 @@
-/* Photometric stereo: the normal and the albedo of each texel from its brightness under lights of
- * known directions (Woodham 1980), robust against shadows and highlights. Any thread.
+/* Photometric stereo finds the normal and the albedo of each texel from its brightness under lights
+ * of known directions (Woodham 1980). This method is robust against shadows and highlights. Any
+ * thread.
  *
  * Let l_i be the light's unit direction, I_i the value relative to a white diffuser that faces the
  * light, and b = ρ n the product of albedo ρ and normal n. Lambert's law is I_i = max(b · l_i, 0).
@@ -13,14 +14,13 @@
  * min((r_i / σ)², 9). This sum also counts unlit lights, for which r_i = I_i.
  *
  * σ is the noise as a function of |b|. It is found from many texels, because few lights do not
- * determine the noise of one texel. It is the lower quartile of the texels' scales, divided by that
- * of simulated texels whose σ is known; texels with highlights or shadows have larger scales. If
- * too few lights agree within σ, the surface is not quite matt, and σ is doubled until enough
- * lights agree.
+ * determine the noise of one texel. σ is the lower quartile of the scales of the texels' residuals,
+ * divided by the lower quartile for simulated texels of σ = 1; texels with highlights or shadows
+ * have larger scales. If too few lights agree within σ, the surface is not quite matt, and σ is
+ * doubled until enough lights agree.
  *
  * The covariance of b is s² (Σ w_i l_i l_iᵀ)⁻¹, where s² combines σ² and the texel's own residuals.
- * The error bar of the normal is the RMS of the angle: √(trace of the covariance's part across n) /
- * |b|. */
+ * The error of the normal is an RMS angle: √(trace of the covariance across n) / |b|. */
 #pragma once
 
 #include "base/vec.h"
@@ -54,13 +54,15 @@ struct photometric_texel {
 struct photometric_input {
     int n_lights; /* at most PHOTOMETRIC_MAX_LIGHTS */
     int n_texels;
-    /* Fills a texel's values (n_lights × 3: R, G, B; NaN if not known, for example if saturated)
-     * and the unit directions to its lights. Called from several threads at the same time. */
+    /* Gives the values of a texel (n_lights × 3: R, G, B; NaN if not known, for example if
+     * saturated) and the unit vectors to its lights. Several threads call the function at the same
+     * time. */
     void (*read)(int texel, float *ret_rgb, struct vec3 *ret_lights, gpointer data);
     gpointer data;
 };
 #define PHOTOMETRIC_MAX_LIGHTS 4096
 
-/* ret has n_texels. The progress stage is "normals". Returns FALSE when cancelled. */
+/* Finds the normals of all texels; ret has n_texels elements. The progress stage is "normals".
+ * Returns FALSE when cancelled. */
 gboolean photometric_solve(const struct photometric_input *input, const struct work *work,
                            struct photometric_texel *ret, GError **error);

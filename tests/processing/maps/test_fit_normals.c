@@ -251,7 +251,7 @@ TEST(bad) {
     g_assert_true(fit_normals_applies(model));
     g_assert_false(fit_normals_applies(session_fixture_folder));
     g_assert_false(fit_normals(model, file, FALSE, FIT_NORMALS_LAMBERT, &quietly, &result, &error));
-    assert_has(error->message, "ptm.exr: no texel of its ptm has a normal");
+    assert_has(error->message, "ptm.exr: no texel of the ptm has a normal");
     g_clear_error(&error);
     g_assert_false(fit_normals(hsh, file, FALSE, FIT_NORMALS_MAXIMUM, &quietly, &result, &error));
     assert_has(error->message, "hsh.exr: an hsh has no polynomial");
@@ -261,7 +261,8 @@ TEST(bad) {
     exr_file_add(other, exr_part_new("a", 1, 1, (const char *const[]){"Y", NULL}, EXR_HALF));
     g_assert_true(exr_write(model, other, EXR_NONE, FALSE, NULL));
     g_assert_false(fit_normals(model, file, FALSE, FIT_NORMALS_LAMBERT, &quietly, &result, &error));
-    assert_has(error->message, "ptm.exr: it is of kind none, but normals need a ptm or an hsh");
+    assert_has(error->message,
+               "ptm.exr: the file is of kind none, but normals need a ptm or an hsh");
 }
 
 /* Through the program: of a model's file, and with what is said. */

@@ -570,12 +570,12 @@ TEST(bad) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) black = btf_fixture_new("black", 4, 3, 2, 5);
     g_assert_null(maps_new_of(black, MAPS_MODEL_FULL, &quietly, &error));
-    assert_has(error->message, "black: all of its values are 0 or missing");
+    assert_has(error->message, "black: all values of the BTF are 0 or missing");
     g_clear_error(&error);
     black->layout.width = 4097;
     black->layout.height = 4096;
     g_assert_null(maps_new_of(black, MAPS_MODEL_FULL, &quietly, &error));
-    assert_has(error->message, "4097 × 4096 texels are too many for an export of maps");
+    assert_has(error->message, "the BTF has 4097 × 4096 texels, but maps can have at most");
     black->layout.width = 4;
     black->layout.height = 3;
 }
