@@ -13,9 +13,9 @@ static gboolean is_page(const char *output) {
     return g_str_has_suffix(lower, ".html");
 }
 
-/* Returns the finest grid with which the output fits into the size even if its sections do not
- * compress at all. A local PCA on a grid has only its own grid. Returns 0 with an error if no grid
- * fits. */
+/* Returns n of the finest grid with which the output fits into the size, even if its sections do
+ * not compress at all. If the local PCA is already on a grid, tries only this grid. Returns 0 with
+ * an error if no grid fits. */
 static int grid(const struct webgl_export *asked, const struct webgl_pack *pack, GError **error) {
     const gboolean page = is_page(asked->output);
     const int own = pack->levels[0]->n_grid;
@@ -32,7 +32,7 @@ static int grid(const struct webgl_export *asked, const struct webgl_pack *pack,
     g_autofree char *limit = g_format_size((guint64)asked->size);
     const struct btf_layout *layout = &pack->levels[0]->layout;
     data_error_set(asked->path, 0, error,
-                   "%zu × %zu texels in %d clusters of %d components take %s, and --size allows "
+                   "%zu × %zu texels in %d clusters of %d components take %s, but --size allows "
                    "%s; give a larger --size, or export a file that “mesorig compress” made with "
                    "fewer clusters and components%s",
                    layout->width, layout->height, pack->levels[0]->n_clusters,

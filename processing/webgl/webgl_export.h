@@ -6,8 +6,9 @@
 #define WEBGL_EXPORT_SIZE ((gint64)20000000) /* default size in bytes */
 
 struct webgl_export {
-    const char *path;   /* a session or a compressed material, see webgl_source.h */
-    const char *mdf;    /* NULL means the mdf.exr in the same folder, if there is one */
+    const char *path; /* a session or a compressed material, see webgl_source.h */
+    /* file of the MDF; NULL means mdf.exr in the folder of the material, if there is one */
+    const char *mdf;
     const char *output; /* NAME.html for a page, NAME.mesoweb for the material without a page */
     gint64 size;        /* maximum size of the output in bytes */
 };
@@ -19,9 +20,9 @@ struct webgl_export_result {
     gint64 bytes;
 };
 
-/* Exports with the finest grid of directions, at most 16, that is certain to fit into size.
- * Replaces an existing output. Callers with the name of a user's file must use base/output_file.h.
- * The output appears complete or not at all. Progress stages are those of webgl_source.h and
- * webgl_pack.h. */
+/* Exports with the finest grid of directions (n × n, n at most 16) with which the output is certain
+ * to have at most `size` bytes. Replaces an existing output. Before the call, callers check a name
+ * that a user gave (base/output_file.h). The output appears complete or not at all. Progress stages
+ * are those of webgl_source.h and webgl_pack.h. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

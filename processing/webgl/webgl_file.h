@@ -17,10 +17,10 @@ WebglFile *webgl_file_new(void);
 void webgl_file_free(WebglFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 
-/* Compresses size bytes and adds them as a section at the end. data is only read. */
+/* Compresses size bytes of data and adds them as a section at the end. */
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* Returns the whole file. info is a dictionary with string keys and becomes the header; "sections"
- * is added to it. A floating reference is taken. g_bytes_unref() */
+/* Returns the whole file. info is a dictionary with string keys, which becomes the header with
+ * "sections" added. If info is floating, the function takes the reference. g_bytes_unref() */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

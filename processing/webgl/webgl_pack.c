@@ -9,7 +9,8 @@
 
 #define HALF_MAX 65504.0F
 
-/* Totals over all mip levels: sums of clusters and of texels, and the maximum of components. */
+/* Totals over all mip levels: the number of clusters, the maximum number of components, and the
+ * number of texels. */
 struct totals {
     int clusters, components;
     gsize texels;
@@ -60,16 +61,16 @@ static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack
         for (gsize k = 0; k < btf_layout_texels(&lpca->layout); k++, at++) {
             if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters)
                 return data_error_fail(pack->name, 0, error,
-                                       "texel %zu is in cluster %d, but there are only %d "
-                                       "clusters; compress the material again",
-                                       k, lpca->clusters[k], lpca->n_clusters);
+                                       "texel %zu of mip level %d has cluster %d, but the clusters "
+                                       "are 0 to %d; compress the material again",
+                                       k, level, lpca->clusters[k], lpca->n_clusters - 1);
             clusters[at] = GUINT16_TO_LE((guint16)(first + lpca->clusters[k]));
             for (gsize i = 0; i < own; i++) {
                 if (!isfinite(lpca->weights[own * k + i]))
                     return data_error_fail(pack->name, 0, error,
-                                           "weight %zu of texel %zu is not a finite number; "
-                                           "compress the material again",
-                                           i, k);
+                                           "weight %zu of texel %zu of mip level %d is not a "
+                                           "finite number; compress the material again",
+                                           i, k, level);
                 row[i] = CLAMP(lpca->weights[own * k + i], -HALF_MAX, HALF_MAX);
             }
             exr_half_from_floats(weights + components * at, row, own);
@@ -90,7 +91,7 @@ struct volumes {
     float *scales, *values; /* values: buffer for one block */
 };
 
-/* Adds all tables of one cluster. */
+/* Converts the tables of one cluster of a level, and stores them as cluster `at` of all levels. */
 static gboolean webgl_pack_cluster(struct volumes *to, const struct lpca *grid, int cluster,
                                    gsize at, const char *name, GError **error) {
     const gsize samples = (gsize)to->n * (gsize)to->n, size = 3 * samples * samples;
@@ -101,8 +102,8 @@ static gboolean webgl_pack_cluster(struct volumes *to, const struct lpca *grid, 
         for (gsize k = 0; k < to->block; k++) {
             if (!isfinite(to->values[k]))
                 return data_error_fail(name, 0, error,
-                                       "an eigen-BRDF of cluster %d is not a finite number; "
-                                       "compress the material again",
+                                       "an eigen-BRDF of cluster %d has a value that is not "
+                                       "finite; compress the material again",
                                        cluster);
             to->values[k] = CLAMP(to->values[k], -HALF_MAX, HALF_MAX);
         }
@@ -189,11 +190,10 @@ GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work 
     const int n = pack->levels[0]->n_grid > 0 ? pack->levels[0]->n_grid : n_grid;
     g_autoptr(WebglFile) file = webgl_file_new();
     if (all.clusters > G_MAXUINT16) {
-        data_error_set(
-            pack->name, 0, error,
-            "has %d clusters in all mip levels together, but a web file holds at most 65535; "
-            "compress with fewer (-k)",
-            all.clusters);
+        data_error_set(pack->name, 0, error,
+                       "the mip levels have %d clusters together, but a web file can have at most "
+                       "65535; compress the material with fewer clusters (-k)",
+                       all.clusters);
         return NULL;
     }
     if (!webgl_pack_texels(file, pack, &all, error) ||

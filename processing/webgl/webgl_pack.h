@@ -1,8 +1,8 @@
 /*
- * The textures from which a WebGL page draws a material. They hold the same numbers as the textures
- * of mesorig-view's method lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h)
- * and of the shell of an MDF (mdf_shell.h), so that the page shows the same picture as the viewer.
- * Any thread.
+ * Makes the textures from which a WebGL page draws a material. They hold the same numbers as the
+ * textures of mesorig-view's method lpca-revised (lpca_volumes.h,
+ * renderer/drawing/methods/lpca_revised.h) and of the shell of an MDF (mdf_shell.h), so that the
+ * page shows the same picture as the viewer. Any thread.
  *
  * Sections. L is the number of mip levels; K, c and n are in the header of the file ("clusters" of
  * all levels, "components", "grid"):
@@ -27,16 +27,17 @@
 /* The parts that are packed. They are borrowed. */
 struct webgl_pack {
     const char *name;
-    struct lpca *const *levels; /* LPCA_RGB, with more than one cluster if they were packed */
+    /* LPCA_RGB; a level from a packed file has been regrouped (lpca_regroup()) */
+    struct lpca *const *levels;
     int n_levels;
     const struct mdf_shell *shell; /* NULL if there is no MDF */
 };
 
-/* Returns the bytes of all sections before compression, on a grid of n. */
+/* Returns the number of bytes of all sections before compression, with a grid of n_grid. */
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
 
 /* Packs with eigen-BRDFs on a grid of n_grid. A local PCA that is already on a grid keeps its grid.
- * The progress stage is "pack". The error is DATA_ERROR_INVALID if values are not finite, or if
- * there are more clusters than a texture can count. */
+ * The progress stage is "pack". The error is DATA_ERROR_INVALID if values are not finite, or if all
+ * levels together have more than 65535 clusters. */
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error);

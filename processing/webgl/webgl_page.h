@@ -1,10 +1,10 @@
-/* The page that shows a material in a browser. The page is one file that contains the program of
- * renderer/web, its shaders and the material. Any thread. */
+/* Makes the page that shows a material in a browser. The page is one file, which contains the
+ * program of renderer/web, its shaders and the material. Any thread. */
 #pragma once
 
 #include <glib.h>
 
-/* Returns the bytes of a page with a material file of the given size. */
+/* Returns the maximum number of bytes of a page with a material file of `material` bytes. */
 gint64 webgl_page_bytes(gint64 material);
 
 /* Returns the page. name is its title. g_bytes_unref() */

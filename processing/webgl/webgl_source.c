@@ -9,15 +9,15 @@
 #define CLUSTERS   32 /* defaults of “mesorig compress” */
 #define COMPONENTS 8
 
-/* Returns the BTF that a material of another codec reconstructs. Returns NULL with an error if it
- * does not fit into memory. */
+/* Returns the BTF that a material of another codec reconstructs. Returns NULL with an error if the
+ * BTF does not fit into memory. */
 static struct btf_matrix *matrix(const Material *material, const char *path, GError **error) {
     const struct material_info *info = material_info(material);
     const gsize texels = btf_layout_texels(info->layout), row = btf_layout_values(info->layout);
     float *values = g_try_new(float, texels *row);
     if (!values) {
         data_error_set(path, 0, error,
-                       "its %zu texels of %zu values do not fit into memory; compress the session "
+                       "the %zu texels of %zu values do not fit into memory; compress the session "
                        "with “mesorig compress --method lpca” and export that file",
                        texels, row);
         return NULL;
@@ -57,8 +57,8 @@ static gboolean convert(struct webgl_source *source, const char *path, const str
     return ok;
 }
 
-/* Replaces a packed local PCA, whose one cluster may have too many components for drawing, by one
- * of CLUSTERS clusters. */
+/* Replaces a packed local PCA, whose only cluster may have too many components for drawing, by a
+ * local PCA of CLUSTERS clusters. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)

@@ -1,5 +1,5 @@
-/* The source of an export for WebGL, read from a session or a compressed material: a local PCA in
- * R, G, B, and the shell of the MDF. Other forms are converted. Any thread. */
+/* Reads the source of an export for WebGL from a session or a compressed material: a local PCA in
+ * R, G, B, and the shell of the MDF. Other forms of a material are converted. Any thread. */
 #pragma once
 
 #include "base/work.h"
@@ -13,10 +13,10 @@ struct webgl_source {
     gboolean compressed;     /* whether the local PCA was computed for this export */
 };
 
-/* Opens a source. path is a file of any codec, or a session. Of a session, products/lpca.exr is
- * used; if it does not exist, the BTF is compressed. mdf is the file of the MDF; NULL means the
- * mdf.exr in the same folder, if there is one. Progress stages are those of lpca.h and "read". Call
- * webgl_source_clear() afterwards, also after an error. */
+/* Opens a source. path is a file of any codec, or a session. The local PCA of a session is
+ * products/lpca.exr; if this file does not exist, the BTF is compressed. mdf is the file of the
+ * MDF; NULL means mdf.exr in the folder of the material, if there is one. Progress stages are those
+ * of lpca.h and "read". Call webgl_source_clear() afterwards, also after an error. */
 gboolean webgl_source_open(struct webgl_source *source, const char *path, const char *mdf,
                            const struct work *work, GError **error);
 void webgl_source_clear(struct webgl_source *source);
