@@ -346,7 +346,7 @@ TEST(packed) {
             g_assert_cmpfloat_with_epsilon(is->depth_mm[i], t->depth_mm[i], most[kind]);
     }
     g_assert_false(mdf_pack(to, from, MDF_PACKED_8BIT, &bytes, &twice));
-    g_assert_nonnull(strstr(twice->message, "packed already"));
+    g_assert_nonnull(strstr(twice->message, "already packed"));
     write_views(from, TRUE);
     g_assert_false(mdf_pack(from, to, MDF_PACKED_8BIT, &bytes, &none));
     g_assert_nonnull(strstr(none->message, "no channel D"));

@@ -121,7 +121,7 @@ TEST(pictures__bad) {
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     g_autofree char *same = g_build_filename(dir, "again pl90 tl30 pv180 tv60.exr", NULL);
     g_autofree char *odd = g_build_filename(dir, "tv060_pv180_tl030.exr", NULL);
-    assert_folder_refused(dir, "there is no .jpg");
+    assert_folder_refused(dir, "the folder has no picture (JPEG");
     assert_folder_refused("/nonexistent", "No such file");
     write_set(dir);
     g_unlink(one);
@@ -295,7 +295,7 @@ TEST(rti__bad) {
         {"1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z"},
         {"1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number"},
         {"1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number"},
-        {"1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction"},
+        {"1\na.png 0 1 -0.1\n", "lights.lp:2: the direction 0 1 -0.1 to the light leads below"},
         {"1\nb.png 0 0 1\n", "lights.lp:2: there is no picture"},
         {"2\na.png 0 0 1\na.png 0 0 1\n", "has the same view and light"},
         {"0\n", "lights.lp:1: the number of pictures is 0; it must be 1 to 65536"},

@@ -170,7 +170,7 @@ TEST(no_height_field) {
     struct export_surface_result result;
     g_assert_false(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "it is not a height field"));
+    g_assert_nonnull(strstr(error->message, "the surface is not a height field"));
     g_assert_false(g_file_test(file, G_FILE_TEST_EXISTS));
     g_clear_error(&error);
     g_assert_true(export_as(path, file, EXPORT_HEIGHT, TRUE, &result, &error));
