@@ -42,7 +42,7 @@ Errors of compression at directions that it has not seen. The times, in the last
   $ mesorig compare S --leave-out 1 -m lpca --json | sed 's/"evaluation_ns": [0-9.]*/"evaluation_ns": …/g'
   {"session": "S", "views": 4, "lights": 4, "seed": 1, "pairs": 1, "left_out_views": [{"index": 1, "theta_deg": 30, "phi_deg": 180}], "left_out_lights": [{"index": 3, "theta_deg": 60, "phi_deg": 225}], "pictures": 1, "methods": [{"method": "btf", "bytes_per_texel": 54, "error": 0.106, "seen": 0, "psnr_db": 30.658, "ssim": null, "flip": 0.125, "delta_e": 2.916, "evaluation_ns": …, "luminance_error": 0.012, "largest": 0.091}, {"method": "lpca", "bytes_per_texel": 260, "error": 0.106, "seen": 0.000, "psnr_db": 30.657, "ssim": null, "flip": 0.125, "delta_e": 2.916, "evaluation_ns": …, "luminance_error": 0.012, "largest": 0.091}]}
   $ mesorig compare S --leave-out 2
-  mesorig: S: 2 of 4 views cannot be left out, because at least 3 must be kept; leave out fewer
+  mesorig: S: 2 of 4 views cannot be left out, because at least 3 must be kept; leave out fewer views
   [1]
   $ mesorig compare S --leave-out views=-1
   mesorig compare: --leave-out: “views=-1” is not a number, such as 4, views=4 or lights=4

@@ -44,7 +44,7 @@ TEST(draw) {
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_cmpstr(error->message, ==,
                     "28 of 30 lights cannot be left out, because at least 3 must be kept; "
-                    "leave out fewer");
+                    "leave out fewer lights");
     g_assert_true(held_out_draw(&btf->layout, 0, 27, 1, &a, NULL));
     held_out_clear(&a);
 }

@@ -348,7 +348,7 @@ TEST(coding__raw) {
     assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
                    "bits is 14, but a.dng contains floating-point numbers; leave bits empty");
     assert_refused(dir, "file,camera,lamp,black_level\na.dng,cam,lamp,512\n",
-                   "black_level is 512, but it must be below white, which is 1 in a.dng");
+                   "black_level is 512, but must be below white, which is 1 in a.dng");
     g_autoptr(ExrPart) part = btf_of(dir, rows);
     cfa = "mono";
     double sum = 0;
@@ -381,7 +381,7 @@ TEST(coding__bad) {
     assert_refused(dir, CODED("black_level") "a.png,cam,lamp,x\n", "“x” in column black_level");
     assert_refused(
         dir, CODED("black_level") "a.png,cam,lamp,255\n",
-        "poses.csv:2: black_level is 255, but it must be below white, which is 255 in a.png");
+        "poses.csv:2: black_level is 255, but must be below white, which is 255 in a.png");
     assert_refused(dir, CODED("black_level") "f.exr,cam,lamp,1\n",
                    "must be below white, which is 1 in f.exr");
     assert_refused(dir, CODED("exposure_ms") "a.png,cam,lamp,0.001\n",

@@ -163,7 +163,11 @@ TEST(ball) {
         {{12, 0, 16, TRUE, .told = &untold}, "linear, assumed for 16 bits", "read as sRGB", 30, 3},
         {{12, 0, 16, TRUE, .told = &srgb}, "sRGB, as the file says (PNG sRGB)", NULL, 0.5, 0},
         {{18, 6, 16, FALSE, .told = &untold}, "linear", "6 of 18 lights are dark", 90, 0},
-        {{12, 0, 16, FALSE, .level = 0.0625, .told = &untold}, "linear", "a level of 0.062", 30, 1},
+        {{12, 0, 16, FALSE, .level = 0.0625, .told = &untold},
+         "linear",
+         "a constant level of 0.062",
+         30,
+         1},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(sets); k++) {
         g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
