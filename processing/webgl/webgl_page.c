@@ -7,8 +7,8 @@
 /* number of bytes between two steps of the page's progress; a multiple of 3 */
 #define CHUNK (3 << 17)
 #define TITLE "<!--TITLE-->"
-#define DATA  "<!--DATA-->" /* occurs once in the page, after the elements that show the progress  \
-                             */
+/* occurs once in the page, after the elements that show the progress */
+#define DATA "<!--DATA-->"
 
 /* Returns the resource that contains the page. The build generates this function. */
 GResource *webgl_resource_get_resource(void);
