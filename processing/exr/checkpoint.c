@@ -8,11 +8,13 @@
 
 #include "exr.h"
 
+#include "base/error_details.h"
+
 #define PERIOD_US (20 * G_USEC_PER_SEC)
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
 #define WIDTH     4096 /* pixels per line */
-/* minimum ratio of the time since the last save to the time that the last save took */
+/* A save is due only when this many times the duration of the last save have passed since then. */
 #define SHARE 20
 
 struct array {
@@ -86,7 +88,8 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
     return part;
 }
 
-/* Takes the arrays of a file. Returns NULL, or a text that says why the file cannot be used. */
+/* Copies the arrays of a file into `found`. Returns NULL on success, otherwise a text that says why
+ * the file cannot be used. */
 static const char *take(Checkpoint *checkpoint, const struct exr_file *file) {
     const struct exr_part *head = exr_file_part(file, HEAD);
     const char *of = NULL, *kind = NULL;
@@ -131,7 +134,8 @@ void checkpoint_begin(Checkpoint *checkpoint, const char *inputs) {
     if (wrong)
         g_hash_table_remove_all(checkpoint->found);
     if (error)
-        checkpoint->note = g_strdup_printf("%s; starting from the beginning", error->message);
+        checkpoint->note =
+            g_strdup_printf("%s; starting from the beginning", error_details_what(error));
     else if (wrong)
         checkpoint->note =
             g_strdup_printf("%s %s; starting from the beginning", checkpoint->path, wrong);
@@ -209,7 +213,7 @@ void checkpoint_save(Checkpoint *checkpoint) {
 
 void checkpoint_save_if_due(Checkpoint *checkpoint) {
     const gint64 since_us = g_get_monotonic_time() - checkpoint->saved_us;
-    /* A save that takes long is followed by a longer pause. */
+    /* A save that takes long is followed by a longer pause (SHARE). */
     if (since_us >= checkpoint->period_us &&
         (checkpoint->period_us == 0 || since_us > SHARE * checkpoint->took_us))
         checkpoint_save(checkpoint);

@@ -53,5 +53,5 @@ void checkpoint_save_if_due(Checkpoint *checkpoint);
 /* Deletes the file. To be called when the result is on disk. */
 void checkpoint_remove(Checkpoint *checkpoint);
 
-/* Deletes the file after an error. A file of another computation is kept. */
+/* Deletes the file after an error, unless it belongs to another computation. */
 void checkpoint_discard(Checkpoint *checkpoint);

@@ -98,8 +98,8 @@ static struct exr_attribute *find(const struct exr_part *part, const char *name)
     return NULL;
 }
 
-/* Returns the attribute of that name, which is added if it is missing. Its value is cleared, and
- * its type becomes kind. */
+/* Returns the attribute with this name, and adds it if it is missing. Clears the attribute's value
+ * and sets its type to kind. */
 static struct exr_attribute *set(struct exr_part *part, const char *name, enum exr_kind kind) {
     struct exr_attribute *attribute = find(part, name);
 
@@ -140,8 +140,8 @@ void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, do
     attribute->v[2] = z;
 }
 
-/* Returns an attribute of a type. Returns NULL with an error if it is missing or has another
- * type. */
+/* Returns an attribute with this name and type. Returns NULL with an error if there is none, or if
+ * it has another type. */
 static const struct exr_attribute *get(const struct exr_part *part, const char *name,
                                        enum exr_kind kind, const char *type, GError **error) {
     const struct exr_attribute *attribute = find(part, name);
@@ -149,8 +149,11 @@ static const struct exr_attribute *get(const struct exr_part *part, const char *
     if (attribute && attribute->kind == kind)
         return attribute;
     g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
-                attribute ? "part \"%s\" has the attribute \"%s\" in another type than %s"
-                          : "part \"%s\" has no attribute \"%s\" (%s)",
+                attribute
+                    ? "part \"%s\" has the attribute \"%s\" with a type other than %s; copy the "
+                      "file again or make it again"
+                    : "part \"%s\" has no attribute \"%s\" (%s); copy the file again or make it "
+                      "again",
                 part->name, name, type);
     return NULL;
 }

@@ -18,8 +18,10 @@ enum exr_error {
     EXR_ERROR_IO,
     EXR_ERROR_FORMAT, /* not an EXR, truncated, or of an unsupported kind (deep, tiled) */
     EXR_ERROR_TOO_LARGE,
-    EXR_ERROR_MISSING,   /* a requested part, channel or attribute does not exist */
-    EXR_ERROR_FULL,      /* the disk is full: an existing file of that name is unchanged */
+    EXR_ERROR_MISSING, /* a requested part, channel or attribute does not exist */
+    /* The disk is full, or the file too large for it. An existing file of that name stays as it
+     * was. */
+    EXR_ERROR_FULL,
     EXR_ERROR_CANCELLED, /* cancelled by the callback of exr_watch() */
 };
 
@@ -61,7 +63,7 @@ struct exr_part *exr_part_new(const char *name, int width, int height, const cha
                               enum exr_type type);
 void exr_part_free(struct exr_part *part); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
-/* Returns NULL if there is no such channel. */
+/* Returns the values of a channel, or NULL if the part has no such channel. */
 float *exr_part_plane(const struct exr_part *part, const char *channel);
 gboolean exr_all_finite(const float *values, gsize n);
 
@@ -111,8 +113,8 @@ gboolean exr_write_below(const char *directory, const char *relative, const stru
 typedef gboolean (*ExrWatch)(double share, gpointer data);
 void exr_watch(ExrWatch watch, gpointer data);
 
-/* Read a whole file, only its headers (planes are NULL), or one part with its planes. Channels of
- * integers are converted to float. */
+/* exr_read() reads a whole file, exr_read_headers() only its headers (planes are NULL), and
+ * exr_read_part() one part with its planes. Channels of integers are converted to float. */
 struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);

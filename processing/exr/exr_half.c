@@ -1,5 +1,5 @@
-/* A half has 1 sign bit, 5 exponent bits (bias 15) and 10 fraction bits; a float 1, 8 (bias 127)
- * and 23. */
+/* A half has 1 sign bit, 5 exponent bits (bias 15) and 10 fraction bits. A float has 1 sign bit, 8
+ * exponent bits (bias 127) and 23 fraction bits. */
 #include "exr_half.h"
 
 #include <string.h>
@@ -38,7 +38,8 @@ static inline guint16 half_of(float value) {
     } else if (magnitude >= FLOAT_TOO_BIG) {
         half = HALF_MAX;
     } else if (magnitude < FLOAT_NORMAL) {
-        /* The last bits of the sum are the subnormal half, rounded by the processor. */
+        /* In the sum with 0.5, the processor rounds the value to the last bits, which are then the
+         * bits of the subnormal half. */
         half = bits_of(float_of(magnitude) + 0.5f) - bits_of(0.5f);
     } else {
         half = (magnitude - ((127 - 15) << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;

@@ -1,4 +1,4 @@
-/* Shared by exr.c, exr_read.c and exr_write.c. */
+/* Sizes, scratch buffers and attributes, which exr.c, exr_read.c and exr_write.c share. */
 #pragma once
 
 #include <glib.h>
@@ -6,8 +6,8 @@
 struct exr_part;
 
 guint64 exr_plane_bytes(const struct exr_part *part);
-/* Returns the bytes of memory per pixel while a part is read or written in chunks of this many
- * lines. They cover the packed, the unpacked and the intermediate buffers. */
+/* Returns the bytes of the packed, the unpacked and the intermediate buffer while a part is read or
+ * written in chunks of this many lines. */
 guint64 exr_chunk_bytes(const struct exr_part *part, int lines);
 
 /* OpenEXR's buffers for one chunk, several megabytes with PIZ. They are reused for all parts of a
@@ -17,7 +17,7 @@ struct exr_scratch {
     size_t bytes[2];
 };
 
-/* Exchanges these buffers with the buffers of an OpenEXR pipeline. To be called before the first
+/* Exchanges the buffers in scratch with those of an OpenEXR pipeline. To be called before the first
  * chunk of the pipeline, and again before the pipeline is destroyed. */
 void exr_scratch_swap(struct exr_scratch *scratch, void **first, size_t *first_bytes, void **second,
                       size_t *second_bytes);

@@ -4,6 +4,7 @@
 #include "exr_half.h"
 #include "exr_private.h"
 
+#include "base/error_details.h"
 #include "base/input_file.h"
 
 #include <errno.h>
@@ -13,8 +14,9 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Maximum ratio of pixels to bytes. Deflate compresses by at most 1032, run lengths and PIZ by
- * less. A file that claims more is refused before memory is allocated. */
+/* Maximum ratio of the bytes of the uncompressed pixels to those of the file. Deflate compresses by
+ * at most 1032, run lengths and PIZ by less. A file that claims more is refused before memory is
+ * allocated. */
 #define MAX_EXPANSION 1100
 
 static _Thread_local struct {
@@ -26,7 +28,7 @@ struct source {
     const char *path;
     int fd;
     gint64 size;
-    guint64 memory; /* memory left for the pixels of parts not yet read */
+    guint64 memory; /* bytes of memory that the parts not yet read may take */
     exr_context_t context;
     char message[256]; /* last error message of the library */
     gint64 reached;    /* the farthest offset that was read */
@@ -44,11 +46,11 @@ G_GNUC_PRINTF(4, 5)
 static gboolean fail(const struct source *source, enum exr_error code, GError **error,
                      const char *format, ...) {
     va_list list;
-
     va_start(list, format);
     g_autofree char *what = g_strdup_vprintf(format, list);
     va_end(list);
-    g_set_error(error, EXR_ERROR, code, "%s: %s", source->path, what);
+    g_propagate_error(error,
+                      error_details_new(EXR_ERROR, code, NULL, "%s: %s", source->path, what));
     return FALSE;
 }
 
@@ -64,8 +66,15 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
                     "not an EXR file, but probably a text; “mesorig calibrate show” prints "
                     "calibrations");
     if (rc == EXR_ERR_OUT_OF_MEMORY)
-        return fail(source, EXR_ERROR_TOO_LARGE, error, "there is not enough memory to read it");
-    return fail(source, EXR_ERROR_FORMAT, error, "not a valid EXR file: %s", what);
+        return fail(source, EXR_ERROR_TOO_LARGE, error,
+                    "there is not enough memory to read the file");
+    if (source->failed)
+        return fail(
+            source, EXR_ERROR_IO, error,
+            "cannot be read: the disk or the network failed; copy the file elsewhere and try "
+            "again");
+    return fail(source, EXR_ERROR_FORMAT, error,
+                "not a valid EXR file: %s; copy the file again or make it again", what);
 }
 
 static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,
@@ -155,7 +164,8 @@ static gboolean window_size(struct source *source, const struct exr_part *part,
     const gint64 width = (gint64)window->max.x - window->min.x + 1;
     const gint64 height = (gint64)window->max.y - window->min.y + 1;
     if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
-        return fail(source, EXR_ERROR_FORMAT, error, "in part \"%s\" the %s window is empty",
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "in part \"%s\" the %s window is empty; copy the file again or make it again",
                     part->name, which);
     return (width <= EXR_MAX_PIXELS && height <= EXR_MAX_PIXELS &&
             width * height <= EXR_MAX_PIXELS) ||
@@ -192,7 +202,9 @@ static gboolean read_size(struct source *source, int index, struct exr_part *par
         (gint64)MIN(data->max.y, display->max.y) - MAX(data->min.y, display->min.y) + 1;
     if (across < 1 || down < 1)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "the pixels of part \"%s\" lie outside of its display window", part->name);
+                    "the pixels of part \"%s\" lie outside of its display window; save the picture "
+                    "with its data window within the display window",
+                    part->name);
     part->width = window_width(display);
     part->height = window_height(display);
     part->left_px = source->placed ? display->min.x : 0;
@@ -220,9 +232,11 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
 
         part->channels[part->n_channels++] = g_utf8_make_valid(entry->name.str, -1);
         if (entry->x_sampling != 1 || entry->y_sampling != 1)
-            return fail(source, EXR_ERROR_FORMAT, error,
-                        "in part \"%s\" the channel \"%s\" is subsampled, which cannot be read",
-                        part->name, part->channels[c]);
+            return fail(
+                source, EXR_ERROR_FORMAT, error,
+                "in part \"%s\" the channel \"%s\" is subsampled, which cannot be read; save "
+                "the file with all channels in full resolution",
+                part->name, part->channels[c]);
         if (entry->pixel_type != EXR_PIXEL_HALF)
             part->type = EXR_FLOAT;
     }
@@ -300,7 +314,7 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
     part->name = g_utf8_make_valid(name, -1);
     if (storage != EXR_STORAGE_SCANLINE)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "part \"%s\" consists of tiles or deep pixels; only scan lines can be read",
+                    "part \"%s\" consists of tiles or deep pixels; save the file with scan lines",
                     part->name);
     if (!read_size(source, index, part, windows, error) ||
         !read_channels(source, index, part, error) ||
@@ -309,8 +323,8 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
         return FALSE;
     return pixel_bytes(part, windows) / MAX_EXPANSION <= (gsize)source->size ||
            fail(source, EXR_ERROR_TOO_LARGE, error,
-                "for part \"%s\" the file is too short: it cannot contain %d×%d pixels", part->name,
-                window_width(&windows->data), window_height(&windows->data));
+                "the file is too short for the %d×%d pixels of part \"%s\"; copy the file again",
+                window_width(&windows->data), window_height(&windows->data), part->name);
 }
 
 /* Pads every buffer of the decoder with zeros, because OpenEXR before 3.1.6 reads beyond the end of
@@ -326,10 +340,11 @@ static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
 struct unpack {
     struct exr_part *part;
     const struct windows *windows;
-    float *line; /* a line of the data window, used if the data window exceeds the display window */
+    float
+        *line; /* buffer for a line of the data window; NULL if it lies within the display window */
 };
 
-/* Converts a line of a channel to floats. Returns the end of its bytes. */
+/* Converts a line of a channel to floats. Returns a pointer behind the bytes of the line. */
 static const guint8 *unpack_line(const guint8 *from, exr_pixel_type_t type, float *line,
                                  gsize width) {
     if (type == EXR_PIXEL_HALF) {
@@ -365,7 +380,7 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
                                   (left - display->min.x)
                             : NULL;
             float *line = unpack->line ? unpack->line : to;
-            /* a line outside of the display window is only skipped, which needs the buffer */
+            /* A line outside of the display window is skipped by unpacking it into the buffer. */
             if (!line)
                 return EXR_ERR_BAD_CHUNK_LEADER;
             from = unpack_line(from, decode->channels[c].data_type, line, width);
@@ -474,8 +489,8 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
 }
 
 /* Reads a part's header, and its pixels unless left is NULL. *left is the number of bytes of the
- * file that may hold pixels of parts not yet read, and is reduced by those of this part. Returns
- * NULL with an error. */
+ * file that may hold pixels of parts not yet read. It is reduced by the minimum bytes of this part.
+ * Returns NULL on error. */
 static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};
@@ -487,7 +502,7 @@ static struct exr_part *one_part(struct source *source, int index, gsize *left, 
     const gsize bytes = pixel_bytes(part, &windows) / MAX_EXPANSION;
     if (bytes > *left) {
         fail(source, EXR_ERROR_TOO_LARGE, error,
-             "a file of this length cannot hold all the pixels of its parts");
+             "the file is too short for the pixels of all its parts; copy the file again");
         return NULL;
     }
     *left -= bytes;
@@ -506,9 +521,10 @@ static struct exr_file *read_file(const char *path, gboolean pixels, GError **er
     for (int i = 0; ok && i < n; i++) {
         g_autoptr(ExrPart) part = one_part(&source, i, pixels ? &left : NULL, error);
 
-        ok = part &&
-             (!exr_file_part(file, part->name) ||
-              fail(&source, EXR_ERROR_FORMAT, error, "two parts have the name \"%s\"", part->name));
+        ok = part && (!exr_file_part(file, part->name) ||
+                      fail(&source, EXR_ERROR_FORMAT, error,
+                           "two parts have the name \"%s\"; copy the file again or make it again",
+                           part->name));
         if (ok)
             exr_file_add(file, g_steal_pointer(&part));
     }
@@ -543,7 +559,8 @@ struct exr_part *exr_read_part(const char *path, const char *name, GError **erro
             part = one_part(&source, i, &left, error);
     }
     if (ok && !found)
-        fail(&source, EXR_ERROR_MISSING, error, "there is no part \"%s\"", name);
+        fail(&source, EXR_ERROR_MISSING, error,
+             "the file has no part \"%s\"; copy the file again or make it again", name);
     source_close(&source);
     return part;
 }
@@ -559,7 +576,8 @@ struct exr_part *exr_read_picture(const char *path, GError **error) {
         if (n > 0)
             part = one_part(&source, 0, &left, error);
         else
-            fail(&source, EXR_ERROR_MISSING, error, "it has no part");
+            fail(&source, EXR_ERROR_MISSING, error,
+                 "the file has no part; copy the file again or make it again");
     }
     source_close(&source);
     return part;

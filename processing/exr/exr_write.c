@@ -15,7 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Output of OpenEXRCore. Collects small writes, and keeps errno for the message. */
+/* The file to which OpenEXRCore writes. Small writes are collected in `pending`. */
 struct sink {
     int fd;
     int error; /* errno of the first failed write, otherwise 0 */
@@ -98,9 +98,10 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
             return refuse(error, path, part, "the name of a channel must have 1 to 255 bytes",
                           NULL);
         if (c && strcmp(part->channels[c - 1], part->channels[c]) >= 0)
-            return refuse(error, path, part,
-                          "its channels must differ and be in alphabetical order, unlike",
-                          part->channels[c]);
+            return refuse(
+                error, path, part,
+                "channels must have different names in alphabetical order; out of order is",
+                part->channels[c]);
         if (!part->planes || (!part->planes[c] && !filled))
             return refuse(error, path, part, "there are no pixels for channel", part->channels[c]);
     }
@@ -213,9 +214,9 @@ struct encoding {
     exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function */
 };
 
-/* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed chunk, a
- * reader cannot distinguish them. OpenEXRCore 3.1 writes such a chunk compressed and reads it as
- * uncompressed. It is therefore written uncompressed. */
+/* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed one, a
+ * reader cannot tell which of them the file has. OpenEXRCore 3.1 writes the compressed one and
+ * reads it as uncompressed. Therefore this function replaces it by the uncompressed one. */
 static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const exr_result_t rc = encoding->compress(encode);
@@ -271,7 +272,7 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
             exr_scratch_swap(&content->scratch, &encode.scratch_buffer_1,
                              &encode.scratch_alloc_size_1, &encode.scratch_buffer_2,
                              &encode.scratch_alloc_size_2);
-        /* The library requires the layout of each channel, although pack() does not. */
+        /* pack() ignores the layout of the channels, but the library requires it. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *channel = &encode.channels[c];
 
@@ -349,7 +350,7 @@ static gboolean fail(GError **error, const char *path, int errno_value) {
         error_details_new(EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO,
                           NULL, "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
                           full ? ERROR_ADVICE "free some space and go on" : "",
-                          link ? "; its folder is a symbolic link or not a folder" : ""));
+                          link ? "; the file's folder is a symbolic link or not a folder" : ""));
     return FALSE;
 }
 
@@ -373,8 +374,8 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
 
 #define MAX_LINES 32 /* maximum number of lines in a chunk */
 
-/* Returns whether exr_read() will accept the file. Its limit of memory depends on the size of the
- * file, and uniform pixels may compress so well that the file is too small for its pixels. */
+/* Returns whether exr_read() will accept the file. exr_read() limits the memory according to the
+ * size of the file, and uniform pixels may compress so well that the pixels exceed this limit. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;

@@ -18,8 +18,7 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     exr_file_free(level);
 }
 
-/* Returns the level of a part, which follows from its name. Names without "mip<n>." are of level
- * 0. */
+/* Returns the level of a part from its name: n if the name begins with "mip<n>.", otherwise 0. */
 static gint64 level_of(const struct exr_part *part) {
     char *end = NULL;
     if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))

@@ -4,8 +4,8 @@
 
 #include "exr.h"
 
-/* Moves all parts of a level to the end of the file, with the prefix of level number, and frees
- * level. */
+/* Moves all parts of `level` to the end of the file as the level with this number: adds the prefix
+ * to their names. Frees `level`. */
 void mip_parts_add(struct exr_file *file, struct exr_file *level, int number);
 
 /* Returns the number of levels. part is the name of a part that each level has. The file may have

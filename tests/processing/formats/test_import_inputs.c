@@ -389,7 +389,7 @@ TEST(windows) {
     g_assert_true(isnan(cut->planes[0][4]));
     write_window(path, away, "", NULL);
     g_assert_null(exr_read_picture(path, &error));
-    assert_has(error->message, "lie outside of its display window");
+    assert_has(error->message, "lie outside of its display window; save");
 }
 
 /* Pictures cropped differently are not stacked. */
