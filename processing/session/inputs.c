@@ -1,21 +1,24 @@
 #include "inputs.h"
 
 #include "base/data_error.h"
+#include "base/error_details.h"
 
 #include <string.h>
 
 /* The commands that an error suggests. `mesorig resume` takes a frame again if its file is missing
  * or differs from the committed file. */
-#define REMEDY "; `mesorig resume` takes it again"
+#define REMEDY "; `mesorig resume` takes the frame again"
 #define DELETE                                                                                     \
-    ", although it is as it was committed; delete it, and `mesorig resume` takes it again"
+    ", although the file is as it was committed; delete it, and `mesorig resume` takes the frame " \
+    "again"
 
 void input_clear(struct input *input) {
     g_clear_pointer(&input->path, g_free);
     g_clear_pointer(&input->sha256, g_free);
 }
 
-/* The checksum is verified first, because a damaged file must not reach a decoder. */
+/* Compares the checksum before it decodes anything, because a damaged file must not reach a
+ * decoder. */
 struct exr_part *input_read(const struct input *input, const char *const *channels,
                             GError **error) {
     g_autoptr(GError) cause = NULL;
@@ -36,24 +39,24 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     }
     g_autoptr(ExrFile) file = exr_read(input->path, &cause);
     if (!file) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" DELETE, cause->message);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" DELETE, error_details_what(cause));
         return NULL;
     }
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     if (!part) {
-        data_error_set(input->path, 0, error, "no parts" DELETE);
+        data_error_set(input->path, 0, error, "the file has no parts" DELETE);
         return NULL;
     }
     if (part->width != input->width || part->height != input->height) {
-        data_error_set(
-            input->path, 0, error,
-            "it has %d × %d pixels, but the camera has %d × %d pixels in the session's calibration",
-            part->width, part->height, input->width, input->height);
+        data_error_set(input->path, 0, error,
+                       "the frame has %d × %d pixels, but its camera has %d × %d in the session's "
+                       "calibration; check which file was moved or replaced",
+                       part->width, part->height, input->width, input->height);
         return NULL;
     }
     for (int i = 0; channels[i]; i++)
         if (!exr_part_plane(part, channels[i])) {
-            data_error_set(input->path, 0, error, "part %s has no channel %s" DELETE, part->name,
+            data_error_set(input->path, 0, error, "part %s lacks channel %s" DELETE, part->name,
                            channels[i]);
             return NULL;
         }
@@ -69,13 +72,19 @@ const float *input_mosaic(const char *path, struct exr_part *part, const char **
     if (strcmp(*ret_cfa, "rgb") != 0) {
         const float *mosaic = exr_part_plane(part, "Y");
         if (!mosaic)
-            data_error_set(path, 0, error, "part %s has no channel Y", part->name);
+            data_error_set(path, 0, error,
+                           "part %s lacks channel Y; capture or import this frame again",
+                           part->name);
         return mosaic;
     }
     const float *red = exr_part_plane(part, "R"), *blue = exr_part_plane(part, "B");
     float *mosaic = exr_part_plane(part, "G");
     if (!red || !mosaic || !blue) {
-        data_error_set(path, 0, error, "part %s lacks one of the channels R, G and B", part->name);
+        data_error_set(path, 0, error,
+                       "part %s lacks channel %s; capture or import this frame again", part->name,
+                       !red      ? "R"
+                       : !mosaic ? "G"
+                                 : "B");
         return NULL;
     }
     for (int y = 0; y < part->height; y++)

@@ -11,8 +11,8 @@
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
     g_autofree char *mixed = NULL, *where = NULL, *begun_with = NULL;
     *ret = (struct made_with){0};
-    /* A value that is not set means the session's own calibration. An error must therefore not be
-     * treated as a value that is not set. */
+    /* If these values are not set, the products have the session's own calibration. A failure to
+     * read them must therefore be an error. */
     if (!session_read_value(session, MIXED, &mixed, error) ||
         !session_read_value(session, WHERE, &where, error) ||
         !session_read_value(session, "calibration", &begun_with, error))
@@ -24,7 +24,7 @@ gboolean made_with_read(Session *session, struct made_with *ret, GError **error)
     ret->mixed = mixed != NULL;
     ret->where = where        ? g_steal_pointer(&where)
                  : begun_with ? g_steal_pointer(&begun_with)
-                              /* the session was imported, or was made by a test */
+                              /* only imported sessions and those of tests have no such value */
                               : g_strdup("nominal");
     return TRUE;
 }

@@ -1,5 +1,5 @@
-/* The output of a shot is the mean of its cameras weighted by 1/σ². The error of the calibration is
- * added to each σ². */
+/* The output of a shot is the mean of the outputs that its cameras measured, weighted by 1/σ². σ²
+ * is the squared error of a camera's measurement plus CALIBRATION_ERROR². */
 #include "outputs.h"
 #include "session_private.h"
 
@@ -17,7 +17,7 @@ struct output {
 };
 
 struct outputs {
-    struct output *of; /* output of each shot; the index is the shot's id, from 1 */
+    struct output *of; /* output of each shot, indexed by the shot's id (from 1) */
     gint64 n;
 };
 
@@ -45,10 +45,12 @@ static gboolean add_all(struct outputs *outputs, Session *session, const GPtrArr
         double own = *end == ' ' ? g_ascii_strtod(end + 1, &end) : -1;
         if (*slash != '/' || shot < 1 || shot > outputs->n || *end != '\0' ||
             !(output > 1e-3 && output < 1e3) || !(own >= 0 && own < 1e3))
-            return session_fail(error, SESSION_ERROR_FORMAT,
-                                "%s/session.db: the value %s = \"%s\" is not a lamp's output and "
-                                "its error",
-                                session_path(session), (char *)key, (char *)value);
+            return session_fail(
+                error, SESSION_ERROR_FORMAT,
+                "%s/session.db: the value %s is \"%s\", but must be a lamp's output, "
+                "0.001 to 1000, and its error, 0 to 1000; restore the database from "
+                "a copy",
+                session_path(session), (char *)key, (char *)value);
         if (factor) {
             const double by = factor(g_ptr_array_index(shots, (guint)shot - 1), slash + 1, data);
             output *= by;
@@ -70,8 +72,8 @@ static gint64 nearest(const struct outputs *outputs, gint64 shot, int direction)
 }
 
 /* Returns the output of a shot that was not measured: interpolated linearly between the nearest
- * measured shots of its lamp. If there is one only before or only after the shot, returns its
- * output. Returns 1 if there is none. */
+ * measured shots of its lamp. If its lamp has measured shots only before or only after the shot,
+ * returns the output of the nearest of them. If it has none at all, returns 1. */
 static double between(const struct outputs *outputs, gint64 shot) {
     gint64 before = nearest(outputs, shot, -1), after = nearest(outputs, shot, 1);
     if (before == 0 && after == 0)

@@ -1,7 +1,7 @@
-/* The output of the lamps during a capture, measured by the fiducials on the turntable. There is a
- * value for each shot and camera, relative to the session's calibration. It is stored as the
- * session's value "lamp_output/SHOT/CAMERA" = "OUTPUT ERROR" (standard error). One thread at a
- * time. */
+/* Stores and reads the output of the lamps during a capture, which the fiducials on the turntable
+ * show. Each shot has a value for each camera, relative to the output in the session's calibration.
+ * The session's value "lamp_output/SHOT/CAMERA" is "OUTPUT ERROR", where ERROR is the standard
+ * error. One thread at a time. */
 #pragma once
 
 #include "session.h"
@@ -17,7 +17,7 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
  * after it. It is 1 for a lamp without measured shots, and in sessions without fiducials. */
 struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
-/* Returns the factor of an output, to make it relative to another calibration than the session's.
+/* Returns the factor that makes an output relative to a calibration other than the session's.
  */
 typedef double (*OutputsFactor)(const struct session_shot *shot, const char *camera, gpointer data);
 /* The same as outputs_load(), for processing with another calibration. */

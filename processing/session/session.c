@@ -32,7 +32,8 @@ int session_lock(const char *path, GError **error) {
         const long pid = strtol(who, NULL, 10);
         g_autofree char *named = pid > 0 ? g_strdup_printf(" (process %ld)", pid) : g_strdup("");
         session_fail(error, SESSION_ERROR_LOCKED,
-                     "%s: another process captures into it%s; end that process first", path, named);
+                     "%s: another process%s captures into this session; end that process first",
+                     path, named);
     } else {
         session_fail(error,
                      errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
@@ -57,7 +58,7 @@ static gboolean session_sync_folder(const char *folder, GError **error) {
 }
 
 /* Syncs the folder that contains the session. The program that made the session may have ended
- * before it did so. A power cut would then lose the session with all its frames. */
+ * before it synced that folder. A power cut would then lose the session with all its frames. */
 static gboolean session_sync_name(const Session *session, GError **error) {
     g_autofree char *parent = g_path_get_dirname(session->path);
 
@@ -90,7 +91,8 @@ static gboolean session_start(Session *session, GError **error) {
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
                             error) >= 0 &&
         !session->name)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: the session has no name",
+        session_fail(error, SESSION_ERROR_FORMAT,
+                     "%s/session.db: the session has no name; restore the database from a copy",
                      session->path);
     if (!session->name)
         return FALSE;
@@ -179,7 +181,8 @@ char *session_text(Session *session, const char *name, GError **error) {
     if (session_db_one_text(session, "SELECT content FROM text WHERE name = ?1", name, &content,
                             error) >= 0 &&
         !content)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: there is no text “%s”",
+        session_fail(error, SESSION_ERROR_FORMAT,
+                     "%s/session.db: there is no text “%s”; restore the database from a copy",
                      session->path, name);
     return content;
 }
@@ -224,7 +227,6 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
     return rc == 0 ? g_steal_pointer(&values) : NULL;
 }
 
-/* If value is NULL, the row is deleted. */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error) {
     g_autofree char *valid = value ? g_utf8_make_valid(value, -1) : NULL;
 
@@ -259,8 +261,9 @@ gboolean session_add_product(Session *session, const char *relative, const char 
         return FALSE;
     sha256 = session_is_relative(relative) ? exr_sha256(file, &bytes, &own) : NULL;
     if (!sha256)
-        return session_fail(error, SESSION_ERROR_IO, "%s: not a product: %s", relative,
-                            own ? own->message : "not a name inside the session");
+        return session_fail(error, SESSION_ERROR_IO, "%s: the product %s cannot be recorded: %s",
+                            session->path, relative,
+                            own ? own->message : "its path leads out of the session");
     return session_db_run(session, error, "INSERT OR REPLACE INTO product VALUES (?1, ?2, ?3, ?4)",
                           "sssl", relative, made_by, sha256, bytes);
 }

@@ -1,15 +1,15 @@
 /* The session directory, the only interface between capture, processing and preview.
  *
  *   NAME.session/
- *     session.db         SQLite (WAL): files as they were, plan, shots, frames, events, products
+ *     session.db         SQLite (WAL): rig and session files, plan, shots, frames, events, products
  *     frames/…exr        linear radiance, half float, one per shot and camera
  *     laser/…exr         the peaks of a laser sweep, one per shot and camera
  *     products/…         results of processing
  *
  * The row of a frame is committed after its file is on disk, so that every row has its file. One
  * process writes the plan, shots and frames; it holds an exclusive lock, see SESSION_CAPTURE. Any
- * number of processes may read or write products at the same time. A Session belongs to one thread
- * at a time. */
+ * number of processes may read the session, or write products, at the same time. A Session belongs
+ * to one thread at a time. */
 #pragma once
 
 #include "base/work.h"
@@ -23,9 +23,9 @@ GQuark session_error_quark(void);
 enum session_error {
     SESSION_ERROR_IO,
     SESSION_ERROR_FORMAT, /* not a session, damaged, or of a newer version */
-    SESSION_ERROR_LOCKED, /* another process captures into it */
+    SESSION_ERROR_LOCKED, /* another process captures into the session */
     SESSION_ERROR_EXISTS,
-    /* the disk is full: nothing is lost, and the work can continue when some space is free */
+    /* the disk is full; nothing is lost, and the caller can try again when there is free space */
     SESSION_ERROR_FULL,
     SESSION_ERROR_DAMAGED, /* a file differs from its row in the database */
 };
@@ -40,8 +40,8 @@ struct session_texts {
     const char *calibration;             /* as rig_to_text() writes it */
     /* absolute path of the rig's file, stored as the value "rig_path"; NULL if unknown */
     const char *rig_path;
-    const char *const (
-        *values)[2]; /* further values, each a name and a value; a value of NULL is not stored */
+    /* further values, each a name and a value; a value of NULL is not stored */
+    const char *const (*values)[2];
     int n_values;
 };
 
@@ -82,7 +82,7 @@ struct session_shot {
     double turntable_deg, arc_deg; /* commanded angles */
     /* index of the light for SHOT_LAMP, index of the laser position for SHOT_SWEEP, otherwise −1 */
     int source;
-    int device;      /* lamp or laser of the calibration; −1 for dark */
+    int device;      /* index of the lamp or laser; −1 for dark */
     guint32 cameras; /* bit c is set if camera c takes part */
     /* first and last angle of the laser; only for SHOT_SWEEP */
     double sweep_from_deg, sweep_to_deg;
@@ -117,8 +117,8 @@ struct session_frame {
     double turntable_deg;
 };
 
-/* Returns the angle of the turntable in the middle of the exposure, or the angle at which it
- * stood. */
+/* Returns the angle of the turntable in the middle of the frame's exposure. If the turntable stood
+ * still, this is the angle of the shot. */
 static inline double session_frame_turntable_deg(const struct session_frame *frame,
                                                  const struct session_shot *shot) {
     return frame->turned ? frame->turntable_deg : shot->turntable_deg;
@@ -186,8 +186,8 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                            const char *message, GError **error);
 
 /* Values by name ("state", "clock_s", …) record the capture and the results of processing.
- * session_read_value() sets *ret to NULL if the value is not set, and also on an error;
- * g_free(). */
+ * session_set_value() deletes a value that is NULL. session_read_value() sets *ret to NULL if the
+ * value is not set, and also on an error; g_free(). */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
 /* Reads a value that is only shown to people, without an error. Returns NULL if the value is not
@@ -212,7 +212,7 @@ gboolean session_add_product(Session *session, const char *relative, const char 
  * are ignored. made_by contains the arguments with which mesorig makes the file again: "compress …"
  * or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
-/* set of the paths of all products */
+/* Returns the set of the paths of all products. */
 GHashTable *session_products(Session *session, GError **error);
 
 struct session_product {

@@ -9,7 +9,12 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static gboolean refuse(const struct session_frame *frame, const char *what, GError **error) {
+G_GNUC_PRINTF(3, 4)
+static gboolean refuse(const struct session_frame *frame, GError **error, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *what = g_strdup_vprintf(format, list);
+    va_end(list);
     return session_fail(error, SESSION_ERROR_IO,
                         "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
                         frame->camera, frame->path ? frame->path : "", what);
@@ -30,21 +35,33 @@ static gboolean check_frames(const Session *session, gint64 shot, enum session_s
                              const struct session_frame *frames, int n_frames, GError **error) {
     if (state == SHOT_PLANNED && n_frames > 0)
         return session_fail(error, SESSION_ERROR_FORMAT,
-                            "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames",
-                            shot);
+                            "%s: shot %" G_GINT64_FORMAT
+                            " is planned and not done, so that its %d frames cannot be committed",
+                            session->path, shot, n_frames);
     for (int i = 0; i < n_frames; i++) {
         const struct session_frame *frame = &frames[i];
         const char *sum = frame->sha256 ? frame->sha256 : "";
 
-        if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
-            return refuse(frame, "it belongs to another shot, or its camera is not 0 to 31", error);
+        if (frame->shot != shot)
+            return refuse(frame, error, "the frame is committed with shot %" G_GINT64_FORMAT, shot);
+        if (frame->camera < 0 || frame->camera > 31)
+            return refuse(frame, error, "the number of the camera must be 0 to 31");
         if (!session_is_relative(frame->path))
-            return refuse(frame, "its path is not inside the session", error);
-        if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64 ||
-            !isfinite(frame->captured_s) || !isfinite(frame->turntable_deg))
-            return refuse(frame, "its checksum, its time or its angle is missing", error);
-        if (size_of(session, frame->path) != frame->bytes)
-            return refuse(frame, "the file is missing or has another size", error);
+            return refuse(frame, error, "the path leads out of the session");
+        if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64)
+            return refuse(frame, error, "the checksum is “%s”, but must be 64 hexadecimal digits",
+                          sum);
+        if (!isfinite(frame->captured_s) || !isfinite(frame->turntable_deg))
+            return refuse(frame, error, "the time %g s or the turntable's angle %g° is not finite",
+                          frame->captured_s, frame->turntable_deg);
+        const gint64 bytes = size_of(session, frame->path);
+        if (bytes < 0)
+            return refuse(frame, error, "the file is missing or cannot be read");
+        if (bytes != frame->bytes)
+            return refuse(frame, error,
+                          "the file has %" G_GINT64_FORMAT " bytes, but %" G_GINT64_FORMAT
+                          " bytes were written",
+                          bytes, frame->bytes);
     }
     return TRUE;
 }
@@ -57,8 +74,9 @@ static gboolean set_state(Session *session, gint64 shot, enum session_shot_state
                         "lss", shot, session_shot_states[state], valid))
         return FALSE;
     return sqlite3_changes(session->db) == 1 ||
-           session_fail(error, SESSION_ERROR_FORMAT, "%s: no shot %" G_GINT64_FORMAT " in its plan",
-                        session->path, shot);
+           session_fail(error, SESSION_ERROR_FORMAT,
+                        "%s: the plan of this session has no shot %" G_GINT64_FORMAT, session->path,
+                        shot);
 }
 
 static gboolean store_turned(Session *session, const struct session_frame *frame, GError **error) {
@@ -75,7 +93,8 @@ static gboolean store_turned(Session *session, const struct session_frame *frame
  * transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
-    /* Names between these two begin with "turned/SHOT/", because '0' follows '/' in ASCII. */
+    /* All names between `from` and `to` begin with "turned/SHOT/", because '0' follows '/' in
+     * ASCII. */
     g_autofree char *from = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/", shot);
     g_autofree char *to = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "0", shot);
     gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot) &&
@@ -201,7 +220,8 @@ static char *session_commit_damage(const Session *session, const struct session_
     if (size < 0)
         return *ret_ok ? g_strdup_printf("%s is gone", frame->path) : NULL;
     if (size != frame->bytes)
-        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, but had %" G_GINT64_FORMAT
+                               " when it was taken",
                                frame->path, size, frame->bytes);
     struct session_damage *damage =
         hashed ? session_examine(session, frame->path, frame->sha256) : NULL;

@@ -44,7 +44,8 @@ static gboolean check_texts(const char *name, const struct session_texts *texts,
 
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
         if (!all[i] || !g_utf8_validate(all[i], -1, NULL))
-            return session_fail(error, SESSION_ERROR_FORMAT, "a new session: %s is %s", names[i],
+            return session_fail(error, SESSION_ERROR_FORMAT,
+                                "a new session needs %s as UTF-8 text, but it is %s", names[i],
                                 all[i] ? "not UTF-8" : "missing");
     return TRUE;
 }

@@ -38,8 +38,9 @@ static gboolean damaged(const Session *session, const char *what, GError **error
                         session->path, valid);
 }
 
-/* Returns whether a file that SQLite has open can be read to its end. Reads through SQLite, because
- * closing another descriptor of the file would release this process's locks on it. */
+/* Returns whether a file that SQLite has open can be read to its end. Uses SQLite's own descriptor,
+ * because closing a second descriptor of the file would release all locks that this process has on
+ * it. */
 static gboolean can_read_all(sqlite3 *db, int which) {
     sqlite3_file *file = NULL;
     sqlite3_int64 size = 0;
@@ -89,22 +90,27 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
                             session->path);
     if (primary == SQLITE_NOTADB)
         return session_fail(error, SESSION_ERROR_FORMAT,
-                            "%s/session.db: not a session's database: %s", session->path, says);
+                            "%s/session.db: not a session's database: %s; restore it from a backup",
+                            session->path, says);
     if (primary == SQLITE_CORRUPT && session->db && !session->is_new && !is_truly_damaged(session))
-        return session_fail(error, SESSION_ERROR_IO,
-                            "%s/session.db: a part of it could not be read; check the disk and try "
-                            "again",
-                            session->path);
+        return session_fail(
+            error, SESSION_ERROR_IO,
+            "%s/session.db: a part of the database could not be read; check the disk "
+            "and try again",
+            session->path);
     if (primary == SQLITE_CORRUPT || primary == SQLITE_FORMAT || primary == SQLITE_TOOBIG)
         return damaged(session, says, error);
     if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)
         return session_fail(
             error, SESSION_ERROR_IO,
-            "%s/session.db: another program keeps it locked; close it and try again",
+            "%s/session.db: another program keeps the database locked; close that program and try "
+            "again",
             session->path);
     if (primary == SQLITE_CONSTRAINT || primary == SQLITE_MISMATCH)
-        return session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: refused: %s",
-                            session->path, says);
+        return session_fail(
+            error, SESSION_ERROR_FORMAT,
+            "%s/session.db: SQLite refused a row: %s; restore the database from a backup",
+            session->path, says);
     return session_fail(error, saved == EFBIG ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
                         "%s/session.db: %s%s%s%s", session->path, says, saved ? ": " : "",
                         saved ? g_strerror(saved) : "",
@@ -193,18 +199,22 @@ void session_rollback(Session *session) {
         session_db_run(session, NULL, "ROLLBACK", "");
 }
 
-/* Returns the text of a query that returns a row unless the file is damaged. Sets an error if there
- * is no row. */
+/* Returns the text that a query gives. Every undamaged database has a row for the query; if there
+ * is none, sets an error and returns NULL. */
 static char *must_text(Session *session, const char *sql, const char *key, GError **error) {
     char *text = NULL;
 
-    if (session_db_one_text(session, sql, key, &text, error) >= 0 && !text)
-        damaged(session, "a row is missing", error);
+    if (session_db_one_text(session, sql, key, &text, error) >= 0 && !text) {
+        g_autofree char *what = g_strdup_printf(
+            "%s%s is missing", key ? "the table " : "the value of ", key ? key : sql);
+        damaged(session, what, error);
+    }
     return text;
 }
 
-/* SQLite's check of the structure reports a page that cannot be read as if it were damaged. The
- * code of the error is in its text. */
+/* Sets the error for the text says, with which SQLite's check of the structure failed. The check
+ * reports a page that the disk cannot read as if it were damaged; the code of the read error is
+ * then in the text. Returns FALSE. */
 static gboolean unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);
@@ -217,8 +227,8 @@ static gboolean unsound(const Session *session, const char *says, GError **error
 }
 
 /* Returns a table's text without its comments, which differ between versions. If a text hides code
- * behind a quoted or bracketed “--”, its quote or bracket stays in the result. No table of the
- * schema has a quote or bracket there, so that the texts differ. */
+ * behind a quoted or bracketed “--”, its quote or bracket stays in the result. The tables of the
+ * schema have no quote or bracket there, so that such a text differs from them. */
 static char *without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);
@@ -233,13 +243,16 @@ static gboolean session_db_check(Session *session, GError **error) {
     if (!version)
         return FALSE;
     if (g_ascii_strtoll(application, NULL, 10) != SESSION_APPLICATION_ID)
-        return session_fail(error, SESSION_ERROR_FORMAT,
-                            "%s/session.db: this is a database, but not of a session",
-                            session->path);
+        return session_fail(
+            error, SESSION_ERROR_FORMAT,
+            "%s/session.db: this is a database, but not of a session; give the directory of a "
+            "session",
+            session->path);
     const gint64 format = g_ascii_strtoll(version, NULL, 10);
     if (format != SESSION_FORMAT)
         return session_fail(error, SESSION_ERROR_FORMAT,
-                            "%s: session format %" G_GINT64_FORMAT ", this program knows %d%s",
+                            "%s: the session has format %" G_GINT64_FORMAT
+                            ", but this program reads only format %d%s",
                             session->path, format, SESSION_FORMAT,
                             format > SESSION_FORMAT ? "; use a newer program" : "");
     /* SQLite's own check of the file's structure. */
@@ -256,8 +269,10 @@ static gboolean session_db_check(Session *session, GError **error) {
         g_autofree char *is = sql ? without_comments(sql) : NULL;
         g_autofree char *made = without_comments(session_tables[i].sql);
 
+        g_autofree char *what = g_strdup_printf(
+            "the definition of the table %s differs from a session's", session_tables[i].name);
         if (g_strcmp0(is, made) != 0)
-            return sql && damaged(session, "a table is not as it was made", error);
+            return sql && damaged(session, what, error);
     }
     return TRUE;
 }
@@ -279,7 +294,8 @@ static gboolean check_file(const Session *session, const char *file, GError **er
         g_autofree char *name = g_strconcat(file, beside[i], NULL);
 
         if (stat(name, &status) == 0 && !S_ISREG(status.st_mode))
-            return session_fail(error, SESSION_ERROR_FORMAT, "%s: it is %s, not a regular file",
+            return session_fail(error, SESSION_ERROR_FORMAT,
+                                "%s: this is %s, not a regular file; a session needs a file here",
                                 name, input_file_kind(status.st_mode));
     }
     return TRUE;
@@ -321,7 +337,8 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 
         if (fd < 0)
-            return session_fail(error, SESSION_ERROR_IO, "%s: %s", file, g_strerror(errno));
+            return session_fail(error, SESSION_ERROR_IO, "%s: cannot be made: %s", file,
+                                g_strerror(errno));
         close(fd);
         return connect(session, uri, flags, FALSE, error);
     }

@@ -13,9 +13,9 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define PATIENCE_US                                                                                \
-    (10 * G_USEC_PER_SEC) /* maximum time to wait for a writer between its file and its row */
-#define POLL_US (G_USEC_PER_SEC / 10)
+/* maximum time to wait for the row of a file that another program has just written */
+#define PATIENCE_US (10 * G_USEC_PER_SEC)
+#define POLL_US     (G_USEC_PER_SEC / 10)
 
 static GMutex known_mutex;
 static GHashTable *known; /* identity of a file when it was hashed → SHA-256 */
@@ -158,9 +158,11 @@ static GPtrArray *read_rows(Session *session, gboolean frames, const char *prefi
         row->made_by = session_db_text(statement, 2);
         g_ptr_array_add(rows, row);
         if (!session_is_relative(row->path)) {
-            session_fail(error, SESSION_ERROR_FORMAT,
-                         "%s/session.db: “%s”, the path of a %s, is not inside the session",
-                         session->path, row->path, frames ? "frame" : "product");
+            session_fail(
+                error, SESSION_ERROR_FORMAT,
+                "%s/session.db: “%s”, the path of a %s, leads out of the session; restore the "
+                "database from a copy",
+                session->path, row->path, frames ? "frame" : "product");
             return NULL;
         }
     }
@@ -269,7 +271,7 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
 }
 
 /* Returns the session of a file in products/… or products/btf/…, or NULL if there is none.
- * *ret_relative is the end of file: its path relative to the session. */
+ * *ret_relative points to the end of `file` that is its path relative to the session. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"/products", "/products/btf"};
     g_autofree char *inner = g_path_get_dirname(file);

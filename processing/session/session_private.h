@@ -1,4 +1,5 @@
-/* Shared by the sources of session.h. */
+/* What session.c and the files session_*.c share: the struct Session, access to the database, and
+ * the checks of a plan. */
 #pragma once
 
 #include "session.h"
@@ -49,7 +50,8 @@ gboolean session_db_open(Session *session, gboolean create, GError **error);
 /* Opens a session and takes ownership of lock. If lock is −1 and the mode is SESSION_CAPTURE, takes
  * the lock. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
-/* returns a descriptor; −1 with an error, such as a lock that another process holds */
+/* Takes the capture lock. Returns its file descriptor, or −1 with an error, for example if another
+ * process holds the lock. */
 int session_lock(const char *path, GError **error);
 
 gboolean session_begin(Session *session, GError **error);

@@ -12,38 +12,58 @@
 const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
 const char *const session_shot_states[] = {"planned", "done", "skipped", NULL};
 
-static gboolean wrong(GError **error, const char *what, gint64 which) {
-    return session_fail(error, SESSION_ERROR_FORMAT,
-                        "the session's plan is not valid: %s %" G_GINT64_FORMAT, what, which);
+G_GNUC_PRINTF(2, 3)
+static gboolean wrong(GError **error, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *what = g_strdup_vprintf(format, list);
+    va_end(list);
+    return session_fail(error, SESSION_ERROR_FORMAT, "the session's plan is not valid: %s", what);
+}
+
+/* Adds to an error of wrong() the file that was read, and what to do. */
+static void name_database(const Session *session, GError **error) {
+    if (!error || !*error)
+        return;
+    g_prefix_error(error, "%s/session.db: ", session->path);
+    char *text = g_strconcat((*error)->message, "; restore the database from a copy", NULL);
+    g_free((*error)->message);
+    (*error)->message = text;
 }
 
 gboolean session_check_grid(const struct session_grid *grid, GError **error) {
     if (grid->width < 1 || grid->width > MAX_TEXELS || grid->height < 1 ||
         grid->height > MAX_TEXELS)
-        return wrong(error, "the numbers of texels in each direction must be 1 to 16384, not",
-                     grid->width < 1 || grid->width > MAX_TEXELS ? grid->width : grid->height);
+        return wrong(error, "the grid has %d × %d texels, but must have 1 to %d in each dimension",
+                     grid->width, grid->height, MAX_TEXELS);
     if (!(grid->width_mm > 0) || !isfinite(grid->width_mm) || !(grid->height_mm > 0) ||
-        !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !(grid->depth_mm >= 0) ||
-        !isfinite(grid->depth_mm))
-        return wrong(
-            error,
-            "width_mm or height_mm is not above 0, depth_mm is below 0, or a length is not finite, "
-            "in grid",
-            1);
+        !isfinite(grid->height_mm))
+        return wrong(error, "the grid is %g × %g mm, but each side must be above 0 and finite",
+                     grid->width_mm, grid->height_mm);
+    if (!isfinite(grid->reference_mm))
+        return wrong(error, "the grid's reference_mm is %g, but must be finite",
+                     grid->reference_mm);
+    if (!(grid->depth_mm >= 0) || !isfinite(grid->depth_mm))
+        return wrong(error, "the grid's depth_mm is %g, but must be at least 0 and finite",
+                     grid->depth_mm);
     return TRUE;
 }
 
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error) {
-    g_autofree char *what =
-        g_strdup_printf("an index or angle is out of order or is not a number in %s", kind);
-
-    if (direction->index != index || direction->device < 0 || direction->device > MAX_NUMBER ||
-        !isfinite(direction->theta_deg) || !isfinite(direction->phi_deg) ||
+    if (direction->index != index)
+        return wrong(error, "%s %d, counted from 0, has the index %d", kind, index,
+                     direction->index);
+    if (direction->device < 0 || direction->device > MAX_NUMBER)
+        return wrong(error, "%s %d has the device %d, but must have 0 to %d", kind, index,
+                     direction->device, MAX_NUMBER);
+    if (!isfinite(direction->theta_deg) || !isfinite(direction->phi_deg) ||
         !isfinite(direction->turntable_deg))
-        return wrong(error, what, index);
+        return wrong(
+            error, "%s %d has θ %g°, φ %g° and the turntable's angle %g°, but all must be finite",
+            kind, index, direction->theta_deg, direction->phi_deg, direction->turntable_deg);
     return !direction->note || g_utf8_validate(direction->note, -1, NULL) ||
-           wrong(error, "the note is not UTF-8 in direction", index);
+           wrong(error, "the note of %s %d is not UTF-8", kind, index);
 }
 
 /* Checks that the shot has this id, that its source is a planned light or laser position, and that
@@ -53,23 +73,47 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
 
     if (shot->id != id)
-        return wrong(error, "the ids are not 1, 2, 3 and so on at shot", shot->id);
-    if (shot->kind > SHOT_SWEEP || shot->state > SHOT_SKIPPED)
-        return wrong(error, "the kind or the state is unknown in shot", id);
-    if (shot->kind == SHOT_DARK ? shot->source != -1 : shot->source < 0 || shot->source >= sources)
-        return wrong(error, "the light or laser position does not exist in shot", id);
-    if (shot->device < -1 || shot->device > MAX_NUMBER || shot->pose < 0 ||
-        shot->pose > MAX_NUMBER || shot->sweep_steps < 0 || shot->sweep_steps > MAX_NUMBER)
-        return wrong(error, "a device, a pose or the number of steps is out of range in shot", id);
+        return wrong(error,
+                     "the ids of shots must be 1, 2, 3 and so on, but %" G_GINT64_FORMAT
+                     " is followed by %" G_GINT64_FORMAT,
+                     id - 1, shot->id);
+    if (shot->kind > SHOT_SWEEP)
+        return wrong(error, "the kind of shot %" G_GINT64_FORMAT " is not dark, lamp or sweep", id);
+    if (shot->state > SHOT_SKIPPED)
+        return wrong(error,
+                     "the state of shot %" G_GINT64_FORMAT " is not planned, done or skipped", id);
+    if (shot->kind == SHOT_DARK && shot->source != -1)
+        return wrong(error,
+                     "shot %" G_GINT64_FORMAT
+                     " is dark, so that its source must be −1, but its source is %d",
+                     id, shot->source);
+    if (shot->kind != SHOT_DARK && (shot->source < 0 || shot->source >= sources))
+        return wrong(
+            error,
+            "shot %" G_GINT64_FORMAT " uses the %s %d, counted from 0, but there are only %d", id,
+            shot->kind == SHOT_LAMP ? "light" : "laser position", shot->source, sources);
+    if (shot->device < -1 || shot->device > MAX_NUMBER)
+        return wrong(error, "the device of shot %" G_GINT64_FORMAT " is %d, but must be −1 to %d",
+                     id, shot->device, MAX_NUMBER);
+    if (shot->pose < 0 || shot->pose > MAX_NUMBER)
+        return wrong(error, "the pose of shot %" G_GINT64_FORMAT " is %d, but must be 0 to %d", id,
+                     shot->pose, MAX_NUMBER);
+    if (shot->sweep_steps < 0 || shot->sweep_steps > MAX_NUMBER)
+        return wrong(error, "shot %" G_GINT64_FORMAT " has %d steps, but must have 0 to %d", id,
+                     shot->sweep_steps, MAX_NUMBER);
     if (!isfinite(shot->turntable_deg) || !isfinite(shot->arc_deg) ||
         !isfinite(shot->sweep_from_deg) || !isfinite(shot->sweep_to_deg))
-        return wrong(error, "an angle is not a number in shot", id);
+        return wrong(
+            error,
+            "shot %" G_GINT64_FORMAT " has the turntable at %g°, the arc at %g° and a sweep "
+            "from %g° to %g°, but all must be finite",
+            id, shot->turntable_deg, shot->arc_deg, shot->sweep_from_deg, shot->sweep_to_deg);
     return !shot->note || g_utf8_validate(shot->note, -1, NULL) ||
-           wrong(error, "the note is not UTF-8 in shot", id);
+           wrong(error, "the note of shot %" G_GINT64_FORMAT " is not UTF-8", id);
 }
 
-/* Returns the integer in a column, or G_MININT, which no check accepts, if it is out of the range
- * of int. */
+/* Returns the integer in a column. If the integer is out of the range of int, returns G_MININT,
+ * which no check accepts. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
@@ -104,8 +148,11 @@ gboolean session_origin(Session *session, char **ret_program, char **ret_created
         *ret_created = session_db_text(statement, 1);
     }
     return rc > 0 ||
-           (rc == 0 && session_fail(error, SESSION_ERROR_FORMAT,
-                                    "%s/session.db: the table session is empty", session->path));
+           (rc == 0 &&
+            session_fail(error, SESSION_ERROR_FORMAT,
+                         "%s/session.db: the table “session” is empty; restore the database "
+                         "from a copy",
+                         session->path));
 }
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error) {
@@ -117,8 +164,12 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
 
     int rc = row ? session_db_next(session, row, error) : -1;
 
+    if (rc == 0) {
+        wrong(error, "there is no grid");
+        name_database(session, error);
+    }
     if (rc <= 0)
-        return rc == 0 && wrong(error, "there is no grid, although the format is", SESSION_FORMAT);
+        return FALSE;
     *ret = (struct session_grid){
         .width = column_int(row, 0),
         .height = column_int(row, 1),
@@ -127,7 +178,10 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
         .reference_mm = sqlite3_column_double(row, 4),
         .depth_mm = sqlite3_column_double(row, 5),
     };
-    return session_check_grid(ret, error);
+    const gboolean ok = session_check_grid(ret, error);
+    if (!ok)
+        name_database(session, error);
+    return ok;
 }
 
 /* Returns a new element made from a row, or NULL with an error if the row is not valid. number is
@@ -145,8 +199,10 @@ static GPtrArray *session_read_rows(Session *session, const char *sql, const cha
     while (statement && (rc = session_db_next(session, statement, error)) > 0) {
         gpointer row = read_row(statement, (int)rows->len, (gpointer)key, error);
 
-        if (!row)
+        if (!row) {
+            name_database(session, error);
             return NULL;
+        }
         g_ptr_array_add(rows, row);
     }
     return rc == 0 ? g_steal_pointer(&rows) : NULL;
@@ -218,7 +274,10 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
     shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
     shot->note = session_db_text(row, 12);
     if (cameras < 0 || cameras > G_MAXUINT32)
-        wrong(error, "there are more than 32 cameras in shot", shot->id);
+        wrong(error,
+              "the cameras of shot %" G_GINT64_FORMAT " are %" G_GINT64_FORMAT
+              ", but must be bits of an unsigned number of 32 bits",
+              shot->id, cameras);
     else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
         return shot;
     shot_free(shot);
@@ -255,10 +314,26 @@ static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError 
     frame->captured_s = sqlite3_column_double(row, 6);
     frame->turned = sqlite3_column_type(row, 7) != SQLITE_NULL;
     frame->turntable_deg = frame->turned ? column_number(row, 7) : 0;
-    if (session_is_relative(frame->path) && frame->sha256 && frame->camera >= 0 &&
-        frame->camera < MAX_CAMERAS && frame->bytes >= 0 && isfinite(frame->turntable_deg))
+    if (frame->camera < 0 || frame->camera >= MAX_CAMERAS)
+        wrong(error,
+              "a frame of shot %" G_GINT64_FORMAT " has the camera %d, but must have 0 to %d",
+              frame->shot, frame->camera, MAX_CAMERAS - 1);
+    else if (!session_is_relative(frame->path))
+        wrong(error,
+              "the frame of camera %d in shot %" G_GINT64_FORMAT " has a path out of the "
+              "session",
+              frame->camera, frame->shot);
+    else if (!frame->sha256 || frame->bytes < 0)
+        wrong(error,
+              "the frame of camera %d in shot %" G_GINT64_FORMAT " has no checksum or no size",
+              frame->camera, frame->shot);
+    else if (!isfinite(frame->turntable_deg))
+        wrong(error,
+              "the turntable's angle of the frame of camera %d in shot %" G_GINT64_FORMAT
+              " is not a finite number",
+              frame->camera, frame->shot);
+    else
         return frame;
-    wrong(error, "the camera, the path or an angle of a frame is not valid in shot", frame->shot);
     frame_free(frame);
     return NULL;
 }

@@ -8,8 +8,8 @@
  *   PRAGMA journal_mode     WAL
  *
  * Lengths in millimetres, angles in degrees, times in seconds on the session's clock. Numbers are
- * IEEE doubles, bit for bit, except −0, which SQLite stores as 0. A table is recognised by its
- * text below: any change, even of a comment, is a new SESSION_FORMAT.
+ * IEEE doubles, bit for bit, except −0, which SQLite stores as 0. A table is recognised by its text
+ * below without the comments: any other change of the text needs a new SESSION_FORMAT.
  */
 #pragma once
 

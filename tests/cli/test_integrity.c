@@ -149,7 +149,7 @@ TEST(frame) {
         operator_does(run, 1, "process", run->session, NULL);
         assert_has(run->err, "its SHA-256 is ");
         assert_has(run->err, ", but the session has ");
-        assert_has(run->err, "`mesorig resume` takes it again");
+        assert_has(run->err, "`mesorig resume` takes the frame again");
         operator_does(run, 0, "resume", run->session, NULL);
         operator_check_products(run);
         operator_free(run);

@@ -44,8 +44,8 @@ TEST(bad) {
         const char *const *channels;
         const char *cfa, *what;
     } bad[] = {{grey, NULL, "a.exr: "},
-               {grey, "rgb", "a.exr: part radiance lacks one of the channels R, G and B"},
-               {red, "mono", "a.exr: part radiance has no channel Y"}};
+               {grey, "rgb", "a.exr: part radiance lacks channel R;"},
+               {red, "mono", "a.exr: part radiance lacks channel Y;"}};
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
         g_autoptr(ExrPart) part = new_part(bad[i].channels, bad[i].cfa);
@@ -89,9 +89,9 @@ TEST(read) {
     read_as(&input, grey, NULL);
     input.sha256 = sum;
     read_as(&input, grey, NULL);
-    read_as(&input, red, "has no channel R");
+    read_as(&input, red, "lacks channel R, although");
     input.width++;
-    read_as(&input, grey, "it has 5 × 3 pixels, but the camera has");
+    read_as(&input, grey, "the frame has 5 × 3 pixels, but its camera has");
     input.width--;
     input.height++;
     read_as(&input, grey, "5 × 3 pixels");
@@ -100,5 +100,5 @@ TEST(read) {
     read_as(&input, grey, "is not the file that the session committed");
     input.sha256 = NULL;
     g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
-    read_as(&input, grey, "delete it, and `mesorig resume` takes it again");
+    read_as(&input, grey, "delete it, and `mesorig resume` takes the frame again");
 }
