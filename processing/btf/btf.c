@@ -1,4 +1,4 @@
-/* Views of the BTF: their files. btf_make.c makes them. */
+/* Reads the files of the BTF's views. btf_make.c makes these files. */
 #include "btf.h"
 
 #include <math.h>
@@ -6,7 +6,9 @@
 
 #include "base/data_error.h"
 
-/* The attributes with the number of texels that have each flag. */
+#define AGAIN "; delete the file and process again"
+
+/* For each flag, the attribute with the number of texels that have it. */
 static const struct {
     const char *name;
     enum btf_flag flag;
@@ -70,18 +72,20 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
     for (int light = 0; ok && light < n_lights; light++, ret_rgb += 3 * texels) {
         g_autofree char *name = g_strdup_printf("light_%04d", lights[light]);
         const struct exr_part *part = exr_file_part(file, name);
-        ok = part && part->width == grid->width && part->height == grid->height;
+        if (!part)
+            ok = data_error_fail(path, 0, error, "part %s is missing" AGAIN, name);
+        else if (part->width != grid->width || part->height != grid->height)
+            ok = data_error_fail(
+                path, 0, error,
+                "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN, name,
+                part->width, part->height, grid->width, grid->height);
         for (gsize c = 0; ok && c < 3; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
-            ok = plane != NULL;
+            ok = plane != NULL || data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN,
+                                                  name, channels[c]);
             for (gsize i = 0; ok && i < texels; i++)
                 ret_rgb[3 * i + c] = plane[i];
         }
-        if (!ok)
-            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "%s: part %s is missing or is not %d × %d texels of R, G and B; delete the "
-                        "file and process again",
-                        path, name, grid->width, grid->height);
     }
     exr_file_free(file);
     return ok;

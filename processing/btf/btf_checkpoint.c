@@ -3,8 +3,8 @@
 #include <string.h>
 #include <xxhash.h>
 
-/* Hashes the text that describes the work, the layout, and all values. If the values are in a
- * scratch file, the hashes of its views stand for them. */
+/* Returns a hash of the text `what`, the layout, and all values. If the values are in a scratch
+ * file, the hashes of the file's views are hashed instead. */
 static char *btf_checkpoint_hash(const struct btf_matrix *btf, const char *what) {
     const struct btf_layout *layout = &btf->layout;
     const struct direction_list *const lists[] = {&layout->views, &layout->lights};

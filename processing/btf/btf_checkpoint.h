@@ -5,6 +5,6 @@
 #include "exr/checkpoint.h"
 
 /* Calls checkpoint_begin() with a hash of the BTF's values, directions and shape, of the program's
- * version, and of what. what is a text that describes everything else on which the result depends.
+ * version, and of the text `what`. This text describes everything else on which the result depends.
  * Does nothing if the checkpoint has begun already. */
 void btf_checkpoint_begin(Checkpoint *checkpoint, const struct btf_matrix *btf, const char *what);

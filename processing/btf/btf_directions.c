@@ -7,7 +7,7 @@
 #include "base/text_table.h"
 
 #define MOST     4096
-#define LOWEST   89.0 /* degrees; directions with a larger θ cannot be measured */
+#define LOWEST   89.0 /* degrees: maximum θ; closer to the horizon nothing can be measured */
 #define SAME_DEG 0.01
 
 void btf_directions_free(struct btf_directions *directions) {
@@ -19,7 +19,7 @@ void btf_directions_free(struct btf_directions *directions) {
     g_free(directions);
 }
 
-/* Makes rings at θ = 0°, 15° … 75° with equidistant azimuths φ = 360° k / n, the first at 0°. */
+/* Makes rings at θ = 0°, 15° … 75°. The n azimuths of a ring are φ = 360° k / n, k = 0 … n − 1. */
 struct btf_directions *btf_directions_81(void) {
     static const int counts[] = {1, 6, 12, 18, 20, 24};
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
@@ -34,10 +34,11 @@ struct btf_directions *btf_directions_81(void) {
     return ret;
 }
 
-/* Adds a direction to a list with room for MOST directions. Returns FALSE with an error if the list
- * contains the direction or is full. Directions are compared by their angle, because φ wraps
- * around, and because a difference in φ is a smaller angle near the pole. */
-static gboolean add(const TextTable *table, int row, double theta, double phi,
+/* Adds a direction to a list with room for MOST directions. `what` is "view" or "light". Returns
+ * FALSE with an error if the list contains the direction or is full. Directions are compared by
+ * their angle, because φ wraps around, and because a difference in φ is a smaller angle near the
+ * pole. */
+static gboolean add(const TextTable *table, int row, const char *what, double theta, double phi,
                     struct direction_list *to, GError **error) {
     const char *path = text_table_path(table);
     const int line = text_table_line(table, row);
@@ -46,10 +47,12 @@ static gboolean add(const TextTable *table, int row, double theta, double phi,
             remainder(phi - (double)to->phi_deg[i], 360) * sin(theta * G_PI / 180);
         if (hypot(theta - (double)to->theta_deg[i], across) < SAME_DEG)
             return data_error_fail(path, line, error,
-                                   "the direction θ %g°, φ %g° repeats an earlier row", theta, phi);
+                                   "the %s θ %g°, φ %g° repeats an earlier row; give it only once",
+                                   what, theta, phi);
     }
     if (to->n >= MOST)
-        return data_error_fail(path, line, error, "more than %d directions", MOST);
+        return data_error_fail(path, line, error, "the table has more than %d %ss; remove some",
+                               MOST, what);
     to->theta_deg[to->n] = (float)theta;
     to->phi_deg[to->n++] = (float)phi;
     return TRUE;
@@ -63,15 +66,19 @@ static gboolean read_row(const TextTable *table, int row, const int columns[3],
     double theta, phi;
     if (!view && !light)
         return data_error_fail(text_table_path(table), text_table_line(table, row), error,
-                               "“%s” is not view, light or both", of);
+                               "the column “of” has “%s”, but must have “view”, “light” or “both”",
+                               of);
     if (!text_table_number(table, row, columns[1], NAN, &theta, error) ||
         !text_table_number(table, row, columns[2], NAN, &phi, error))
         return FALSE;
-    if (!(theta >= 0 && theta <= LOWEST) || !(fabs(phi) <= 720))
+    if (!(theta >= 0 && theta <= LOWEST))
         return data_error_fail(text_table_path(table), text_table_line(table, row), error,
-                               "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
-    return (!view || add(table, row, theta, phi, &to->views, error)) &&
-           (!light || add(table, row, theta, phi, &to->lights, error));
+                               "theta_deg is %g, but must be 0 to %g", theta, LOWEST);
+    if (!(fabs(phi) <= 720))
+        return data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                               "phi_deg is %g, but must be −720 to 720", phi);
+    return (!view || add(table, row, "view", theta, phi, &to->views, error)) &&
+           (!light || add(table, row, "light", theta, phi, &to->lights, error));
 }
 
 static gboolean read_rows(const TextTable *table, struct btf_directions *to, GError **error) {
@@ -79,17 +86,22 @@ static gboolean read_rows(const TextTable *table, struct btf_directions *to, GEr
     const char *path = text_table_path(table);
     if (!text_table_check_columns(table, known, error))
         return FALSE;
-    const int columns[] = {text_table_column(table, "of"), text_table_column(table, "theta_deg"),
-                           text_table_column(table, "phi_deg")};
-    if (columns[0] < 0 || columns[1] < 0 || columns[2] < 0)
-        return data_error_fail(path, 0, error,
-                               "a table of directions has the columns of, theta_deg and phi_deg");
+    int columns[3];
+    for (gsize i = 0; i < G_N_ELEMENTS(columns); i++) {
+        columns[i] = text_table_column(table, known[i]);
+        if (columns[i] < 0)
+            return data_error_fail(path, 0, error,
+                                   "the column “%s” is missing; a table of directions needs the "
+                                   "columns “of”, “theta_deg” and “phi_deg”",
+                                   known[i]);
+    }
     for (int row = 0; row < text_table_rows(table); row++)
         if (!read_row(table, row, columns, to, error))
             return FALSE;
     if (to->views.n == 0 || to->lights.n == 0)
-        return data_error_fail(path, 0, error, "there is no %s in it",
-                               to->views.n == 0 ? "view" : "light");
+        return data_error_fail(
+            path, 0, error, "the table has no %s; add a row whose column “of” is “%s” or “both”",
+            to->views.n == 0 ? "view" : "light", to->views.n == 0 ? "view" : "light");
     return TRUE;
 }
 

@@ -1,4 +1,4 @@
-/* Sets of directions to resample a BTF to. Any thread. */
+/* Sets of directions at which a BTF is resampled. Any thread. */
 #pragma once
 
 #include "base/data_error.h"
@@ -17,6 +17,7 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
 struct btf_directions *btf_directions_81(void);
 
 /* Reads a table (text_table.h) with the columns "of", "theta_deg" and "phi_deg". "of" is "view",
- * "light" or "both". The error is DATA_ERROR_INVALID, with file and line, if θ is not within 0 …
- * 89°, if a direction repeats, if there is no view or no light, or if there are more than 4096. */
+ * "light" or "both". The error is DATA_ERROR_INVALID, with the file and, for an error of a row, the
+ * line. It is set if θ is not within 0 … 89°, if a direction repeats, or if there are no views, no
+ * lights, or more than 4096 of either. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

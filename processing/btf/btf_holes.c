@@ -2,8 +2,8 @@
 
 #include "btf_matrix.h"
 
-/* Sets a pixel to the mean of the known pixels among its eight neighbours. Returns FALSE if none
- * is known. */
+/* Sets a pixel of all planes to the mean of the known pixels among its eight neighbours. Returns
+ * FALSE if none of the neighbours is known. */
 static gboolean fill(float *const *planes, int n, int width, int height, const gint8 *known,
                      int pixel) {
     const int x = pixel % width, y = pixel / width;

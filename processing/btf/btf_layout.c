@@ -90,13 +90,15 @@ static gboolean read_list(const struct exr_file *file, const char *name,
 
 const char *btf_layout_read(const struct exr_file *file, const struct exr_part *part,
                             struct btf_layout *ret) {
-    if (!exr_get_double(part, "texel_mm", &ret->texel_mm, NULL) ||
-        !exr_get_double(part, "reference_mm", &ret->reference_mm, NULL) || !(ret->texel_mm > 0) ||
-        !isfinite(ret->texel_mm) || !isfinite(ret->reference_mm))
-        return "attribute texel_mm or reference_mm is missing or not a size";
+    if (!exr_get_double(part, "texel_mm", &ret->texel_mm, NULL) || !(ret->texel_mm > 0) ||
+        !isfinite(ret->texel_mm))
+        return "attribute texel_mm is missing or not a number above 0";
+    if (!exr_get_double(part, "reference_mm", &ret->reference_mm, NULL) ||
+        !isfinite(ret->reference_mm))
+        return "attribute reference_mm is missing or not a finite number";
     if (!read_list(file, "views", &ret->views))
-        return "part views is missing or damaged";
+        return "part views is missing or is not one row of finite angles theta_deg and phi_deg";
     if (!read_list(file, "lights", &ret->lights))
-        return "part lights is missing or damaged";
+        return "part lights is missing or is not one row of finite angles theta_deg and phi_deg";
     return NULL;
 }

@@ -1,11 +1,12 @@
 /*
- * The dimensions of a BTF or of a model of one: texels, views and lights. Plain data; any thread.
+ * The dimensions of a BTF, or of a model of a BTF: texels, views and lights. Plain data; any
+ * thread.
  */
 #pragma once
 
 #include "exr/exr.h"
 
-/* Views or lights: θ and φ of each in the sample frame (base/direction.h). */
+/* The directions of views or of lights: θ and φ in the sample frame (base/direction.h). */
 struct direction_list {
     gsize n;
     float *theta_deg, *phi_deg; /* n each */
@@ -18,7 +19,7 @@ struct btf_layout {
     struct direction_list views, lights;
 };
 
-/* Makes a list of n directions, all 0; direction_list_clear() frees the angles. */
+/* Makes a list of n directions whose angles are 0. direction_list_clear() frees the angles. */
 struct direction_list direction_list_new(gsize n);
 struct direction_list direction_list_copy(const struct direction_list *from);
 void direction_list_clear(struct direction_list *list);
@@ -34,12 +35,13 @@ gsize btf_layout_texels(const struct btf_layout *layout); /* width × height */
 gsize btf_layout_values(
     const struct btf_layout *layout); /* values of a texel: views × lights × 3 */
 
-/* Writes a layout to the file of a model. texel_mm and reference_mm are double attributes of one
- * part. The parts "views" and "lights" have the float channels "phi_deg" and "theta_deg", width
- * n, height 1. The size in texels is the size of the file's other parts. */
+/* Write a layout to the file of a model. btf_layout_write_sizes() sets the double attributes
+ * texel_mm and reference_mm of a part. btf_layout_write_directions() adds the parts "views" and
+ * "lights" with the float channels "phi_deg" and "theta_deg", n pixels wide and 1 high. The size in
+ * texels is the size of the file's other parts. */
 void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *part);
 void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file);
-/* Reads sizes and directions. width and height are not changed. Returns NULL, or a description
- * of what is wrong with the file. */
+/* Reads texel_mm and reference_mm from part, and the directions from file. width and height are not
+ * changed. Returns NULL on success, otherwise a description of what is wrong with the file. */
 const char *btf_layout_read(const struct exr_file *file, const struct exr_part *part,
                             struct btf_layout *ret);

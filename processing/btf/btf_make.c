@@ -1,6 +1,6 @@
-/* All frames are loaded as half floats first, because their sum is the guide of the
- * rectification (rectify.h). Then each frame is rectified (n_texels × 3), divided by its
- * irradiance and written as one part. Pictures of lights that were not captured are predicted
+/* All pictures are loaded as half floats first, because the sum of those in the view's pose is the
+ * guide of the rectification (rectify.h). Then each picture is rectified (n_texels × 3), divided by
+ * its irradiance and written as one part. Pictures of lights that were not captured are predicted
  * from the parts of other lights. */
 #include "btf.h"
 
@@ -12,28 +12,26 @@
 #include "btf_sigma.h"
 #include "exr/exr_half.h"
 
-/* A frame is not used for the guide, nor rectified with it, if its pose moves a corner of the
- * sample by more than this. */
+/* A picture is not used for the guide, nor rectified with the guide, if a corner of the sample is
+ * more than this many pixels from its place in the view's pose. */
 #define GUIDE_PX 0.25
 
-#define MAX_HOLES                                                                                  \
-    0.5 /* maximum share of the texels that are holes; a frame with more is refused                \
-         */
+#define MAX_HOLES 0.5 /* maximum share of holes among the texels of an accepted picture */
 
 static gsize btf_texels(const struct btf_view *view) {
     return (gsize)view->grid.width * (gsize)view->grid.height;
 }
 
-/* Sets an attribute to a point. The point is given in the rig frame and stored in the sample
- * frame at a turntable angle. */
+/* Sets an attribute to a point. The point is given in the rig frame and stored in the sample frame
+ * at the angle turntable_rad of the turntable. */
 static void set_point(struct exr_part *part, double turntable_rad, const char *name,
                       struct vec3 rig_mm) {
     const struct vec3 p = rig_turn(rig_mm, -turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
-/* Makes a part with the attributes of one light's picture. It has a channel "mark" if any texel
- * has a flag, and a channel "sigma" if requested. */
+/* Makes a part with the attributes of one light's picture. The part has a channel "mark" if any
+ * texel has a flag, and a channel "sigma" if sigma is TRUE. */
 static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light,
                                    const guint8 *flags, gboolean sigma) {
     const gsize n = btf_texels(view);
@@ -83,25 +81,25 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
     }
 }
 
-/* The frame of a light. All members are 0 if the light is missing. */
+/* The picture of a light. All members are 0 if the light is missing. */
 struct mosaic {
     guint16 *half; /* n_values half floats */
     guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
-    /* values from here on come from shorter exposures; 0 if no shorter exposures were used */
+    /* DN/ms from which a value comes from shorter exposures; 0 if no shorter exposures were used */
     float shorter;
     int saturated; /* number of saturated pixels; −1 if unknown */
-    /* of red, green and blue pixels before the glare was subtracted; 0 if unknown */
+    /* DN/ms: mean of red, green and blue pixels before the glare was subtracted; 0 if unknown */
     double mean[3];
     struct btf_exposures exposures;
 };
 
-/* The frames of a view. */
+/* The pictures of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum;     /* n_values; sum over all lights in the view's pose: the guide */
-    gboolean guided; /* whether any frame was added to sum */
+    double *sum;     /* n_values: sum of the pictures in the view's pose, used as the guide */
+    gboolean guided; /* whether any picture was added to sum */
     gsize n_pixels;
-    gsize n_values; /* of a frame: n_pixels, or 3 n_pixels for "rgb"; set by the first frame */
+    gsize n_values; /* of a picture: n_pixels, or 3 n_pixels for "rgb"; set by the first picture */
     char *cfa;
 };
 
@@ -116,7 +114,7 @@ static void clear_mosaic(struct mosaic *mosaic) {
     g_clear_pointer(&mosaic->bound, g_free);
 }
 
-/* Checks that a frame belongs to its shot and has the colour filter *cfa. The first frame sets
+/* Checks that a picture belongs to its shot and has the colour filter *cfa. The first picture sets
  * *cfa. */
 static gboolean check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
                             GError **error) {
@@ -137,12 +135,14 @@ static gboolean check_frame(const struct input *input, const struct exr_part *fr
     if (strcmp(found, *cfa) == 0)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: its colour filter is %s, other frames of this camera have %s", input->path,
-                found, *cfa);
+                "%s: the colour filter is %s, but that of the view's first frame is %s; capture or "
+                "import the shot with the wrong filter again",
+                input->path, found, *cfa);
     return FALSE;
 }
 
-/* Reads which pixels are saturated, and the value from which shorter exposures were used. */
+/* Reads which pixels are saturated, how many these are, and the value from which shorter exposures
+ * were used. */
 static void load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
@@ -157,15 +157,16 @@ static void load_saturation(const struct exr_part *frame, gsize n_pixels, struct
         to->bound[k] = saturated[k] != 0;
 }
 
-/* Returns whether a picture can share a guide with the pictures in the pose of the view. */
+/* Returns whether the turntable stood so close to the view's angle (GUIDE_PX) that the guide fits
+ * the picture. */
 static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *light) {
     const double r_mm = hypot(view->grid.width_mm, view->grid.height_mm) / 2;
     const double px_mm = vec3_length(rig_camera_centre_mm(view->camera)) / view->camera->fx_px;
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
-/* Subtracts the camera's glare from a plane of a frame, and stores the mean light of each colour.
- * Does nothing if the error of the glare is unknown. */
+/* Subtracts the camera's glare from a plane of a picture, and stores the mean value of each colour
+ * in to->mean. Does nothing if the error of the glare is unknown. */
 static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
                            struct mosaic *to) {
     double mean[3];
@@ -184,8 +185,8 @@ static void subtract_glare(const struct btf_view *view, const char *cfa, gsize p
         to->mean[c] = strcmp(cfa, "mono") == 0 ? mean[1] : mean[c];
 }
 
-/* Stores a frame's planes as half floats. If the frame is in the view's pose, adds its finite
- * values to the guide. */
+/* Stores a picture's planes as half floats. With guides, adds the finite values to the sum for the
+ * guide. */
 static gboolean store_planes(const struct btf_view *view, const struct input *input,
                              const struct exr_part *frame, guint i, gboolean guides,
                              struct mosaics *to, GError **error) {
@@ -199,9 +200,11 @@ static gboolean store_planes(const struct btf_view *view, const struct input *in
     for (; *channels; channels++, half += n, sum += n) {
         float *plane = exr_part_plane(frame, *channels);
         if (!plane)
-            return data_error_fail(input->path, 0, error,
-                                   "part %s has no channel %s, although its colour filter is %s",
-                                   frame->name, *channels, to->cfa);
+            return data_error_fail(
+                input->path, 0, error,
+                "part %s lacks channel %s, which frames with the colour filter %s "
+                "have: the file is damaged; capture or import this shot again",
+                frame->name, *channels, to->cfa);
         subtract_glare(view, to->cfa, (gsize)(half - to->lights[i].half) / n, plane,
                        &to->lights[i]);
         exr_half_from_floats(half, plane, n);
@@ -212,7 +215,7 @@ static gboolean store_planes(const struct btf_view *view, const struct input *in
     return TRUE;
 }
 
-/* Loads one light's frame. */
+/* Loads one light's picture. */
 static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                             GError **error) {
     static const char *const any[] = {NULL};
@@ -246,7 +249,7 @@ static void set_flags(const Rectify *rectify, const struct mosaic *mosaic, const
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* Computes the variance of the radiance L of each texel and colour:
+/* Computes the variance var of the radiance L of each texel and colour:
  *   var = noise + detail + ½ δ² · shift + (γ · L̄)² + (ε · L)²
  *   noise, detail, shift   from rectify_errors()
  *   δ                      misregistration of the camera in pixels (RMS distance)
@@ -275,7 +278,7 @@ static void add_up_variance(const struct btf_view *view, const Rectify *rectify,
                   excess * excess * rgb[i] * rgb[i];
 }
 
-/* Rectifies one light's frame. Returns NULL with an error if most of its texels are holes. */
+/* Rectifies one light's picture. Returns NULL with an error if most of the texels are holes. */
 static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                    const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
@@ -288,7 +291,8 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     if (holes > MAX_HOLES * (double)n) {
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INVALID,
-            "%s: pixels of %d of %zu texels are not finite numbers; capture this shot again",
+            "%s: %d of %zu texels lie outside of the frame or on pixels that are not finite "
+            "numbers; check the calibration of camera and sample, or capture this shot again",
             light->input.path, holes, n);
         return NULL;
     }
@@ -344,7 +348,7 @@ static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaic
     return rectify;
 }
 
-/* Loads all frames, and sums them for the guide. */
+/* Loads all pictures, and sums those in the view's pose for the guide. */
 static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
                              GCancellable *cancellable, GError **error) {
     for (guint i = 0; i < view->lights->len; i++)
@@ -355,7 +359,8 @@ static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
     return TRUE;
 }
 
-/* Makes a light's part. The rectification of its pose is kept for the next light. */
+/* Makes a light's part. Keeps the rectification in *posed, because the next light often has the
+ * same pose. */
 static struct exr_part *make_posed(const struct btf_view *view, guint i,
                                    const struct mosaics *mosaics, struct posed *posed,
                                    GError **error) {

@@ -1,5 +1,5 @@
-/* Reads a session's views into values[texel][view][light][colour], or into a scratch file [view]
- * [texel][light][colour]. Each view is compared with the first one, and its holes are filled
+/* Reads a session's views into values[texel][view][light][colour], or into a scratch file
+ * [view][texel][light][colour]. Each view is compared with the first view, and its holes are filled
  * (btf_holes.c). */
 #include <math.h>
 #include <stdlib.h>
@@ -10,6 +10,9 @@
 #include "btf_matrix_private.h"
 
 #define COLOURS 3
+#define AGAIN   "; delete the file and process again, or import again"
+
+static const char *const channels[] = {"R", "G", "B"};
 
 char *btf_matrix_session(const char *path) {
     static const char suffix[] = "/products/btf";
@@ -81,22 +84,20 @@ static GPtrArray *list_views(const Session *session, GError **error) {
     return paths;
 }
 
-static gboolean view_error(const char *path, GError **error, const char *what) {
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: %s; delete the file and process again, or import again", path, what);
-    return FALSE;
-}
-
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           view_error(path, error, "a direction is missing or not a number");
+           data_error_fail(
+               path, 0, error,
+               "in part %s the attribute %s.theta_deg or %s.phi_deg is missing or not a "
+               "finite number" AGAIN,
+               part->name, of, of);
 }
 
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error) {
     if (first->parts->len < 1)
-        return view_error(path, error, "it has no lights");
+        return data_error_fail(path, 0, error, "the file has no lights" AGAIN);
     btf->layout.lights = direction_list_new(first->parts->len);
     for (gsize i = 0; i < btf->layout.lights.n; i++)
         if (!direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
@@ -105,8 +106,8 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Allocates memory for all views, or a scratch file if they need more than the limit memory. The
- * first view gives the number of lights. */
+/* Allocates memory for the values of all views. Makes a scratch file instead if the values need
+ * more bytes than memory, unless memory is 0. The first view gives the number of lights. */
 static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
                       const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -121,33 +122,46 @@ static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_fi
     btf->values = g_try_new0(float, (gsize)bytes / sizeof(float));
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "a BTF of %zu × %zu texels, %zu views and %zu lights needs %.1f GiB of memory; "
-                    "“mesorig compress --memory” takes less",
-                    btf->layout.width, btf->layout.height, btf->layout.views.n,
+                    "%s: the BTF of %zu × %zu texels, %zu views and %zu lights needs %.1f GiB of "
+                    "memory, which the system refused; close other programs, or in “mesorig "
+                    "compress” and “mesorig export” set a limit with --memory",
+                    btf->directory, btf->layout.width, btf->layout.height, btf->layout.views.n,
                     btf->layout.lights.n, (double)bytes / (1 << 30));
     return btf->values != NULL;
 }
 
-/* Compares a part with the size of the session's grid and with the same light of the first view. */
+/* Checks that a part has the size of the session's grid, all colours, and the direction that this
+ * light has in the first view. */
 static gboolean check_light(const struct btf_matrix *btf, const struct exr_part *part, int light,
                             const char *path, GError **error) {
     float theta, phi;
     if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
-        return view_error(path, error, "its size in texels differs from that of the session");
-    if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
-        return view_error(path, error, "a colour is missing");
+        return data_error_fail(path, 0, error,
+                               "part %s has %d × %d texels, but the session's grid has %zu × "
+                               "%zu" AGAIN,
+                               part->name, part->width, part->height, btf->layout.width,
+                               btf->layout.height);
+    for (gsize c = 0; c < COLOURS; c++)
+        if (!exr_part_plane(part, channels[c]))
+            return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+                                   channels[c]);
     if (!direction(part, "light", path, &theta, &phi, error))
         return FALSE;
     if (theta != btf->layout.lights.theta_deg[light] || phi != btf->layout.lights.phi_deg[light])
-        return view_error(path, error, "its lights differ from those of the first view");
+        return data_error_fail(
+            path, 0, error,
+            "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the "
+            "first view" AGAIN,
+            part->name, (double)theta, (double)phi, (double)btf->layout.lights.theta_deg[light],
+            (double)btf->layout.lights.phi_deg[light]);
     return TRUE;
 }
 
-/* Fills a picture's holes and adds their number. The channel "mark" says which texels are holes.
- * Imported pictures have no such channel; if their attribute mesorig.holes is above 0, every black
- * texel is a hole. Other values that are not finite are an error. A picture that consists of holes
- * only becomes black. */
-static gboolean fill_holes(const struct exr_part *part, gsize light, float *const planes[COLOURS],
+/* Fills a picture's holes and adds their number to *holes. The channel "mark" says which texels are
+ * holes. Imported pictures have no such channel; if their attribute mesorig.holes is above 0, every
+ * black texel is a hole. Other values that are not finite are an error. A picture that has only
+ * holes becomes black. */
+static gboolean fill_holes(const struct exr_part *part, float *const planes[COLOURS],
                            const char *path, gint64 *holes, GError **error) {
     const int pixels = part->width * part->height;
     const float *flags = exr_part_plane(part, "mark");
@@ -163,32 +177,32 @@ static gboolean fill_holes(const struct exr_part *part, gsize light, float *cons
         if (n < 0)
             memset(planes[c], 0, sizeof(float) * (gsize)pixels);
         for (int i = 0; i < pixels; i++)
-            if (!isfinite(planes[c][i])) {
-                g_autofree char *what =
-                    g_strdup_printf("under light %zu texel (%d, %d) is infinite", light,
-                                    i % part->width, i / part->width);
-                return view_error(path, error, what);
-            }
+            if (!isfinite(planes[c][i]))
+                return data_error_fail(path, 0, error,
+                                       "in part %s the texel in column %d and row %d, counted from "
+                                       "0, is not finite" AGAIN,
+                                       part->name, i % part->width, i / part->width);
     }
     return TRUE;
 }
 
-/* Transposes planes[light · 3 + colour][texel] to rows of texels, first[texel · stride + light ·
- * 3 + colour]. */
+/* Copies planes[light · 3 + colour][texel] to rows of texels, first[texel · stride + light · 3 +
+ * colour]. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error) {
-    static const char *const channels[] = {"R", "G", "B"};
     const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
     g_autofree float **planes = g_new0(float *, n);
     if (file->parts->len != btf->layout.lights.n)
-        return view_error(path, error, "its number of lights differs from that of the first view");
+        return data_error_fail(
+            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
+            file->parts->len, btf->layout.lights.n);
     for (gsize light = 0; light < btf->layout.lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         if (!check_light(btf, part, light, path, error))
             return FALSE;
         for (int c = 0; c < COLOURS; c++)
             planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
-        if (!fill_holes(part, light, planes + light * COLOURS, path, &btf->holes, error))
+        if (!fill_holes(part, planes + light * COLOURS, path, &btf->holes, error))
             return FALSE;
         struct btf_flag_counts counts = {0};
         btf_count_flags(part, &counts);

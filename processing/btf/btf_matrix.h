@@ -1,8 +1,8 @@
 /*
- * A whole BTF as a matrix, one row (apparent BRDF) per texel: in memory, or, where that is too
- * small, in a scratch file of half floats. Values that no camera measured (NaN, or 0 and flagged by
- * btf_make_view(), see btf.h) are filled from the texels around them in the same picture, and
- * counted. Lower bounds are used as they are, and counted as well.
+ * A whole BTF as a matrix, one row (apparent BRDF) per texel. The values are in memory or, if
+ * memory is too small for them, in a scratch file of half floats. Values that no camera measured
+ * (NaN, or 0 and flagged by btf_make_view(), see btf.h) are filled from the texels around them in
+ * the same picture, and counted. Lower bounds are used as they are, and counted as well.
  */
 #pragma once
 
@@ -15,26 +15,25 @@ struct btf_scratch;
 /* The matrix has n_texels rows (row by row of the picture, row 0 first) of n_views × n_lights ×
  * 3 (R, G, B). */
 struct btf_matrix {
-    char *name;
+    char *name; /* name of the session */
     struct btf_layout layout;
-    float *values;    /* height · width rows; NULL if the values are in scratch */
-    gint64 holes;     /* values that no valid pixel of a frame measured */
-    gint64 bounds;    /* lower bounds, from saturated pixels */
-    gint64 shorter;   /* values from shorter exposures only */
-    gint64 predicted; /* values predicted for missing lights */
-    char *directory;  /* the session directory */
+    float *values; /* height · width rows; NULL if the values are in scratch */
+    /* numbers of texels, summed over the pictures, with each flag of btf.h; holes of imported
+     * pictures also count */
+    gint64 holes, bounds, shorter, predicted;
+    char *directory; /* the session directory */
     struct btf_scratch *scratch;
 };
 
 void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 
-/* Returns the session directory for a path to it or to its products/btf; g_free(). */
+/* Returns the session directory. path is that directory or its products/btf; g_free(). */
 char *btf_matrix_session(const char *path);
 
 /* Reads the BTF of a session. path is the session directory or its products/btf. Views without a
- * file are left out. The error is DATA_ERROR_INVALID if a view differs from the first one in
- * lights or texels, or has infinite values. A picture that consists of holes only becomes black.
- * The progress stage is "read". */
+ * file are left out. The error is DATA_ERROR_INVALID if a view differs from the first one in lights
+ * or texels, or has infinite values. A picture that has only holes becomes black. The progress
+ * stage is "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
 /* Does the same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values
@@ -44,24 +43,25 @@ struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GE
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
-/* Does the same as btf_matrix_read() for a team (base/team.h). All ranks call this function. The
- * values of a rank are only the rows of its own texels. Each view is read by one rank, which
- * distributes its texels. If one rank fails, all ranks return an error. */
+/* Does the same as btf_matrix_read() for a team (base/team.h). All ranks call this function. In the
+ * result, each rank has only the rows of its own texels (team_part()). Each view is read by one
+ * rank, which distributes its texels. If one rank fails, all ranks return an error. */
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error);
 
 /* Returns the rows of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
- * *ret_stride floats apart. They are in memory, or are read into buffer (n × n_lights × 3).
- * Returns NULL if the file cannot be read. Any thread. */
+ * *ret_stride floats apart. They are in memory, or are read from the scratch file into buffer (n ×
+ * n_lights × 3). Returns NULL if the scratch file cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
 /* Copies the rows of texels first … first + n − 1 in a view to ret. The row of texel first + i
- * becomes row indices[i] (n_lights × 3) of ret. Returns FALSE if the file cannot be read. */
+ * becomes row indices[i] (n_lights × 3) of ret. Returns FALSE if the scratch file cannot be
+ * read. */
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
                                const int *indices, float *ret, GError **error);
 
-/* Returns the number of bytes of the values as floats. */
+/* Returns the number of bytes that all values of a BTF take as floats. */
 gint64 btf_matrix_bytes(const struct btf_layout *layout);
 
 /* Fills a picture's holes (NaN) with the mean of their neighbours, from the border of each hole
@@ -69,8 +69,8 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout);
  * hole. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
-/* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × row, with row =
- * n_lights × 3. */
+/* Functions of the scratch file of btf_matrix_read_within(). It holds n_views × n_texels × row half
+ * floats, row being n_lights × 3. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */
@@ -80,6 +80,5 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error);
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const int *indices, float *ret, GError **error);
-/* Returns the hash of the values of a view that btf_scratch_write() has written; 0 if it has not
- * written the view. */
+/* Returns the hash of a view's values, or 0 if btf_scratch_write() has not written the view. */
 guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view);

@@ -2,14 +2,15 @@
 
 #include <math.h>
 
-#define NEAREST                                                                                    \
-    4 /* the radius of the fit is REACH times the distance of the light with this rank */
-#define REACH    1.5  /* see NEAREST */
-#define FLATNESS 1e-4 /* keeps the slope finite if the lights are collinear */
+/* The fit uses the lights within REACH times the distance of the NEAREST-th nearest light. */
+#define NEAREST 4
+#define REACH   1.5
+/* added to the normal matrix, so that collinear lights give a finite slope */
+#define FLATNESS 1e-4
 #define MIN_COS  0.02
 
-/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, minus the position of the
- * missing light. d is the distance between the two positions. */
+/* A captured light relative to the missing one. x and y are the differences of their positions (sin
+ * θ cos φ, sin θ sin φ) in the unit disc, d is the distance of these positions. */
 struct disc_point {
     guint light;
     double x, y, d;
@@ -19,7 +20,7 @@ static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* Returns cos θ_l, which is a factor of the light's values, but at least MIN_COS. */
+/* Returns cos θ_l, by which the light's values are divided before the fit, but at least MIN_COS. */
 static double cosine(const struct btf_light *light) {
     return fmax(cos(radians(light->theta_deg)), MIN_COS);
 }
@@ -55,7 +56,8 @@ static GArray *around(const struct btf_view *view, struct exr_part *const *taken
  * the origin. The value of the plane there is
  *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,
  * where m is the first row of the inverse of the normal matrix
- *   Σ_k w_k (1, x_k, y_k)ᵀ (1, x_k, y_k) = [s0 s1 s2; s1 d e; s2 e f]. */
+ *   Σ_k w_k (1, x_k, y_k)ᵀ (1, x_k, y_k) = [s0 s1 s2; s1 d e; s2 e f],
+ * with FLATNESS · s0 · reach² added to d and f. */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     g_autoptr(GArray) points = around(view, taken, i);
     if (points->len == 0)

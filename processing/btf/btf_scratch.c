@@ -1,5 +1,6 @@
-/* The BTF's values as half floats in an unnamed file (O_TMPFILE), [view][texel][light][colour],
- * for BTFs that do not fit into memory. Reading and writing convert PIECE values at a time. */
+/* Keeps the values of a BTF that does not fit into memory in an unnamed file (O_TMPFILE), as half
+ * floats in the order [view][texel][light][colour]. Reading and writing convert PIECE values at a
+ * time. */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>
@@ -15,13 +16,17 @@ struct btf_scratch {
     int fd;
     gsize row; /* number of values of a texel in a view */
     gsize n_texels;
-    guint64 *hashes; /* n_views: hash of the values; 0 if they were not written together */
+    guint64 *hashes; /* n_views: hash of a view's values; 0 if not written by btf_scratch_write() */
 };
 
+/* what is "reading" or "writing". */
 static gboolean io_error(GError **error, const char *what) {
     const int code = errno;
-    g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
-                "the temporary file for the values of the BTF: %s: %s", what, g_strerror(code));
+    g_set_error(
+        error, G_FILE_ERROR, g_file_error_from_errno(code),
+        "%s the temporary file for the values of the BTF failed: %s; check the disk with the "
+        "session, or the one with %s if the session is not writable",
+        what, g_strerror(code), g_get_tmp_dir());
     return FALSE;
 }
 
@@ -30,12 +35,15 @@ struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, 
     const gint64 bytes = (gint64)row * n_views * n_texels * (gint64)sizeof(guint16);
     int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0)
-        fd = open(g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+        fd = open(folder = g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     /* Reserves the space now, so that a full disk is reported before the views are read. */
     if (fd < 0 || (errno = posix_fallocate(fd, 0, bytes)) != 0) {
+        const int code = errno;
         g_autofree char *size = g_format_size((guint64)bytes);
-        g_autofree char *what = g_strdup_printf("%s in %s", size, folder);
-        io_error(error, what);
+        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
+                    "%s: no temporary file of %s can be made here for the values of the BTF: %s; "
+                    "free some space or raise the limit of memory",
+                    folder, size, g_strerror(code));
         if (fd >= 0)
             close(fd);
         return NULL;

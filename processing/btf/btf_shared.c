@@ -1,5 +1,5 @@
-/* R ranks read R views in each round, one per rank. Every rank then distributes its view. Each
- * file is read once, and each rank keeps [own texels][view][light][colour]. */
+/* In each round, every rank reads one view and then distributes its texels to all ranks. Each file
+ * is read once, and each rank keeps [own texels][view][light][colour]. */
 #include <string.h>
 
 #include "btf_matrix_private.h"
@@ -13,18 +13,21 @@ struct btf_shared {
     const struct team *team;
     struct btf_matrix *btf;
     const GPtrArray *paths;
-    int first, end; /* texels of this rank */
+    int first, end; /* this rank has the texels first … end − 1 */
     gsize *starts;  /* n_ranks + 1: first value of each rank within a view */
     float *mine;    /* this rank's values of one view */
 };
 
-/* Returns FALSE on all ranks if ok is FALSE on any rank. */
+/* Returns TRUE on all ranks if ok is TRUE on all ranks, otherwise FALSE on all ranks, with an
+ * error. */
 static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
     if (ok && failed > 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "another of the %d processes could not read its part", team->n_ranks);
+                    "another of the %d processes could not read its part of the BTF; see the error "
+                    "message of that process",
+                    team->n_ranks);
     return failed == 0;
 }
 
@@ -72,11 +75,13 @@ static gboolean take_part(struct btf_shared *shared, GError **error) {
     btf->values = g_try_new0(float, mine *n * btf->layout.views.n + 1);
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%" G_GSIZE_FORMAT " texels do not fit into memory; use more processes", mine);
+                    "%s: the memory for this process's %zu texels was refused; use more processes",
+                    btf->directory, mine);
     return btf->values != NULL;
 }
 
-/* Sums what only the rank that read a view has set. These values are 0 on all other ranks. */
+/* Gives all ranks the directions and counts of all views. For each view, they are set only on the
+ * rank that read the view and are 0 on the others, so that summing distributes them. */
 static void share_directions(const struct btf_shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double counts[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,

@@ -1,5 +1,5 @@
-/* Computes the variances of pixels from their exposures, and the channel "sigma" from the result
- * of rectify_errors(). */
+/* Computes the variances of pixels from the exposures of their picture, and the channel "sigma"
+ * from the variances of texels. */
 #include "btf_sigma.h"
 
 #include <math.h>
@@ -26,10 +26,11 @@ gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
             ret->ms[i] = ms;
             continue;
         }
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: mesorig.exposures_us is “%s”, which is not a list of 1 to %d rising "
-                    "numbers with ; between them; capture this shot again",
-                    path, text, BTF_SIGMA_EXPOSURES);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s: mesorig.exposures_us is “%s”, but must be 1 to %d exposure times in rising "
+            "order with “;” between them; capture or import this shot again",
+            path, text, BTF_SIGMA_EXPOSURES);
         return FALSE;
     }
     ret->n = (int)n;
@@ -38,9 +39,10 @@ gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
     return TRUE;
 }
 
-/* A pixel's value m was merged from the exposures t_i in which it is not saturated, that is,
- * those with m < shorter · t_n / t_i, and always from the shortest one. The variance from
- * rounding m to a half float, (m · 2⁻¹¹)² / 3, is added to its noise. */
+/* A pixel's value m was merged from the shortest exposure and from each longer exposure t_i in
+ * which it is not saturated, that is, m < shorter · t_n / t_i. t_n is the longest exposure. The
+ * variance from rounding m to a half float, (m · 2⁻¹¹)² / 3, is added to the variance of the
+ * noise. */
 void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
                       const float *values, gsize n, float *ret_variances) {
     float slope[BTF_SIGMA_EXPOSURES] = {0}, floor[BTF_SIGMA_EXPOSURES] = {0},
@@ -72,7 +74,8 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Returns the median and sorts the values. Returns 0 if n is 0; values may then be NULL. */
+/* Sorts the values and returns their median (the upper one if n is even). Returns 0 if n is 0;
+ * values may then be NULL. */
 static double btf_sigma_median(float *values, gsize n) {
     if (n == 0)
         return 0;
@@ -80,8 +83,8 @@ static double btf_sigma_median(float *values, gsize n) {
     return (double)values[n / 2];
 }
 
-/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Sums over texels x
- * leave out holes. */
+/* Computes sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c² with f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Sums over
+ * texels x leave out holes. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     float *sigma = exr_part_plane(part, "sigma");
@@ -121,8 +124,8 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
 }
 
 /* ρ_c ∝ 1 / (response · camera colour_c · intensity · output · lamp colour_c). The relative
- * variances of the factors are added. The output has two errors: it differs from shot to shot,
- * and between the pictures of a shot. */
+ * variances of the factors are added. The output has two errors: it differs from shot to shot, and
+ * between the pictures of the cameras in a shot. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double output_error, double ret[3]) {
     const double output =

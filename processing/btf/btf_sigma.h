@@ -44,35 +44,36 @@
 #include "radiometry/photon_transfer.h"
 #include "radiometry/radiometry.h"
 
-/* Version of the method for error bars, like BTF_METHOD for the values. */
+/* Version of the method for error bars. BTF_METHOD is the version of the method for values. */
 #define BTF_SIGMA_METHOD 4
 
-#define BTF_SIGMA_DARK 0.02 /* lower bound of ρ when an error is divided by it */
+#define BTF_SIGMA_DARK 0.02 /* sigma.relative divides by this if ρ is smaller */
 
 /* The exposures of a frame, from its attributes mesorig.exposures_us and mesorig.shorter_from. */
 #define BTF_SIGMA_EXPOSURES 16
 struct btf_exposures {
-    int n; /* number of exposures; 0 if they are unknown */
-    double ms[BTF_SIGMA_EXPOSURES];
-    float shorter; /* DN/ms from which the longest exposure is saturated; 0 if none is */
+    int n;                          /* number of exposures; 0 if they are unknown */
+    double ms[BTF_SIGMA_EXPOSURES]; /* exposure times, rising */
+    /* DN/ms from which the longest exposure is saturated; 0 if no pixel is saturated in it */
+    float shorter;
 };
-/* Reads the exposures. The error is DATA_ERROR_INVALID with path if they are not rising numbers. */
+/* Reads the exposures. If the frame has no such attribute, n is 0. The error is DATA_ERROR_INVALID,
+ * with path, if the exposures are not rising numbers. */
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error);
 
-/* Computes the variances of a frame's pixels in (DN/ms)². values and ret_variances have n
- * values. */
+/* Computes the variances of a picture's n pixels in (DN/ms)² from their values in DN/ms. */
 void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposures *exposures,
                       const float *values, gsize n, float *ret_variances);
 
-/* Fills the channel "sigma" of a part, which must also have B, G and R, and sets the attributes.
- * variances: n_texels × 3 (R, G, B), in the unit of ρ². holes: n_texels, TRUE for values without
- * meaning. */
+/* Fills the channel "sigma" of a part whose channels B, G and R are set. Sets all attributes above
+ * except sigma.scale. variances: n_texels × 3 (R, G, B), in the unit of ρ². holes: n_texels, TRUE
+ * for values without meaning. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes);
 
-/* Computes the relative errors of R, G, B that come from camera and lamp together. Either may be
- * NULL or uncalibrated. output_error is the standard error of the lamp's output in this shot, or
- * 0 if the output was not measured. */
+/* Computes the relative errors of R, G, B that come from camera and lamp together. A camera or lamp
+ * that is NULL or not calibrated adds no error. output_error is the standard error of the lamp's
+ * output in this shot, or 0 if the output was not measured. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double output_error, double ret[3]);
 
@@ -81,7 +82,7 @@ struct btf_sigma {
     double rms, value, median, relative;
     double scale[3]; /* R, G, B */
 };
-/* Reads the attributes of a part. Returns FALSE if they are missing. */
+/* Reads the attributes of a part. Returns FALSE if any of them is missing. */
 gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);
 
 /* Error bars of a session's whole BTF. */
@@ -89,15 +90,15 @@ struct btf_sigma_sums {
     int lights, known; /* number of pictures, and number of pictures whose errors are known */
     double median;     /* median of sigma.median over the known pictures */
     double relative;   /* median of sigma.relative over the known pictures */
-    double share;      /* Σ σ² / Σ ρ² over the known pictures */
-    int large;         /* pictures whose sigma.relative is above BTF_SIGMA_LARGE */
-    /* large pictures whose sigma.relative is also more than twice the median (relative) */
+    double share;      /* Σ sigma.rms² / Σ sigma.value² over the known pictures */
+    int large;         /* number of pictures whose sigma.relative is above BTF_SIGMA_LARGE */
+    /* number of these pictures whose sigma.relative is also more than twice `relative` */
     int worse;
     double worst; /* largest sigma.relative; the directions of that picture follow */
     double worst_view_theta_deg, worst_view_phi_deg, worst_light_theta_deg, worst_light_phi_deg;
 };
 #define BTF_SIGMA_LARGE 0.05
 
-/* Sums over the headers of all views in products/btf of a session's directory. Views that cannot
- * be read are left out. If there are no views, all sums are 0. */
+/* Collects the error bars from the headers of all files in products/btf of a session's directory.
+ * Files that cannot be read are left out. If there are no files, all members are 0. */
 void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret);

@@ -16,12 +16,13 @@
 
 #define LINEAR 4    /* number of linear terms: 1, x, y, z */
 #define DENSE  3000 /* number of directions that sample the hemisphere evenly */
+#define MOST   4096 /* maximum number of measured directions */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* Weight w of the measured directions relative to all others together. Many measured directions
- * lie midway between samples, for example many of the papers' 81 on a grid of 12, and fitting
- * them exactly makes the samples oscillate. Therefore w is halved, down to LEAST, until no
- * sample exceeds MOST_GAIN times the values (maximum absolute row sum). */
+/* Weight w of the measured directions relative to all others together. Many measured directions lie
+ * midway between samples, for example many of the papers' 81 on a grid of 12, and fitting them
+ * exactly makes the samples oscillate. Therefore w is halved, down to LEAST, until no sample can
+ * exceed MOST_GAIN times the largest measured value (maximum absolute row sum). */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
@@ -52,8 +53,8 @@ void direction_grid_square(const float direction[3], double *ret_s, double *ret_
     *ret_t = CLAMP((b + 1) / 2, 0, 1);
 }
 
-/* With the fractions u, v in a cell, the bilinear weights are (1 − u)(1 − v), u (1 − v), (1 − u) v
- * and u v. */
+/* u and v, 0 … 1, are the position within the cell of four samples. The bilinear weights are (1 −
+ * u)(1 − v), u (1 − v), (1 − u) v and u v. */
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]) {
     double s, t;
@@ -67,8 +68,8 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
     }
 }
 
-/* Smooth interpolation of values f_i at n measured directions ω_i: f(ω) = Σ_i a_i |ω − ω_i| + b₀
- * + b·ω with Σ a_i (1, ω_i) = 0 (biharmonic spline and linear part). */
+/* The smooth interpolant of values f_i at n measured directions ω_i is f(ω) = Σ_i a_i |ω − ω_i| +
+ * b₀ + b·ω with Σ a_i (1, ω_i) = 0 (a biharmonic spline and a linear part). */
 struct smooth {
     int n;
     float *directions; /* n × 3 */
@@ -90,9 +91,9 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
         ret[smooth->n + 1 + k] = direction[k];
 }
 
-/* Solves [K P; Pᵀ 0] · inverse = [I; 0], K_ij = |ω_i − ω_j|, P_i = (1, ω_i), for the solution of
- * least norm, so that repeated, coplanar or single directions cause no problem. Returns FALSE if
- * LAPACK fails. */
+/* Solves [K P; Pᵀ 0] · inverse = [I; 0] with K_ij = |ω_i − ω_j| and P_i = (1, ω_i). Takes the
+ * solution of least norm, which also exists for repeated, coplanar or single directions. Returns
+ * FALSE if LAPACK fails. */
 static gboolean smooth_init(struct smooth *smooth, const struct direction_list *list,
                             gboolean lights) {
     const int n = (int)list->n, m = n + LINEAR;
@@ -117,8 +118,8 @@ static void smooth_clear(struct smooth *smooth) {
     g_free(smooth->inverse);
 }
 
-/* Returns (count × n) the weight of each measured value in the interpolant at each of the
- * directions. A direction below the lowest measured one is raised to the elevation of the lowest
+/* Returns for each of count directions the weights of the n measured values in the interpolant
+ * (count × n). A direction below the lowest measured one is raised to the elevation of the lowest
  * one. Weights of lights are then multiplied by z / lowest. */
 static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
     const int m = smooth->n + LINEAR;
@@ -236,7 +237,8 @@ static double *solve(const struct equations *smooth, const struct equations *mea
     return ret;
 }
 
-/* Returns the largest absolute row sum, which is a bound of |sample| / max |value|. */
+/* Returns the largest sum of the absolute values of a row. No sample can exceed the largest
+ * absolute measured value by more than this factor. */
 static double gain_of(const double *rows, gsize samples, gsize n) {
     double most = 0;
     for (gsize i = 0; i < samples; i++)
@@ -244,22 +246,46 @@ static double gain_of(const double *rows, gsize samples, gsize n) {
     return most;
 }
 
-/* Solves with w = MEASURED first, then halves w while the samples oscillate and w is above
+static gboolean check_grid(const struct direction_list *list, int n_grid, gboolean lights,
+                           GError **error) {
+    const char *what = lights ? "lights" : "views";
+    if (n_grid < DIRECTION_GRID_MIN || n_grid > DIRECTION_GRID_MAX)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the grid of directions has the size %d, but must have %d to %d", n_grid,
+                    DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
+    else if (list->n < 1 || list->n > MOST)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the material has %zu %s, but a grid of directions needs 1 to %d", list->n,
+                    what, MOST);
+    else {
+        for (gsize i = 0; i < list->n; i++) {
+            const double theta = (double)list->theta_deg[i], phi = (double)list->phi_deg[i];
+            if (isfinite(theta) && isfinite(phi) && fabs(theta) <= 90)
+                continue;
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "%zu of the %s, counted from 0, has the direction θ %g°, φ %g°; a grid of "
+                        "directions needs finite angles and θ up to 90°",
+                        i, what, theta, phi);
+            return FALSE;
+        }
+        return TRUE;
+    }
+    return FALSE;
+}
+
+/* Solves with w = MEASURED first. Then halves w while the samples oscillate and w is above
  * LEAST. */
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
                                GError **error) {
-    gboolean ok = list->n >= 1 && list->n <= 4096 && n_grid >= DIRECTION_GRID_MIN &&
-                  n_grid <= DIRECTION_GRID_MAX;
-    for (gsize i = 0; ok && i < list->n; i++)
-        ok = isfinite(list->theta_deg[i]) && isfinite(list->phi_deg[i]) &&
-             fabsf(list->theta_deg[i]) <= 90;
     struct smooth smooth = {0};
-    if (!ok || !smooth_init(&smooth, list, lights)) {
+    if (!check_grid(list, n_grid, lights, error))
+        return NULL;
+    if (!smooth_init(&smooth, list, lights)) {
         smooth_clear(&smooth);
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%zu directions cannot be put on a grid of %d: 1 to 4096 are needed, above the "
-                    "horizon, and a grid of %d to %d",
-                    list->n, n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
+                    "the %zu directions of %s cannot be interpolated on a grid of %d × %d; give "
+                    "another grid or none",
+                    list->n, lights ? "lights" : "views", n_grid, n_grid);
         return NULL;
     }
     struct equations everywhere = follow_smooth(&smooth, n_grid);

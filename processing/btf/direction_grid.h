@@ -16,8 +16,9 @@
  * smoothly over the hemisphere (with the kernel |ω − ω_i| and a linear part). Below the lowest
  * measured direction, the value at its elevation is used; for lights it is multiplied by the ratio
  * of the cosines, because reflectances contain n·l. Then the samples are chosen so that their
- * bilinear interpolant is close to that function everywhere and to the measured values in their
- * directions, as far as no sample oscillates. Pure functions, any thread.
+ * bilinear interpolant is close to the smooth function everywhere, and to the measured values in
+ * their directions. The second condition is weakened where it would make samples oscillate. Pure
+ * functions, any thread.
  */
 #pragma once
 
@@ -26,8 +27,8 @@
 #define DIRECTION_GRID_MIN 4
 #define DIRECTION_GRID_MAX 24
 
-/* Compute Ω and its inverse. Directions are unit vectors. A direction below the horizon is treated
- * as if it were on the horizon. */
+/* direction_grid_direction() computes Ω, direction_grid_square() the inverse of Ω. Directions are
+ * unit vectors. A direction below the horizon is treated as if it were on the horizon. */
 void direction_grid_direction(double s, double t, float ret[3]);
 void direction_grid_square(const float direction[3], double *ret_s, double *ret_t);
 
@@ -38,7 +39,8 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
 
 /* Returns the matrix (n_grid² × n) that maps values at the n directions to samples; g_free().
  * lights says whether the directions are lights, see above. The error is DATA_ERROR_INVALID if
- * the grid size is out of bounds, or if directions are missing or invalid. */
+ * n_grid is out of bounds, if there are no directions or more than 4096, or if a direction is not
+ * finite or below the horizon. */
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
                                GError **error);
 

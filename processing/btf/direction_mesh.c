@@ -1,5 +1,5 @@
-/* Gradients g_k are linear in the values. They are stored as weights of the differences to the
- * neighbours: g_k = Σ_i s_ki (f_i − f_k), s_ki ∈ ℝ². */
+/* The gradient g_k of the values f at direction k is linear in f. A mesh stores its weights s_ki ∈
+ * ℝ² of the differences to the neighbours i: g_k = Σ_i s_ki (f_i − f_k). */
 #include "direction_mesh.h"
 
 #include <lapacke.h>
@@ -8,18 +8,17 @@
 
 #include "directions/triangulation.h"
 
-#define TOGETHER                                                                                   \
-    (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre; closer directions count as one */
-#define FLAT                                                                                       \
-    0.02 /* minimum height of a triangle over its longest side; flatter ones are dropped           \
-          */
+/* points of the plane closer than this (¼° at the plane's centre) count as one direction */
+#define TOGETHER (0.25 * G_PI / 180 / 2)
+/* triangles whose height over the longest side is at most this share of that side are dropped */
+#define FLAT     0.02
 #define MAX_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
 #define AROUND   20   /* maximum number of neighbours in the fit of a slope */
 #define TERMS    5    /* number of terms of a quadric without its constant */
-#define RANK     0.02 /* smaller singular values, relative to the largest, count as 0 */
+#define RANK     0.02 /* singular values below this share of the largest one count as 0 */
 #define ROUNDING 1e-9
 
-/* Four values. They need not be aligned. */
+/* Four values that are added or multiplied together. They need not be aligned. */
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
 struct triangle {
@@ -185,8 +184,8 @@ void direction_mesh_free(DirectionMesh *mesh) {
     g_free(mesh);
 }
 
-/* Computes barycentric weights of a point. Returns the smallest one. It is negative outside of
- * the triangle, and −∞ for a triangle that the moved corners have turned over. */
+/* Computes barycentric weights of a point. Returns the smallest one. It is negative outside of the
+ * triangle, and −G_MAXDOUBLE for a triangle that the moved corners have turned over. */
 static double weigh(const DirectionMesh *mesh, const double *points, int triangle,
                     const double at[2], double ret[3]) {
     const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
@@ -200,8 +199,8 @@ static double weigh(const DirectionMesh *mesh, const double *points, int triangl
     return MIN(ret[0], MIN(ret[1], ret[2]));
 }
 
-/* Sorts triangles by the smallest barycentric weight of the direction in each, most likely
- * triangle first. */
+/* Sorts the triangles by the smallest of the direction's three barycentric weights. The triangle
+ * where this weight is largest most likely contains the direction, and is the first. */
 void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
                           struct direction_guess *ret) {
     const int n = (int)mesh->triangles->len;
@@ -253,9 +252,9 @@ static gboolean limit_weights(double weights[3]) {
     return clamped;
 }
 
-/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Beyond the limit of
- * extrapolation, f(x) of lights is multiplied by cos θ at the point over cos θ at the limit,
- * because reflectance contains n·l. */
+/* The interpolated value is f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)), so that weight_k = b_k and
+ * along_k = ½ (x − x_k). Beyond the limit of extrapolation, f(x) of lights is multiplied by cos θ
+ * at the point over cos θ at the limit, because reflectance contains n·l. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
     double weights[3], end[2] = {0}, sum[2] = {0}, best = G_MAXDOUBLE;

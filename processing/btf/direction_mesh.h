@@ -1,7 +1,7 @@
 /*
  * Interpolation over measured directions that differ slightly from texel to texel. The directions
- * are triangulated once, as seen from the centre of the sample. For another texel the corners move,
- * but the three corners around a direction hardly change. The weights are computed from the
+ * are triangulated once, as seen from the centre of the sample. For another texel the corners move
+ * a little, but a direction usually stays in the same triangle. The weights are computed from the
  * positions of the corners for that texel.
  *
  * Directions are points x of the stereographic plane, (x, y) / (1 + z). Within a triangle with
@@ -11,7 +11,7 @@
  * direction.
  *
  * Outside of all triangles, the nearest triangle is extrapolated by up to half its height, because
- * near the border half of the texels were seen from less oblique directions than the nominal one.
+ * near the horizon half of the texels were seen from less oblique directions than the nominal one.
  * Beyond that limit the value is constant; for lights it decreases with the cosine. If there are no
  * triangles (fewer than three directions, or all are collinear), the nearest direction is used. Any
  * thread; immutable once made.
@@ -23,8 +23,8 @@
 
 typedef struct DirectionMesh DirectionMesh;
 
-/* Makes a mesh. Directions within ¼° of an earlier one are left out, and also direction number
- * skip (−1: none). lights says whether the directions are lights. */
+/* Makes a mesh. Directions within ¼° of an earlier one are left out, and also the direction with
+ * the index skip if skip is not −1. lights says whether the directions are lights. */
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights);
 void direction_mesh_free(DirectionMesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
@@ -32,8 +32,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)
 /* Gives the direction's point in the stereographic plane. */
 void direction_mesh_point(struct vec3 direction, double ret[2]);
 
-/* Maximum number of triangles in a guess: those that most likely contain a direction, which are
- * searched first. */
+/* A guess lists the triangles that most likely contain a direction. They are searched first. */
 #define DIRECTION_MESH_GUESSES 24
 struct direction_guess {
     int n, triangle[DIRECTION_MESH_GUESSES];
@@ -45,18 +44,20 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
 struct direction_share {
     int corner[3];
     float weight[3], along[3][2]; /* along: in units of the plane */
-    gboolean clamped;             /* whether the direction is beyond the limit of extrapolation */
+    /* TRUE beyond the limit of extrapolation, or if there are no triangles */
+    gboolean clamped;
 };
 
-/* Computes the share of each corner. points (n × 2) are the mesh's directions as seen from this
- * texel, at is the projected direction whose value is wanted. */
+/* Computes the corners and weights that interpolate the value at the projected direction `at`.
+ * points (n × 2) are the projected directions of the mesh as seen from one texel. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret);
 
-/* Computes the gradients (d/dx, d/dy) at each direction, ret: n × 2 × row, from values: n × row.
- * row is a multiple of 4. Both arrays are aligned like memory of GLib. */
+/* Computes the gradients (d/dx, d/dy) at each direction, ret: n × 2 × row, from values: n × row. *
+ * row is a multiple of 4. */
 void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int row, float *ret);
 
-/* Adds the weight of each of the n values to ret_weights (n), with the gradients expanded. */
+/* Adds to ret_weights (n) the weight of each of the n values in the interpolated value, including
+ * the weights that the gradients contribute. */
 void direction_mesh_weights(const DirectionMesh *mesh, const struct direction_share *share,
                             float *ret_weights);

@@ -10,7 +10,7 @@
 
 #define SAME_DEG      1.0
 #define SAMPLES_ASIDE 200  /* grid over the unit disc for the cosine-weighted integral */
-#define MIN_COSINE    0.05 /* lights and views with cos θ up to this are left out */
+#define MIN_COSINE    0.05 /* lights and views whose cos θ is at most this are left out */
 #define ROWS          256  /* texels read at a time */
 
 static struct vec3 *directions(const struct direction_list *list) {
@@ -83,8 +83,8 @@ struct symmetry {
     int pairs;
 };
 
-/* Adds the pairs of values B(v, l) (n_views × n_lights) to the sums: a = B(v, l) / cos θ_l, and b
- * is the value of the exchanged pair, other[], over its cosine. */
+/* Adds the pairs of values B(v, l) (n_views × n_lights) to the sums. a is B(v, l) / cos θ_l, and b
+ * is the same for the exchanged pair (other, from energy_exchanges()). */
 static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
                          const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
@@ -205,7 +205,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     }
     g_autofree double *weight = weigh_views(views, btf->layout.views.n);
     sum_fields(btf, lights, mean, energy->e_r, energy->e_i);
-    /* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
+    /* The albedo of light l is Σ_v w_v B(v, l) / cos θ_l. */
     for (int l = 0; l < energy->n_lights; l++) {
         double sum = 0;
         for (int v = 0; v < energy->n_views; v++)

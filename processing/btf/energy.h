@@ -15,22 +15,24 @@ struct energy {
      * E_r, and their E_i is 0. e_r and e_i belong to the mean over all texels, texel_e_r and
      * texel_e_i to one texel. */
     double *e_r, *e_i;             /* n_views, n_lights */
-    double *texel_e_r, *texel_e_i; /* of the texel with the index `texel` */
+    double *texel_e_r, *texel_e_i; /* the same for the texel with the index `texel` */
     int texel;
 
     /* Albedo of each light for the mean over all texels: the share of its light that all views
      * together receive, Σ_v w_v · B(v, l) / cos θ_l. w_v is the share of the hemisphere,
      * weighted by cos θ, that is nearest to view v. An albedo above 1 violates conservation of
      * energy. */
-    double *albedo, largest_albedo; /* n_lights */
-    double covered_deg; /* largest θ of a view; at larger θ the albedo is extrapolated */
+    double *albedo, largest_albedo; /* n_lights; 0 for lights with cos θ_l ≤ 0.05 */
+    double covered_deg; /* largest θ of a view; beyond it, albedos use the values of the nearest
+                           view */
 
-    /* Reciprocity of the mean over all texels. B(v, l) / cos θ_l is compared with the value for
-     * v and l exchanged, where both were measured within 1°. The result is the RMS difference
-     * divided by the RMS of the mean of the two values. */
+    /* Reciprocity of the mean over all texels. B(v, l) / cos θ_l is compared with the value for v
+     * and l exchanged, where both were measured within 1°. pairs is the number of these
+     * comparisons. asymmetry is the RMS difference divided by the RMS of the mean of the two
+     * values. */
     int pairs;
     double asymmetry;
-    double texel_asymmetry; /* asymmetry of single texels, which includes parallax and shadows */
+    double texel_asymmetry; /* the same over all single texels; it includes parallax and shadows */
 };
 
 /* Computes the energies. texel is an index; −1 means the central texel. The error is
@@ -38,7 +40,8 @@ struct energy {
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error);
 void energy_free(struct energy *energy); /* NULL is ignored */
 
-/* Returns an array n_views × n_lights. It has the index of the pair (l, v), whose directions are
- * those of the pair (v, l) exchanged, or −1 if it was not measured within 1° or if cos θ of
- * either is at most 0.05; g_free(). */
+/* Returns for each pair of a view and a light (n_views × n_lights) the index of the exchanged pair:
+ * its view has the direction of the light, and its light has the direction of the view. The index
+ * is −1 if no such pair was measured within 1°, or if cos θ of the view or the light is at most
+ * 0.05; g_free(). */
 int *energy_exchanges(const struct btf_layout *layout);

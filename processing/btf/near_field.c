@@ -1,4 +1,5 @@
-/* Files of a distant setup have directions only, and no positions. */
+/* Reads the positions of cameras and lamps. Imported files may have directions only, as if cameras
+ * and lamps were far away. */
 #include "near_field.h"
 
 #include <math.h>
@@ -9,6 +10,7 @@
 #include "btf_matrix_private.h"
 
 #define DEGREE (G_PI / 180)
+#define AGAIN  "; delete the file and process again"
 
 void near_field_free(struct near_field *near_field) {
     if (!near_field)
@@ -18,13 +20,6 @@ void near_field_free(struct near_field *near_field) {
     g_free(near_field->camera_mm);
     g_free(near_field->lamp_mm);
     g_free(near_field);
-}
-
-/* Sets the error of a damaged file. */
-static gboolean damaged(const char *path, GError **error, const char *what) {
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; delete the file and process again",
-                path, what);
-    return FALSE;
 }
 
 static gboolean has(const struct exr_part *part, const char *name) {
@@ -37,11 +32,17 @@ static gboolean take_position(const struct near_field *near_field, const struct 
                               GError **error) {
     double at[3];
     if (!exr_get_v3d(part, name, at, NULL))
-        return damaged(path, error,
-                       "a position of camera or lamp is in some parts of the BTF, but not in all");
+        return data_error_fail(path, 0, error,
+                               "part %s lacks the position %s, which other parts of the BTF "
+                               "have" AGAIN,
+                               part->name, name);
     if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
         !isfinite(at[2]))
-        return damaged(path, error, "a camera or lamp is not above the sample");
+        return data_error_fail(
+            path, 0, error,
+            "in part %s the position %s is (%g, %g, %g) mm, but must be finite and "
+            "above the reference plane at z = %g mm" AGAIN,
+            part->name, name, at[0], at[1], at[2], near_field->grid.reference_mm);
     *ret = vec3(at[0], at[1], at[2]);
     return TRUE;
 }
@@ -50,7 +51,9 @@ static gboolean take_position(const struct near_field *near_field, const struct 
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
                           const char *path, GError **error) {
     if (file->parts->len != to->lights.n)
-        return damaged(path, error, "its number of lights differs from that of the first view");
+        return data_error_fail(
+            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
+            file->parts->len, to->lights.n);
     struct vec3 first = {0}, off = {0};
     for (gsize light = 0; light < to->lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
@@ -58,13 +61,22 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
         float theta, phi;
         if (!btf_direction(part, "view", &to->views.theta_deg[view], &to->views.phi_deg[view]) ||
             !btf_direction(part, "light", &theta, &phi))
-            return damaged(path, error, "a direction is missing or not a number");
+            return data_error_fail(path, 0, error,
+                                   "in part %s an angle theta_deg or phi_deg of view or light is "
+                                   "missing or not a finite number" AGAIN,
+                                   part->name);
         if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
-            return damaged(path, error, "its lights differ from those of the first view");
+            return data_error_fail(path, 0, error,
+                                   "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° "
+                                   "in the first view" AGAIN,
+                                   part->name, (double)theta, (double)phi,
+                                   (double)to->lights.theta_deg[light],
+                                   (double)to->lights.phi_deg[light]);
         if (!lamp && (has(part, "view.centre_mm") || has(part, "light.position_mm")))
-            return damaged(
-                path, error,
-                "a position of camera or lamp is in some parts of the BTF, but not in all");
+            return data_error_fail(path, 0, error,
+                                   "part %s has the position of camera or lamp, which the first "
+                                   "part of the BTF lacks" AGAIN,
+                                   part->name);
         struct vec3 camera;
         if (lamp && (!take_position(to, part, "view.centre_mm", path, &camera, error) ||
                      !take_position(to, part, "light.position_mm", path, &lamp[light], error)))
@@ -79,7 +91,8 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
     return TRUE;
 }
 
-/* The first view gives the lights, and says whether there are positions. */
+/* Reads the headers of all views. The first view gives the directions of the lights and decides
+ * whether the files have positions. */
 static gboolean do_read_views(struct near_field *to, struct btf_matrix *btf, const GPtrArray *paths,
                               GError **error) {
     gboolean ok = TRUE;

@@ -1,9 +1,9 @@
 /*
  * The true directions in which each texel of a BTF was seen and lit. Nominal directions are the
  * same for all texels. For cameras and lamps half a metre away, the true directions of a texel at
- * the edge of a sample differ by degrees from them. The positions of cameras and lamps are read
- * from the files of the BTF (view.centre_mm and light.position_mm of pipeline.h) and are as
- * calibrated. Plain data, immutable once read. Any thread.
+ * the edge of a sample differ from the nominal ones by degrees. The positions of cameras and lamps
+ * are read from the files of the BTF (view.centre_mm and light.position_mm of pipeline.h) and are
+ * as calibrated. Plain data, immutable once read. Any thread.
  */
 #pragma once
 
@@ -16,8 +16,8 @@ struct near_field {
     struct session_grid grid;
     struct direction_list views, lights; /* nominal directions */
     /* Positions in the sample frame. camera_mm has n_views entries, lamp_mm n_views × n_lights,
-     * because lamps move in this frame with the turntable. If the turntable turned during a
-     * view's pictures, the position of the camera is the mean over them. Both are NULL if the
+     * because lamps move in this frame with the turntable. If the turntable turned during a view's
+     * pictures, the position of the camera is the mean over these pictures. Both are NULL if the
      * files have no positions; all texels then have the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
 };

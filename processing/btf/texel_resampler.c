@@ -13,8 +13,8 @@
 #define COLOURS      3
 #define DEGREE       (G_PI / 180)
 #define MAX_LEFT     1024  /* maximum number of texels in the leave-one-out test */
-#define COUNTS       0.02f /* minimum weight of a corner that passes on its flags */
-#define MOSTLY_HOLES 0.5f
+#define COUNTS       0.02f /* minimum weight at which a corner's flags are passed to the result */
+#define MOSTLY_HOLES 0.5f  /* a result with a larger share of holes is a hole */
 
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
@@ -30,8 +30,8 @@ static struct resampler_target *targets(const DirectionMesh *mesh,
     return ret;
 }
 
-/* Makes for the round trip a mesh over the target directions, and guesses for the measured
- * directions in this mesh. */
+/* Makes what the round trip needs: a mesh over the target directions, the points of these
+ * directions, and guesses for the measured directions in this mesh. */
 static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
                                 const struct vec3 *from, int n_from, gboolean lights,
                                 double **ret_points, struct direction_guess **ret_guesses) {
@@ -154,19 +154,19 @@ struct texel_work {
     struct vec3 *views;   /* n_views */
     double *view_points;  /* n_views × 2 */
     double *light_points; /* lights of one view: n_lights × 2 */
-    int lights_of;        /* the view of light_points and light_shares; −1 if there is none */
+    int lights_of;        /* index of the view of the lights' arrays; −1 before the first view */
     /* corners and weights of each target view among the measured views */
     struct direction_share *view_shares;
     /* corners and weights of each target light among the measured lights of the view lights_of */
     struct direction_share *light_shares;
     /* corners and weights of each measured light of that view among the target lights */
     struct direction_share *back_light_shares;
-    guint8 *
-        clamped; /* for each target light: whether it is beyond extrapolation, for the first view */
+    /* for each target light: whether it is beyond the limit of extrapolation in the first view */
+    guint8 *clamped;
     float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
     guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
     float *between; /* n_views × target lights × lanes */
-    float *slopes;  /* gradients; twice the size of the largest array */
+    float *slopes;  /* gradients of values or between, in x and y */
 };
 
 /* Computes ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
@@ -188,8 +188,8 @@ static void combine(const struct direction_share *share, const float *values, co
     }
 }
 
-/* Prepares the shares of a view's lights, unless the present shares are for the same lamp
- * positions. */
+/* Computes the points and shares of a view's lights, unless the lamps stood at the same positions
+ * in the view lights_of. */
 static void take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     const struct vec3 *lamps = r->near->lamp_mm;
@@ -210,8 +210,8 @@ static void take_lights(struct texel_work *w, int view) {
                              &r->back_lights[i], &w->back_light_shares[i]);
 }
 
-/* Copies values and separates the flags from them. The last lane becomes 1 for a hole, otherwise 0,
- * and is interpolated like a value. */
+/* Copies values, and moves the flags from the last lane to w->flags. The last lane becomes 1 for a
+ * hole, otherwise 0, and is interpolated like a value. */
 static void take_values(struct texel_work *w, const float *values) {
     const gsize n = w->r->near->views.n * w->r->near->lights.n;
     memcpy(w->values, values, sizeof(float) * n * LANES);
@@ -234,7 +234,8 @@ static guint8 flags_of(const struct direction_share *share, const guint8 *flags,
     return flag & (BTF_FLAG_BOUND | BTF_FLAG_SHORTER | BTF_FLAG_PREDICTED);
 }
 
-/* Interpolates first over the lights of each measured view, then over the views. */
+/* Interpolates the values at the targets: first over the lights of each measured view, then over
+ * the views. */
 static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
     const gsize n_lights = (gsize)r->n_lights, n_from = r->near->lights.n;
@@ -274,8 +275,8 @@ static void forward(struct texel_work *w, float *ret) {
     }
 }
 
-/* Returns whether a value was measured: it is neither a hole nor predicted. Predicted values would
- * hide errors. */
+/* Returns whether a value was measured, that is, neither a hole nor predicted. Only measured values
+ * are compared, because predicted values were interpolated themselves. */
 static gboolean was_measured(const struct texel_work *w, gsize i) {
     return w->values[i * LANES + COLOURS] == 0 && !(w->flags && w->flags[i] & BTF_FLAG_PREDICTED);
 }
@@ -371,7 +372,7 @@ static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* Returns the angle to the nearest of n directions, 2 asin(|a − b| / 2). */
+/* Returns the angle between `to` and the nearest of n directions, 2 asin(|a − b| / 2). */
 static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     double best = G_MAXDOUBLE;
     for (int i = 0; i < n; i++) {
@@ -382,7 +383,7 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
 }
 
 /* Adds the angle between each target and the nearest measured direction, and the share of targets
- * beyond extrapolation. */
+ * beyond the limit of extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);

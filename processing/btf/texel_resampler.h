@@ -8,8 +8,8 @@
 
 #define RESAMPLER_LANES 4 /* R, G, B, and the flags (enum btf_flag) */
 
-/* A target direction, its stereographic point, and the triangles that may contain it in the mesh of
- * measured directions. */
+/* A target direction, its stereographic point, and a guess of the triangle of the measured
+ * directions that contains it. */
 struct resampler_target {
     struct vec3 direction;
     double point[2];
@@ -27,12 +27,12 @@ struct resampler {
     const struct near_field *near; /* borrowed */
     int n_views, n_lights;         /* number of targets */
     gboolean own;                  /* the targets are the nominal directions, in the same order */
-    DirectionMesh *from_views, *from_lights;
+    DirectionMesh *from_views, *from_lights; /* meshes of the measured directions */
     /* targets, with guesses in from_views and from_lights */
     struct resampler_target *views, *lights;
-    DirectionMesh *to_views, *to_lights;
+    DirectionMesh *to_views, *to_lights; /* meshes of the targets */
     double *to_view_points, *to_light_points;
-    /* guesses for the measured directions in to_views and to_lights, the meshes of the targets */
+    /* guesses for the measured directions in to_views and to_lights */
     struct direction_guess *back_views, *back_lights;
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* the leave-one-out test takes every left_step-th texel */
@@ -68,7 +68,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 
-/* Interpolates one texel. values: measured, ret: targets; each is n_views × n_lights × lanes.
- * Adds to sums. */
+/* Interpolates one texel. values are measured (near->views.n × near->lights.n × lanes), ret is at
+ * the targets (n_views × n_lights × lanes). Adds the errors of the texel to sums. */
 void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
                      struct resampler_sums *sums);

@@ -97,14 +97,15 @@ TEST(few_directions) {
 TEST(table) {
     static const struct {
         const char *text, *what;
-    } cases[] = {{"theta_deg,phi_deg\n1,2\n", "has the columns of, theta_deg and phi_deg"},
-                 {"of,theta_deg,phi_deg\neye,1,2\n", ":2: “eye” is not view, light or both"},
-                 {"of,theta_deg,phi_deg\nboth,90,2\n", ":2: θ must be"},
-                 {"of,theta_deg,phi_deg\nboth,nan,2\n", ":2: "},
-                 {"of,theta_deg,phi_deg\nboth,,2\n", ":2: "},
-                 {"of,theta_deg,phi_deg\nboth,10,2\nview,10,362\n", ":3: the direction"},
-                 {"of,theta_deg,phi_deg\nview,10,2\n", "there is no light in it"},
-                 {"", "the table has no rows"}};
+    } cases[] = {
+        {"theta_deg,phi_deg\n1,2\n", "the column “of” is missing"},
+        {"of,theta_deg,phi_deg\neye,1,2\n", ":2: the column “of” has “eye”, but must"},
+        {"of,theta_deg,phi_deg\nboth,90,2\n", ":2: theta_deg is 90, but must be 0 to 89"},
+        {"of,theta_deg,phi_deg\nboth,nan,2\n", ":2: "},
+        {"of,theta_deg,phi_deg\nboth,,2\n", ":2: "},
+        {"of,theta_deg,phi_deg\nboth,10,2\nview,10,362\n", ":3: the view θ 10°, φ 362° repeats"},
+        {"of,theta_deg,phi_deg\nview,10,2\n", "the table has no light; add"},
+        {"", "the table has no rows"}};
     g_autofree char *path = g_build_filename(near_folder, "table.csv", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autoptr(GError) error = NULL;

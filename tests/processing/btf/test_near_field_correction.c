@@ -264,9 +264,9 @@ TEST(refused) {
         const char *name;
         gboolean (*spoil)(struct exr_part *part, int view, int light);
         const char *what;
-    } cases[] = {{"place", spoil_place, "is not above the sample"},
-                 {"below", spoil_below, "is not above the sample"},
-                 {"angle", spoil_angle, "its lights differ from those of the first view"}};
+    } cases[] = {{"place", spoil_place, "must be finite and above the reference plane"},
+                 {"below", spoil_below, "must be finite and above the reference plane"},
+                 {"angle", spoil_angle, "the light of part light_0000 is at"}};
     struct rings few = {0};
     near_field_add_ring(&few, 40, 3, 0);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
