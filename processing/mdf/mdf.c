@@ -19,32 +19,32 @@
  * peaks of the faintest lines are only known to a tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In units of these tolerances: maximum distance of points above the reference plane and below
- * the structure. */
+/* In units of the two tolerances above: maximum distance of a point above the reference plane, and
+ * below the structure. */
 #define ABOVE      5
 #define BELOW      10
-#define SEEN_SHARE 0.75f /* minimum share of the pixels around a texel that see the line */
-#define LIVE_SHARE 0.25  /* minimum peaks of a live phase, relative to the best phase */
+#define SEEN_SHARE 0.75f /* minimum weight share of the live pixels around a texel with a peak */
+#define LIVE_SHARE 0.25  /* minimum number of peaks of a live phase, relative to the best phase */
 /* height of a line, relative to the brightest one at a texel, that halves its weight */
 #define FAINT        0.5
-#define CONFIRM      2    /* number of neighbouring texels that must have the same distance */
-#define CLOSE        0.2f /* share of agreement_mm; closer distances are on one surface */
-#define MIN_TEXEL_PX 0.1  /* px; lower bound of the size of a texel, for the errors */
+#define CONFIRM      2 /* number of neighbouring texels whose surface a candidate must continue */
+#define CLOSE        0.2f /* closer pulses lie on one surface; relative to agreement_mm */
+#define MIN_TEXEL_PX 0.1  /* lower bound of the size of a texel in the picture, in pixels */
 /* reach of mdf_shown(), in reaches of the interpolation; see docs/lab/accuracy.md */
 #define HIDDEN_REACH 2
-/* minimum number of sweeps for add_hidden_errors(); shadows of fewer sweeps say too little */
+/* minimum number of sweeps for add_hidden_errors(); with fewer, h of mdf_errors.h is uncertain */
 #define HIDDEN_SWEEPS 8
-/* from this number of sweeps on, a single sweep is not believed against others */
+/* with this number of sweeps or more, two must agree if sweeps contradict each other */
 #define MANY_SWEEPS 4
 #define OVER        (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
 #define LIGHT_DN    100.0   /* minimum height of a pulse whose time is not dominated by noise */
 /* minimum line width in frames that the frames sample well; LIGHT_DN and this limit are for
  * mdf_view_light() */
 #define LIGHT_FRAMES 0.7
-#define WIDTHS       50000 /* number of pixels for the median of a line's width */
+#define WIDTHS       50000 /* about this many pixels give the median width of a line */
 #define EVERY        3     /* mdf_view_light() examines the scatter of every third texel */
 
-/* The data that a sweep has of a texel. */
+/* What one sweep saw at a texel. */
 struct seen {
     float mm, dn; /* mm < 0 if the sweep saw nothing */
     float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
@@ -69,20 +69,24 @@ struct MdfView {
     int n_texels, n_sweeps;
     float agreement_mm; /* adjacent pixels whose distances differ by more see different surfaces */
     float *ray;         /* n_pixels × 3: unit vectors, rig frame */
-    float *onset_mm; /* n_pixels: distance along the ray from the centre to the reference plane */
-    float *x_px, *y_px; /* n_texels: projected centres; x < 0 if outside of the picture */
-    /* n_pixels, of one sweep: from the brightest and from the second pulse; −1 if there is none,
-     * or OVER */
+    float *onset_mm; /* n_pixels: distance along the ray from the camera to the reference plane */
+    float *x_px,
+        *y_px; /* n_texels: position of a texel's centre in the picture; x < 0 if outside */
+    /* n_pixels: distances that follow from the brightest and from the second pulse of one sweep; −1
+     * if there is no pulse, or OVER */
     float *pixel_mm[2];
     guint8 *over; /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
+    /* of each sweep: mdf_weight(), distance within which candidates agree, and depth of a frame */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     struct known known[MDF_MAX_SWEEPS];
-    double line_frames[MDF_MAX_SWEEPS]; /* standard deviation of the line, median; 0 if unknown */
+    double line_frames[MDF_MAX_SWEEPS]; /* median standard deviation of the line in frames; 0 if
+                                           unknown */
     /* width of the line relative to its width on plates; 0 if unknown */
     double line_ratio[MDF_MAX_SWEEPS];
     double turntable_rad;
-    /* covariance of the position at which the camera sees the sample, in texels² */
+    /* covariance of the error of mdf_view_set_sight(), in columns and rows of texels; 0 if not
+     * set */
     double sight[2][2];
     double texel_mm;
     double texel_px[2]; /* pixels from one texel to the next, along rows and columns */
@@ -234,8 +238,8 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* The (live) phases of the 2 × 2 colour filter that see the laser: all phases, or those of the
- * laser's colour. */
+/* A phase is a place in the 2 × 2 colour filter. Live phases see the laser: all four, or those of
+ * the laser's colour. */
 struct phases {
     gboolean live[4];
     int radius; /* maximum distance in pixels from a pixel to the next live one */
@@ -333,7 +337,8 @@ struct side {
 
 /* Takes the surface with the largest weight of near pixels out of the set. On a tie, surfaces of
  * brightest pulses go before those of second pulses. The distance of the surface is the weighted
- * mean of the near pixels that agree with one of them; −1 if there is no surface. */
+ * mean over the near pixels that agree with one and the same near pixel; −1 if there is no
+ * surface. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -380,7 +385,7 @@ static float closest_to(const MdfView *view, const struct laser_sweep *sweep, in
 }
 
 /* Computes the bends of the surface at mm around the pixel with the largest weight, over one and
- * two live spacings. */
+ * two spacings of the live pixels. A bend is NAN if a pixel has no pulse. */
 static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int spacing_px,
                        const struct nears *nears, float mm, float ret_mm[MDF_BENDS]) {
     const struct near *middle = &nears->near[0];
@@ -413,10 +418,10 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
     return all > 0 ? seen / all : 0;
 }
 
-/* Stores the calibration's knowledge of the sheet. If the laser's line was found in the
- * reference region, that is a second measurement of the sheet's turn and roll. The error is then
- * the error of the weighted mean, 1 / √(1 / k² + 1 / e²), or the error e of the line if it
- * contradicts the calibration. */
+/* Stores the standard errors of the sheet's turn and roll. Without a line in the reference region,
+ * these are the calibration's errors k. A line found there measures both angles a second time, with
+ * the error e. The stored error is then that of the weighted mean, 1 / √(1 / k² + 1 / e²), or e
+ * alone if the line contradicts the calibration. */
 static void take_known(struct known *known, const struct laser_sweep *sweep) {
     const struct laser_lines *lines = sweep->lines;
     *known = (struct known){.laser = sweep->laser,
@@ -464,9 +469,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     double along_mm;
     const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
     const double texel_mm = TEXEL_SHARE * view->texel_mm;
-    /* The height follows from the distance by which the sheet moves in a frame. The depth of a
-     * frame along the ray is not used, because for sweeps with a low height resolution it would
-     * accept points far outside of the sample. */
+    /* The tolerance of heights follows from the distance by which the sheet moves in a frame. The
+     * depth of a frame along the ray is not used, because for sweeps with a low height resolution
+     * it would accept points far outside of the sample. */
     struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
     struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;
@@ -511,8 +516,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
 }
 
 /* Collects the candidates of a texel from all laser positions. The weight of a candidate is
- * mdf_weight · b² / (b² + FAINT²), b being its pulse height over that of the brightest. Much
- * fainter lines graze the surface, or are reflections. */
+ * mdf_weight · b² / (b² + FAINT²), b being the height of its pulse over that of the brightest
+ * candidate of the texel. Much fainter lines graze the surface, or are reflections. */
 static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
@@ -561,8 +566,8 @@ static double bends_mm2(const MdfView *view, const float *distance, int texel, i
     return squares;
 }
 
-/* Returns the mean of the squares of bends_mm2(). It is 1.5 σ² on a plane, σ being the noise of a
- * texel, and about (step / 2)² at a step. Returns −1 if there is no pair. */
+/* Returns the mean of the squares of bends_mm2(). If texels have the noise σ, the mean is 1.5 σ² on
+ * a plane. At a step it is about (step / 2)². Returns −1 if there is no pair. */
 static double roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
     const double squares = bends_mm2(view, distance, texel, pairs);
@@ -762,9 +767,9 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_error[i] = -1;
         spreads[i] = merged.spread;
     }
-    /* If too few laser positions agree, candidates that continue the surface around are used. If
-     * there are none and only one sweep saw the texel, its brightest pulse is used, because
-     * nothing contradicts it. */
+    /* If too few laser positions agree, uses the candidates that continue the surface around. If no
+     * candidate does and only one sweep saw the texel, uses the brightest pulse of that sweep,
+     * because nothing contradicts it. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
@@ -791,7 +796,7 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     add_known_errors(view, ret_distance, shares, ret_error);
 }
 
-/* The scatter is √u of mdf_errors.h divided by the line's width. */
+/* The scatter at a texel is √u of mdf_errors.h, divided by the width of the line. */
 void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     g_autofree double *scatter = g_new(double, view->n_texels / EVERY + 1);

@@ -2,8 +2,9 @@
  * The mesostructure distance function (MDF) of one view, from laser sweeps (Wang et al. 2005 §3.2).
  * Each sweep gives a displacement image; the images of all laser positions are merged. The peak
  * time of a pixel is a sweep angle, and hence a sheet of light. The surface lies where the pixel's
- * ray intersects that sheet. Sheets are used as calibrated; they are neither parallel nor from
- * infinity. One thread per MdfView.
+ * ray intersects that sheet. The sheets are those of the calibration, corrected by the lines that
+ * were found in the sweep (laser_lines.h). They diverge from the laser; parallel sheets are not
+ * assumed. One thread per MdfView.
  */
 #pragma once
 
@@ -13,8 +14,8 @@
 
 #define MDF_MAX_SWEEPS 128
 
-/* Version of the method. It increases when the same sweeps give other values; older products are
- * then remade. */
+/* Version of the method. It increases when the same sweeps give other values. Products of an older
+ * version are remade. */
 #define MDF_METHOD 14
 
 typedef struct MdfView MdfView;
@@ -28,8 +29,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
  * saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Sets the covariance, in px², of the position at which the calibrated camera sees the sample. The
- * covariance is used for the errors. */
+/* Sets the covariance of the error, in pixels along x and y of the picture, with which the
+ * calibrated camera model predicts where a point of the sample is seen. This error becomes part of
+ * ret_error of mdf_view_merge(). Without this call, the model counts as exact. */
 void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
 
 /* Merges all sweeps. Results have n_texels values each.
@@ -38,13 +40,15 @@ void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
  *                  surface around
  *   ret_n          number of laser positions whose distances were averaged
  *   ret_error      standard error in mm, see mdf_errors.h; −1 for unknown texels. If only one
- * position saw the texel, the error follows from the roughness of the surface around */
+ *                  position saw the texel, the error follows from the roughness of the surface
+ *                  around */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* How the laser's light behaves on the sample. Speckle makes the times of the sweeps scatter.
  * Light that leaves the material at another place makes lines wider. */
 struct mdf_light {
-    /* width of lines relative to plates: median over pixels, mean over sweeps; 0 if unknown */
+    /* width of lines on the sample divided by their width on plates: median over pixels, mean over
+     * sweeps; 0 if unknown */
     double width;
     /* standard deviation of a sweep's time at a texel from the mean of the agreeing sweeps, in
      * standard deviations of the line; median over texels; 0 if unknown */
@@ -52,9 +56,9 @@ struct mdf_light {
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* Gives the second most likely distance of each texel: of the candidates that do not agree with
- * distance, the one on which most laser positions agree (one position is enough). It is −1 if there
- * is none. */
+/* Gives the second most likely distance of each texel. Of the candidates that do not agree with
+ * `distance`, this is the one on which most laser positions agree (one position is enough). The
+ * result is −1 if there is no such candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* Returns the number of texels that have no distance and whose surface lies above the reference

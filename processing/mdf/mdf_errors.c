@@ -5,8 +5,8 @@
 #define AROUND 2  /* texels on each side whose scatter is used */
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
-/* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If there are
- * none, returns the texel's own u. */
+/* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If no texel
+ * around has any, returns the texel's own u. */
 static double mdf_errors_around(const struct mdf_errors_grid *grid,
                                 const struct mdf_spread *spreads, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
@@ -47,8 +47,8 @@ static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_
     return best;
 }
 
-/* The mean square error of Σ w z(corners) at a point is Σ w D − ½ Σ Σ w w D, from E (z(x) −
- * z(y))² = D(|x − y|) = |x − y|^p. For p above 2, D is a generalised covariance, because w
+/* The mean square error of Σ w z(corners) at a point is Σ w D − ½ Σ Σ w w D, because the mean of
+ * (z(x) − z(y))² is D(|x − y|) = |x − y|^p. For p above 2, D is a generalised covariance, because w
  * reproduces planes. */
 double mdf_errors_between(double p) {
     static const double corner[4][2] = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};

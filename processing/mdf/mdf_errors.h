@@ -17,10 +17,10 @@
  *
  * 2. An error that all sweeps have in common, because they sample the surface at the same pixels
  * and interpolate. The bend of the surface over the spacing h of the pixels is b = (z(−h) + z(h)) /
- * 2 − z(0). With V_b = E b² and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² + b_y²), for a
- * surface whose squared differences grow with the p-th power of distance (Mandelbrot & Van Ness
- * 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough in every pixel. b is the
- * mean over sweeps, without the noise of the times.
+ * 2 − z(0). If V_b is the mean of b² and V_b(2h) / V_b(h) = 2^p, the variance is q(p) (b_x² +
+ * b_y²), for a surface whose squared differences grow with the p-th power of distance (Mandelbrot &
+ * Van Ness 1968). p = 4 is a smooth surface, 3 has creases, 1 has steps, 0 is rough in every pixel.
+ * b is the mean over sweeps, without the noise of the times.
  *
  * 3. An error that no sweep shows. Some pixels around a texel see no line in a sweep that lights
  * others. They may see another side of an edge, which is in shadow or too dark. The texel lies on

@@ -1,4 +1,4 @@
-/* Views at grazing angles. No camera of a rig has such views, but silhouettes need them. The
+/* Adds views at grazing angles. No camera of a rig has such views, but silhouettes need them. The
  * points of the steep views form a height field (relief), which is traced along flat rays. */
 #include "mdf_table.h"
 
@@ -9,7 +9,7 @@
 #define N_PHI        36   /* views in an added ring */
 #define GAP_DEG      2.5  /* degrees of θ between rings */
 #define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
-#define MAX_RAISED   2.0  /* maximum of raised, in standard deviations */
+#define MAX_RAISED   2.0  /* maximum of raised (make_relief()), in standard deviations */
 #define MIN_NEXT_DEG 20.0 /* degrees; views with a smaller θ tell nothing about flat rays */
 #define HALVINGS     8    /* number of bisections in the search for raised */
 #define STEP         0.5  /* step along a ray, in texels */
@@ -39,7 +39,7 @@ static void around(const struct relief *r, double x, double y, gsize ret_at[4],
     }
 }
 
-/* Gives the columns and rows per mm of depth of a ray that comes from the viewer: −tan θ (cos φ,
+/* Gives by how many columns and rows a ray from the viewer advances per mm of depth: −tan θ (cos φ,
  * −sin φ) / texel_mm. */
 static void direction(const struct mdf_table *t, double theta_deg, double phi_deg, double ret[2]) {
     double slant = tan(theta_deg * DEG) / t->texel_mm;
@@ -196,9 +196,9 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     }
 }
 
-/* The path of a ray through the structure is proportional to tan θ. The number of points of which
- * the ray meets the highest one is also proportional to tan θ. Therefore raised is extrapolated
- * over tan θ through the two flattest rings. */
+/* The path of a ray through the structure is proportional to tan θ. The ray meets the highest of
+ * the points along this path, and their number is also proportional to tan θ. Therefore raised is
+ * extrapolated over tan θ through the two flattest rings. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

@@ -112,7 +112,7 @@ static struct mdf_merged mean_of(const struct mdf_candidate *samples, int n) {
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
     const struct mdf_merged nothing = {.mm = -1};
     struct mdf_candidate deviation[MOST];
-    double most = -1, mode = 0; /* mode is the candidate with the largest support */
+    double most = -1, mode = 0; /* mode is the distance of the candidate with the largest support */
     int one_each = 0, kept = 0;
     g_return_val_if_fail(n <= MOST, nothing);
     if (n == 0)

@@ -21,10 +21,10 @@ struct mdf_spread {
     int n; /* number of sweeps */
     /* u and ν of mdf_errors.h; ν is 0 if there are fewer than two sweeps */
     double frames2, freedom;
-    double unit_mm2;           /* V of mdf_errors.h */
-    double hidden;             /* h of mdf_errors.h */
-    double bend_mm[MDF_BENDS]; /* mean bends of the sweeps; NAN if unknown */
-    double noise_mm2[MDF_BENDS];
+    double unit_mm2;             /* V of mdf_errors.h */
+    double hidden;               /* h of mdf_errors.h */
+    double bend_mm[MDF_BENDS];   /* mean bends of the sweeps; NAN if unknown */
+    double noise_mm2[MDF_BENDS]; /* variances of these means; 0 for fewer than two sweeps */
 };
 
 struct mdf_merged {

@@ -13,9 +13,9 @@
 /* number of views that must confirm a prediction for each view that sees through it */
 #define DENIES  4
 #define GOES_ON 0.5 /* in texels; maximum step between a surface and its continuation */
-/* minimum number of laser positions that saw a surface whose continuation they should see */
+/* a surface that at least this many laser positions saw is taken to be lit beyond its last texel */
 #define LIT    4
-#define AROUND 2 /* minimum number of neighbouring texels with that surface */
+#define AROUND 2 /* minimum number of neighbours whose surface a prediction continues */
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
@@ -26,8 +26,9 @@ struct settling {
     const struct mdf_eye *views;
     int n, view;
     const struct mdf_plane *plane;
-    gboolean *open;   /* n_texels: whether the view's own measurement is missing or refuted */
-    float *predicted; /* asked views × n_texels; INFINITY if there is no prediction */
+    gboolean *open; /* n_texels: whether the view's own measurement is missing or refuted */
+    /* n_texels distances for each asked view (mdf_views_asked()); INFINITY: no prediction */
+    float *predicted;
     struct seen *seen;
     float *front;
 };
@@ -55,9 +56,9 @@ static void draw(const struct settling *s, const struct seen *a, const struct se
         }
 }
 
-/* Renders the surface of the asked view into the view that is completed. The triangles join
- * neighbours whose corners are visible and differ by at most one step in depth. The step grows
- * with the slant of the asked view. */
+/* Renders the surface of the asked view into the view that is completed. A triangle joins
+ * neighbouring texels if all three points are visible and their depths differ by at most a step,
+ * which grows with the slant of the asked view. */
 static void predict(const struct settling *s, int asked) {
     const struct mdf_eye *to = &s->views[s->view];
     const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];

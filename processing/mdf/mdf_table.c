@@ -7,13 +7,21 @@
 
 #define DEG     (G_PI / 180.0)
 #define MAX_MM  6e4
+#define AGAIN   "; process the session again, or copy the file again"
 #define MIN_COS 0.02
 #define BINS    4096 /* number of cells of the histogram of differences */
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
-static gboolean mdf_table_fail(GError **error, const struct exr_part *part, const char *what) {
-    g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "part “%s”: %s", part->name, what);
+G_GNUC_PRINTF(3, 4)
+static gboolean mdf_table_fail(GError **error, const struct exr_part *part, const char *format,
+                               ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *what = g_strdup_vprintf(format, list);
+    va_end(list);
+    g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "part “%s”: %s" AGAIN, part->name,
+                what);
     return FALSE;
 }
 
@@ -52,16 +60,18 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     float *depth = t->depth_mm + view * n;
     double theta, phi, centre[3], scale = 1.0;
     if (distance == NULL)
-        return mdf_table_fail(error, part, "it has no channel D (distances)");
+        return mdf_table_fail(error, part, "it lacks channel D with the distances");
     if (part->width != t->width || part->height != t->height)
-        return mdf_table_fail(error, part, "it has another size than the first view");
+        return mdf_table_fail(error, part, "it has %d × %d texels, but the first view has %d × %d",
+                              part->width, part->height, t->width, t->height);
     if (!exr_get_double(part, "view.theta_deg", &theta, error) ||
         !exr_get_double(part, "view.phi_deg", &phi, error))
         return FALSE;
     t->theta_deg[view] = theta;
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
-        return mdf_table_fail(error, part, "mesorig.scale_mm is out of range");
+        return mdf_table_fail(
+            error, part, "mesorig.scale_mm is %g, but must be above 0 and below %g", scale, MAX_MM);
     /* Files without a camera position are treated as seen from a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), MIN_COS);
@@ -75,8 +85,11 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
             cosine = MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), MIN_COS);
         }
         if (!(fabs(distance[k] * scale) <= MAX_MM))
-            return mdf_table_fail(error, part,
-                                  "a distance is not a number from −60000 to 60000 mm");
+            return mdf_table_fail(
+                error, part,
+                "the distance in column %zu and row %zu, counted from 0, is %g mm, "
+                "but must be −%g to %g mm",
+                k % (gsize)t->width, k / (gsize)t->width, distance[k] * scale, MAX_MM, MAX_MM);
         depth[k] = distance[k] >= 0.0f ? distance[k] * scale * cosine : -1.0f;
         t->seen[view * n + k] = distance[k] >= 0.0f;
         seen += distance[k] >= 0.0f;
@@ -84,7 +97,8 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     }
     if (seen == 0)
         return mdf_table_fail(error, part,
-                              "no laser position saw a texel of this view; capture the view again");
+                              "no laser position saw a texel of this view; capture the view again, "
+                              "unless the file is damaged");
     mdf_table_fill(depth, t->width, t->height);
     return TRUE;
 }
@@ -125,16 +139,20 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
     g_autoptr(MdfTable) t = NULL;
     double texel_mm, reference_mm = 0.0;
     gboolean good = FALSE;
-    if (first == NULL ||
-        (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
+    if (first == NULL) {
+        g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "the file has no view" AGAIN);
+    } else if ((gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
-                    first == NULL ? "there is no view in it" : "it has too many texels and views");
+                    "%d × %d texels of %u views are too many; at most %d texels of all views "
+                    "together can be drawn",
+                    first->width, first->height, file->parts->len, MDF_TABLE_MAX_TEXELS);
     } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
         t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);
         t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
         exr_get_double(first, "reference_mm", &reference_mm, NULL);
         good = (texel_mm > 0.0 && texel_mm < MAX_MM) ||
-               mdf_table_fail(error, first, "texel_mm is out of range");
+               mdf_table_fail(error, first, "texel_mm is %g, but must be above 0 and below %g",
+                              texel_mm, MAX_MM);
     }
     for (int k = 0; good && k < t->n_views; k++)
         good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);

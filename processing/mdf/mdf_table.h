@@ -8,7 +8,7 @@
 #define MDF_TABLE_ERROR mdf_table_error_quark()
 GQuark mdf_table_error_quark(void);
 enum mdf_table_error {
-    MDF_TABLE_ERROR_FORMAT, /* parts are missing, differ in size, or have no distances */
+    MDF_TABLE_ERROR_FORMAT, /* the file has no views, or they differ in size or lack distances */
 };
 
 #define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum number of texels of all views together */
@@ -44,16 +44,17 @@ void mdf_table_add_grazing(struct mdf_table *table);
  */
 double mdf_table_raised(const struct mdf_table *table);
 
-/* For tests and benches. Replaces all views by pictures of one relief, which is made from the
- * steepest views. */
+/* For tests and benches. Replaces the depths of all views by those of one relief, which is made
+ * from the steepest views. */
 void mdf_table_trace(struct mdf_table *table);
 
 /* Sets texels with values below 0 to the mean of their neighbours. The texels are a periodic
  * tile. At least one must be ≥ 0. */
 void mdf_table_fill(float *depth, int width, int height);
 
-/* Returns the RMS difference in mm between the measured views of two tables, over texels that a
- * laser saw in the first one. ret_most_mm (may be NULL) is the 99th percentile. */
+/* Returns the RMS difference in mm between the depths of the first n_measured views of two tables,
+ * over texels that a laser saw in the first table. ret_most_mm (may be NULL) is the 99th
+ * percentile. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 

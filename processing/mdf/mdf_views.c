@@ -6,8 +6,10 @@
 #include "exr/exr.h"
 #include "mdf_views_private.h"
 
-/* p = x + (x − c) · distance / |x − c|, where x is the texel's centre on the reference plane and
- * c the camera. */
+#define AGAIN "; process the session again"
+
+/* Computes p = x + (x − c) · distance / |x − c|, where x is the texel's centre on the reference
+ * plane and c the position of the camera. */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm) {
     int column = i % plane->width, row = i / plane->width;
@@ -19,8 +21,8 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
     return (struct vec3){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
 }
 
-/* c + t (p − c) meets the plane at t = (z_ref − c_z) / (p_z − c_z). This point is (1 − t) |p −
- * c| before p. */
+/* The ray c + t (p − c) from the camera c to the point p meets the plane at t = (z_ref − c_z) /
+ * (p_z − c_z). It meets the plane at the distance (1 − t) |p − c| before p. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;
@@ -93,8 +95,7 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied) {
 static gboolean read_plane(const char *path, const struct exr_file *file, struct mdf_plane *ret,
                            GError **error) {
     if (file->parts->len == 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no views", path);
-        return FALSE;
+        return data_error_fail(path, 0, error, "the file has no views" AGAIN);
     }
     const struct exr_part *first = g_ptr_array_index(file->parts, 0);
     ret->width = first->width;
@@ -103,7 +104,7 @@ static gboolean read_plane(const char *path, const struct exr_file *file, struct
         exr_get_double(first, "reference_mm", &ret->reference_mm, error) && ret->texel_mm > 0)
         return TRUE;
     if (error && !*error)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: texel_mm is not positive", path);
+        data_error_set(path, 0, error, "texel_mm is %g, but must be above 0" AGAIN, ret->texel_mm);
     else
         g_prefix_error(error, "%s: ", path);
     return FALSE;
@@ -121,15 +122,22 @@ static gboolean read_view(const char *path, const struct exr_part *part,
         return FALSE;
     }
     const gsize n = (gsize)plane->width * (gsize)plane->height;
-    if (ret->distance && part->width == plane->width && part->height == plane->height &&
-        ret->centre_mm[2] > plane->reference_mm && exr_all_finite(ret->distance, n))
-        return TRUE;
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%s: part %s is not a view of this MDF: it has no channel D, another size, distances "
-        "that are not finite, or its camera is below the reference plane",
-        path, part->name);
-    return FALSE;
+    if (!ret->distance)
+        return data_error_fail(path, 0, error, "part %s lacks channel D with the distances" AGAIN,
+                               part->name);
+    if (part->width != plane->width || part->height != plane->height)
+        return data_error_fail(path, 0, error,
+                               "part %s has %d × %d texels, but the first view has %d × %d" AGAIN,
+                               part->name, part->width, part->height, plane->width, plane->height);
+    if (!exr_all_finite(ret->distance, n))
+        return data_error_fail(path, 0, error, "part %s has distances that are not finite" AGAIN,
+                               part->name);
+    if (!(ret->centre_mm[2] > plane->reference_mm))
+        return data_error_fail(path, 0, error,
+                               "part %s has its camera at z = %g mm, but the camera must be above "
+                               "the reference plane at z = %g mm" AGAIN,
+                               part->name, ret->centre_mm[2], plane->reference_mm);
+    return TRUE;
 }
 
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error) {

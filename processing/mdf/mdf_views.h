@@ -43,7 +43,7 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied);
 enum mdf_distance_source {
     MDF_UNSEEN,
     MDF_MEASURED, /* measured by the view itself */
-    MDF_OTHER,    /* the view's own second distance, confirmed by others */
+    MDF_OTHER,    /* the view's own second distance, which another view confirms */
     /* from other views: this view measured nothing, or other views refute its measurement */
     MDF_PREDICTED,
 };
@@ -65,8 +65,9 @@ void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct
 struct mdf_views_sums {
     int n_views;
     gint64 texels, seen; /* number of texels of all views, and number of texels with a distance */
-    gint64 confirmed;    /* confirmed by at least one other view, and not refuted */
-    /* unknown: seen, but no other view confirms or denies them */
+    gint64 confirmed;    /* at least one other view confirms the texel, and it is not refuted */
+    /* refuted: more other views deny than confirm the texel; unknown: it has a distance, but no
+     * other view confirms or denies it */
     gint64 refuted, unknown;
     /* texels without a distance whose surface the laser shows above the reference plane */
     gint64 above;

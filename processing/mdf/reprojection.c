@@ -9,10 +9,10 @@
 
 /* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen with the weave and the brick of
  * tests/bench/fast_materials, see docs/lab/fast.md. */
-#define TOLERANCE 0.5  /* in texels, see T_i */
-#define ERRORS    2.0  /* in standard errors, see T_i */
-#define EPSILON   0.05 /* see w_i */
-#define SHORTER   0.7  /* see w_i */
+#define TOLERANCE 0.5  /* in texels; part of T_i (reprojection.h) */
+#define ERRORS    2.0  /* in standard errors; part of T_i (reprojection.h) */
+#define EPSILON   0.05 /* part of w_i (reprojection.h) */
+#define SHORTER   0.7  /* part of w_i (reprojection.h) */
 #define NEAREST   8    /* maximum number of views that have a weight h */
 #define STEP      0.25 /* in texels: distance between the points of a ray that are examined */
 /* in texels, divided by the cosine of the view's polar angle: neighbours with a larger step in
@@ -23,7 +23,7 @@
  * then nearer to the truth than one of them. */
 #define ONE_COLOUR 1.6
 #define CUBIC      (-0.6F) /* parameter of Keys' kernel */
-#define HALVINGS   6       /* number of times that STEP is halved when the surface is within it */
+#define HALVINGS   6       /* number of bisections of the step in which the ray meets the surface */
 
 struct eye { /* a view */
     struct mdf_eye mdf;
@@ -55,8 +55,9 @@ static gboolean add_eye(Reprojection *s, int k, const struct reprojection_view *
         vec3_sub(reprojection_centre(view->centre_mm), vec3(0, 0, s->plane.reference_mm));
     if (!(centre.z > 0)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "view %d: its camera is at z = %g mm, not above the reference plane", k,
-                    view->centre_mm[2]);
+                    "the camera of view %d, counted from 0, is at z = %g mm, but must be above the "
+                    "reference plane at z = %g mm; process the session again",
+                    k, view->centre_mm[2], s->plane.reference_mm);
         return FALSE;
     }
     eye->distance = g_memdup2(view->distance, n * sizeof(float));
@@ -79,7 +80,8 @@ static gboolean add_eye(Reprojection *s, int k, const struct reprojection_view *
 Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
                                int n, gboolean tiled, GError **error) {
     if (n < 1) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views to predict from");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the session has no views from which another can be predicted");
         return NULL;
     }
     g_autoptr(Reprojection) s = g_new0(Reprojection, 1);
@@ -98,7 +100,8 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
     }
     if (s->deepest_mm < 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "no view has any distance; process the session again");
+                    "no view of the MDF has a distance; capture the laser sweeps, then process the "
+                    "session again");
         return NULL;
     }
     s->directions = directions_new_triangulated(theta_deg, phi_deg, n, error);
@@ -204,8 +207,8 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     }
 }
 
-/* Moves a texel onto the plane. If the sample is tiled, the texel is repeated; otherwise the
- * nearest texel of the border is used. */
+/* Returns the index of a texel that may lie beyond the plane's edges. If the sample is tiled, the
+ * columns and rows repeat there. Otherwise the texel at the border that is nearest is returned. */
 static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
@@ -311,8 +314,8 @@ static int spread(const Reprojection *s, int view, const struct look *look, doub
         const float d = eye->distance[texel];
         ret[k] =
             (struct reprojection_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
-        /* The 4 × 4 texels reach up to two texels from the position, the four only one. The
-         * distance may therefore differ by twice as much. */
+        /* The 4 × 4 texels reach up to two texels from the position, but the four texels only one.
+         * Twice the difference in distance is therefore allowed. */
         one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
     }
     if (one)

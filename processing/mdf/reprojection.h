@@ -24,11 +24,12 @@
  * barycentric weights of v in the triangulation of the measured directions (directions.h). Outside
  * of the triangulation, b are the weights of the nearest point of its border. h are weights of the
  * nearest views, continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the
- * distance of the directions, R that of the first view without weight; their sum is 1). They decide
- * the values where no view of the triangle sees p. The cosine reduces the weight of a slanted view,
- * whose pixels are larger on the sample. All weights are continuous in v, so that no seam appears
- * where the triangle changes. At a measured direction, only the view itself counts. Values still
- * change abruptly where a view loses sight of a surface that it sees at a grazing angle.
+ * distance between v and v_i, and R that of the nearest view without weight; their sum is 1). The
+ * weights h decide the values where no view of the triangle sees p. The cosine reduces the weight
+ * of a slanted view, whose pixels are larger on the sample. All weights are continuous in v, so
+ * that no seam appears where the triangle changes. At a measured direction, only the view itself
+ * counts. Values still change abruptly where a view loses sight of a surface that it sees at a
+ * grazing angle.
  *
  * D_i is bilinear among those of the four texels around x_i that lie on one surface with the
  * nearest texel, so that edges are not bridged. B(x_i, …) is bicubic (Keys 1981) if the 16 texels
@@ -77,9 +78,9 @@ const struct mdf_plane *reprojection_plane(const Reprojection *reprojection);
 struct reprojection_weights {
     int n;
     int view[REPROJECTION_MAX_VIEWS];
-    float flat[REPROJECTION_MAX_VIEWS];  /* b */
-    float value[REPROJECTION_MAX_VIEWS]; /* w */
-    float depth[REPROJECTION_MAX_VIEWS]; /* u */
+    float flat[REPROJECTION_MAX_VIEWS];  /* b_i of the text above */
+    float value[REPROJECTION_MAX_VIEWS]; /* w_i */
+    float depth[REPROJECTION_MAX_VIEWS]; /* u_i */
 };
 /* Computes weights. at_mm is x, y of a point of the reference plane; v is a unit vector,
  * upwards. */

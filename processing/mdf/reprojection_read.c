@@ -7,8 +7,9 @@
 
 #include <math.h>
 
-#define SAME_COSINE                                                                                \
-    0.99999 /* cosine of the angle between directions of the same view: a quarter of a degree */
+/* cosine of a quarter of a degree; directions that differ by less belong to the same view */
+#define SAME_COSINE 0.99999
+#define AGAIN       "; delete the file and process the session again"
 
 /* Returns the part whose view has the direction, or NULL if there is none. */
 static const struct exr_part *reprojection_part(const struct exr_file *file, float theta_deg,
@@ -34,15 +35,22 @@ static gboolean take_view(const char *path, const struct exr_part *part,
     const gsize n = (gsize)plane->width * (gsize)plane->height;
     ret->distance = exr_part_plane(part, "D");
     ret->error_mm = exr_part_plane(part, "S");
-    if (ret->distance && part->width == plane->width && part->height == plane->height &&
-        exr_all_finite(ret->distance, n) && (!ret->error_mm || exr_all_finite(ret->error_mm, n)) &&
-        exr_get_v3d(part, "view.centre_mm", ret->centre_mm, NULL))
-        return TRUE;
-    return data_error_fail(path, 0, error,
-                           "part %s is not a view of this MDF: its camera, its channel D or finite "
-                           "distances are missing, or it has another size; delete it and process "
-                           "again",
-                           part->name);
+    if (!ret->distance)
+        return data_error_fail(path, 0, error, "part %s lacks channel D with the distances" AGAIN,
+                               part->name);
+    if (part->width != plane->width || part->height != plane->height)
+        return data_error_fail(path, 0, error,
+                               "part %s has %d × %d texels, but the first view has %d × %d" AGAIN,
+                               part->name, part->width, part->height, plane->width, plane->height);
+    if (!exr_all_finite(ret->distance, n) || (ret->error_mm && !exr_all_finite(ret->error_mm, n)))
+        return data_error_fail(path, 0, error,
+                               "part %s has values in channel D or S that are not finite" AGAIN,
+                               part->name);
+    if (!exr_get_v3d(part, "view.centre_mm", ret->centre_mm, NULL))
+        return data_error_fail(path, 0, error,
+                               "part %s lacks view.centre_mm, the position of the camera" AGAIN,
+                               part->name);
+    return TRUE;
 }
 
 Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
@@ -52,12 +60,16 @@ Reprojection *reprojection_read(const char *path, const float *theta_deg, const 
         return NULL;
     const struct exr_part *first = file->parts->len ? g_ptr_array_index(file->parts, 0) : NULL;
     struct mdf_plane plane = {first ? first->width : 0, first ? first->height : 0, 0, 0};
-    if (!first || !exr_get_double(first, "texel_mm", &plane.texel_mm, NULL) ||
-        !exr_get_double(first, "reference_mm", &plane.reference_mm, NULL) ||
-        !(plane.texel_mm > 0)) {
-        data_error_set(path, 0, error,
-                       "it has no views, or no texel_mm and reference_mm; delete it and process "
-                       "again");
+    if (!first) {
+        data_error_set(path, 0, error, "the file has no views" AGAIN);
+        return NULL;
+    }
+    if (!exr_get_double(first, "texel_mm", &plane.texel_mm, NULL) || !(plane.texel_mm > 0)) {
+        data_error_set(path, 0, error, "texel_mm is missing or not above 0" AGAIN);
+        return NULL;
+    }
+    if (!exr_get_double(first, "reference_mm", &plane.reference_mm, NULL)) {
+        data_error_set(path, 0, error, "reference_mm is missing" AGAIN);
         return NULL;
     }
     const gsize texels = (gsize)plane.width * (gsize)plane.height;

@@ -600,14 +600,14 @@ static void write_bad(const struct bad *bad, const char *path) {
 
 TEST(table__bad) {
     static const struct bad bads[] = {
-        {"NaN", "a distance is not a number from", .value = NAN},
-        {"infinite", "a distance is not a number from", .value = INFINITY},
-        {"far", "a distance is not a number from", .value = 1e9f},
+        {"NaN", "is nan mm, but must be", .value = NAN},
+        {"infinite", "is inf mm, but must be", .value = INFINITY},
+        {"far", "is 1e+09 mm, but must be −60000 to", .value = 1e9f},
         {"unseen", "no laser position saw", .value = -1.0f},
         {"no angle", "view.theta_deg", .value = 1.0f, .no_angle = TRUE},
         {"no texel size", "texel_mm", .value = 1.0f, .no_texel = TRUE},
-        {"other size", "another size", .value = 1.0f, .other_size = TRUE},
-        {"no distances", "no channel D", .value = 1.0f, .no_channel = TRUE},
+        {"other size", "texels, but the first view has", .value = 1.0f, .other_size = TRUE},
+        {"no distances", "lacks channel D", .value = 1.0f, .no_channel = TRUE},
     };
     g_autofree char *path = g_build_filename(world_fixture_folder(), "bad.exr", NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(bads); k++) {
