@@ -4,12 +4,12 @@
 
 #include <string.h>
 
-#define RING_GAP_DEG 2.5 /* minimum difference between the polar angles of neighbouring rings */
-#define POLE_DEG     3.0 /* a single direction within this angle of the normal is the pole */
-#define MIN_PHI_DEG  0.1
-#define MAX_PHI_DEG  179.0
-#define MAX_FLATNESS 4.0 /* maximum ratio of a step in azimuth to the step between rings */
-#define SKY_CELLS    256 /* size of the square in each dimension over which the sky is summed */
+#define RING_GAP_DEG 2.5   /* minimum difference between the polar angles of neighbouring rings */
+#define POLE_DEG     3.0   /* a single direction within this angle of the normal is the pole */
+#define MIN_PHI_DEG  0.1   /* minimum gap between neighbouring azimuths of a ring */
+#define MAX_PHI_DEG  179.0 /* maximum gap */
+#define MAX_FLATNESS 4.0   /* maximum ratio of a step in azimuth to the step between rings */
+#define SKY_CELLS    256   /* size of the square in each dimension over which the sky is summed */
 #define DEG          (G_PI / 180.0)
 
 G_DEFINE_QUARK(directions_error, directions_error)
@@ -20,7 +20,7 @@ struct entry {
 };
 
 struct ring {
-    struct entry *entries; /* by azimuth; points into Directions */
+    struct entry *entries; /* sorted by azimuth; a part of Directions.entries */
     int n;
     double gap; /* degrees to the nearer neighbouring ring */
 };
@@ -50,8 +50,9 @@ static double phi_gap(const struct ring *ring, int k) {
     return next - ring->entries[k].phi;
 }
 
-/* A ring needs azimuths in all directions, with gaps not much larger than those between rings. It
- * may also be a single direction that is the pole. */
+/* Returns whether bilinear interpolation works on a ring. A ring needs azimuths all around, with
+ * gaps that are not much larger than the gap to the next ring. Only the first ring may be a single
+ * direction, which is then the pole. */
 static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     if (ring->n == 1)
         return first && ring->entries[0].theta <= POLE_DEG;
@@ -112,7 +113,7 @@ static void directions_triangulate(Directions *d) {
 static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, GError **error) {
     if (n < 1 || n > DIRECTIONS_MAX) {
         g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
-                    "%d directions: there must be 1 … %d", n, DIRECTIONS_MAX);
+                    "there are %d directions, but must be 1 to %d", n, DIRECTIONS_MAX);
         return NULL;
     }
     g_autoptr(Directions) d = g_new0(Directions, 1);
@@ -121,10 +122,10 @@ static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, G
     for (int k = 0; k < n; k++) {
         if (!isfinite(theta_deg[k]) || !isfinite(phi_deg[k]) || theta_deg[k] < -1e-3f ||
             theta_deg[k] > 90.001f) {
-            g_set_error(
-                error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
-                "direction %d: theta %g°, phi %g° is not a direction of the upper hemisphere", k,
-                theta_deg[k], phi_deg[k]);
+            g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
+                        "direction %d, counted from 0, has theta %g° and phi %g°, but theta must "
+                        "be 0 to 90°, and phi finite",
+                        k, (double)theta_deg[k], (double)phi_deg[k]);
             return NULL;
         }
         double phi = fmod(phi_deg[k], 360.0);
@@ -174,8 +175,8 @@ const int *directions_pole(const Directions *d, int *ret_n) {
     return d->pole;
 }
 
-/* Gives the two neighbours of phi in a ring, and the share of the second one. Returns the ring's
- * polar angle at phi in degrees. */
+/* Gives the two directions of a ring between which the azimuth phi lies, and the share of the
+ * second one. Returns the ring's polar angle at phi in degrees, interpolated between the two. */
 static double ring_at(const struct ring *ring, double phi, int ret_index[2], double *ret_share) {
     int k = ring->n - 1;
     if (phi >= ring->entries[0].phi)
@@ -197,6 +198,8 @@ static void set_pair(struct direction_weights *ret, int at, const int index[2], 
     ret->weight[at + 1] = weight * share;
 }
 
+/* Gives the weights of a direction on the rings. Returns the polar angle at phi of the next ring
+ * below the direction, or of the last ring if the direction is below all rings. */
 static double ring_weights(const Directions *d, double theta, double phi,
                            struct direction_weights *ret) {
     int index[2] = {d->n, d->n}, next_index[2];
@@ -222,9 +225,9 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. Returns the polar
- * angle at which the measured directions end if the direction is outside of them. Otherwise the
- * returned angle is at least *ret_theta. */
+/* Gives the weights of a direction, and its polar angle in degrees as *ret_theta. If the direction
+ * lies outside of the measured directions, returns the polar angle of their nearest point.
+ * Otherwise returns an angle of at least *ret_theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

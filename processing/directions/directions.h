@@ -6,11 +6,11 @@
  * of a ring may be slightly uneven. Rings are interpolated bilinearly in θ and φ. Above the topmost
  * ring the interpolation goes towards the pole, whose value is the mean of that ring unless a
  * direction was measured at the pole. Any other set of directions is triangulated (Delaunay, in the
- * stereographic plane). Outside the range of the measured directions the value of the nearest one
- * is used.
+ * stereographic plane). Outside the range of the measured directions, the value at the nearest
+ * point of that range is used.
  *
- * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the
- * direction scaled to |x| + |y| + z = 1. */
+ * Tables over the hemisphere are square: a and b in [−1, 1] are x + y and x − y of the direction
+ * after it has been scaled to |x| + |y| + z = 1. */
 #pragma once
 
 #include "base/vec.h"
@@ -25,7 +25,8 @@ enum directions_error {
 #define DIRECTIONS_MAX 65000
 
 struct direction_weights {
-    /* indices of measured directions; their number n stands for the pole (directions_pole()) */
+    /* indices of measured directions; the index n, their number, stands for the pole
+     * (directions_pole()) */
     int index[4];
     float weight[4];
 };
@@ -58,11 +59,12 @@ double directions_fade(const Directions *directions, struct vec3 direction);
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 
-/* Gives the weight of each of the n directions in the reflectance under a sky of uniform radiance,
- * (1/π) ∫ BTF dω. */
+/* Gives the weight that each of the n lights has in the reflectance (1/π) ∫ BTF dω under a sky of
+ * uniform radiance. */
 void directions_sky(const Directions *directions, float *ret_share);
 
+/* Returns the unit vector at (a, b) of the square. */
 struct vec3 directions_from_square(double a, double b);
 
-/* Returns the solid angle per area of the square at (a, b). */
+/* Returns the ratio of a small solid angle to the area of the square that it covers at (a, b). */
 double directions_square_density(double a, double b);

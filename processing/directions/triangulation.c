@@ -6,10 +6,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Random displacement that brings the points into general position. */
+/* Maximum random displacement of a point. It makes sure that no four points lie on a circle. */
 #define JITTER 1e-7
-/* Maximum distance of points that count as on a line. The shape of such thin triangles would depend
- * on the displacements. */
+/* If no point is farther than this from a line, the points count as collinear. Triangles of such
+ * points would be so thin that their shape depended on the random displacements. */
 #define LINE (10 * JITTER)
 
 struct triangle {
@@ -43,8 +43,9 @@ static double turn(const Triangulation *t, int a, int b, int c) {
     return area(point(t, a), point(t, b), point(t, c));
 }
 
-/* Returns whether a point d is within the circumcircle of a counter-clockwise triangle: the
- * determinant of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
+/* Returns whether the point d with the index other is within the circumcircle of a
+ * counter-clockwise triangle: the determinant of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is
+ * positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
     const double *d = point(t, other);
@@ -89,7 +90,7 @@ static void add_point(Triangulation *t, int p) {
         }
     }
     if (!added)
-        return; /* on the border within rounding errors: left out, its neighbours suffice */
+        return; /* the point lies on the border within rounding errors, and is left out */
     g_array_unref(t->hull);
     t->hull = g_steal_pointer(&next);
 }
@@ -139,8 +140,8 @@ static void box(const Triangulation *t, guint k, int ret_x[2], int ret_y[2]) {
         }
 }
 
-/* Makes about as many cells as triangles. Counts the triangles of each cell first, then stores
- * them. */
+/* Makes the grid, with about as many cells as there are triangles. Counts the triangles of each
+ * cell first, then stores their indices. */
 static void make_grid(Triangulation *t) {
     double high[2] = {-G_MAXDOUBLE, -G_MAXDOUBLE};
     t->low[0] = t->low[1] = G_MAXDOUBLE;
@@ -241,8 +242,8 @@ Triangulation *triangulation_new(const double *points, int n) {
     g_array_append_val(t->triangles, first);
     for (int k = 3; k < n; k++)
         add_point(t, order[k]);
-    /* Lawson's algorithm (1977) flips until all edges are locally Delaunay. It terminates. The
-     * limit of passes guards against rounding errors. */
+    /* Lawson's algorithm (1977) flips edges until all are locally Delaunay. In exact arithmetic it
+     * always ends; the limit of passes ends it in spite of rounding errors. */
     gboolean flipped = TRUE;
     for (int pass = 0; flipped && pass < 200; pass++) {
         flipped = FALSE;

@@ -12,12 +12,13 @@ typedef struct Triangulation Triangulation;
 Triangulation *triangulation_new(const double *points /* n × 2 */, int n);
 void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
 
-/* Computes barycentric weights within a triangle. ret_nearest is the point itself. For a point
- * outside of all triangles, the weights are those of the nearest point of the border, and
- * ret_nearest is that point. */
+/* Computes the barycentric weights of a point. Within a triangle, ret_nearest is the point itself.
+ * For a point outside of all triangles, the weights are those of the nearest point of the border,
+ * and ret_nearest is that nearest point. */
 void triangulation_weights(const Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
 
-/* Returns ret_n × 3 corners, counter-clockwise; ret_n is the number of triangles. Triangles of
- * nearly collinear points may be slivers. The array is owned by the object. */
+/* Returns the indices of the corners of all triangles, counter-clockwise (*ret_n × 3), and the
+ * number of triangles as *ret_n. Triangles of nearly collinear points may be very thin. The array
+ * is owned by the object. */
 const int *triangulation_corners(const Triangulation *triangulation, int *ret_n);
