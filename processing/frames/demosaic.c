@@ -5,10 +5,11 @@
 
 /* Weights of the colour-ratio filter, see find_colours(). */
 #define RADIUS      3     /* pixels: half the width of the window */
-#define SIGMA_PX    1.2f  /* standard deviation of the spatial weight */
-#define LEVEL_SCALE 0.12f /* width of the range weight, in ln(green) */
-#define MIN_WEIGHT  1e-3f /* floor of the range weight */
-/* lower bound of green and offset of both terms of a ratio, relative to the mean */
+#define SIGMA_PX    1.2f  /* pixels: standard deviation of the Gaussian weight of the distance */
+#define LEVEL_SCALE 0.12f /* difference of ln(green) that halves the weight of a pixel */
+#define MIN_WEIGHT  1e-3f /* added to this weight, so that it is never 0 */
+/* relative to the mean of a colour: lower bound of green, and number added to both terms of a
+ * ratio */
 #define DARK      0.002f
 #define MAX_RATIO 50.0f /* maximum colour ratio */
 
@@ -43,8 +44,8 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
-/* Returns green at a red or blue pixel: the mean of both directions, weighted by 1 / (change² +
- * DARK²). */
+/* Returns green at a red or blue pixel: the mean of green_along() in both directions, weighted by 1
+ * / (change² + DARK²). */
 static float green_at(const struct picture *picture, int x, int y) {
     float across, down;
     float h = green_along(picture, x, y, 1, 0, &across);
@@ -53,10 +54,11 @@ static float green_at(const struct picture *picture, int x, int y) {
     return (wh * h + wv * v) / (wh + wv);
 }
 
-/* Returns green for a red or blue pixel at X from the centre, with lateral colour. The green light
- * of the object point that this pixel sees arrives at X (1 + c_green) / (1 + c_own). Green is
- * interpolated there by parabolas in both directions, through green at the nearest pixel of the
- * pixel's own colour and at the green pixels next to that one. */
+/* Returns green for a red or blue pixel if the lens has lateral colour. X is the position of the
+ * pixel relative to the centre. The green light of the object point that this pixel sees arrives at
+ * X (1 + c_green) / (1 + c_own). Green is interpolated there by parabolas in both directions,
+ * through green at the nearest pixel of the pixel's own colour and at the green pixels next to that
+ * one. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];

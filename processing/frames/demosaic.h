@@ -10,13 +10,15 @@
 
 enum { DEMOSAIC_RED, DEMOSAIC_GREEN, DEMOSAIC_BLUE, DEMOSAIC_COLOURS };
 
-/* Mirrors row or column i of n at the outermost ones. This keeps the phase of the colour filter. */
+/* Mirrors row or column i at the first and at the last of the n rows or columns. This keeps the
+ * phase of the colour filter. */
 static inline int demosaic_mirror(int i, int n) {
     i = i < 0 ? -i : i;
     return i < n ? i : MAX(2 * (n - 1) - i, 0);
 }
 
-/* Lateral colour (rig.h): a picture in colour c is magnified by 1 + larger[c] about centre_px. */
+/* Lateral colour of a lens (rig.h): the picture in colour c is larger by the factor 1 + larger[c]
+ * about centre_px. */
 struct demosaic_lateral {
     double centre_px[2], larger[DEMOSAIC_COLOURS];
 };

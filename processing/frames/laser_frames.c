@@ -5,7 +5,7 @@
 
 #include "base/robust.h"
 
-#define AROUND 21  /* frames of the running median, which follows slips longer than half of them */
+#define AROUND 21  /* frames of the running median; it follows a slip of more than half of them */
 #define MANY   4.0 /* in standard errors: larger differences are significant */
 #define ROUNDS 6
 /* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */
@@ -34,9 +34,9 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* Returns by how much the frames deviate from their levels beyond their standard errors e: the
- * standard deviation u = √(s² − e²), s being the robust spread of middle − level. Returns 0
- * unless s is significantly larger than e. */
+/* Returns by how much the frames deviate from their levels beyond their standard errors: the
+ * standard deviation u = √(s² − e²), s being the robust spread of middle − level, and e the median
+ * standard error. Returns 0 unless s is significantly larger than e. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);

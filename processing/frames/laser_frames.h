@@ -1,8 +1,8 @@
 /*
  * Computes the angle error of the sheet of light in each frame from the lines that were seen in a
  * sweep's frames: private to laser_lines.h. A few consecutive frames may show light that the sample
- * reflects onto its surround. Therefore a deviation counts in full only if neighbouring frames
- * share it. The deviation of a single frame counts only as far as the spread of all frames makes it
+ * reflects onto its surround. Therefore a deviation counts in full only if many neighbouring frames
+ * have it. The deviation of a single frame counts only as far as the spread of all frames makes it
  * credible. All spreads are medians of absolute deviations. Any thread.
  */
 #pragma once
@@ -13,7 +13,8 @@ struct laser_frames {
     double *middle;
     double *error; /* standard error of middle, rad */
     /* Results, n values each: */
-    /* rad: robust mean of middle over all frames, or over near frames if those differ */
+    /* rad: robust mean of middle over all frames, or over the nearest frames if their median
+     * differs significantly from that of all frames */
     double *level;
     /* rad: deviation of middle from level, shrunk according to its error; 0 for outliers and for
      * frames without a line */

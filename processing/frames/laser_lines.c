@@ -11,9 +11,10 @@
 #define MIN_PIXELS  64   /* minimum number of pixels with a peak in a sweep */
 #define MIN_FRAME   6    /* minimum number of pixels with a peak in a frame */
 #define ROUNDS      6
-#define BEND_ROUNDS 4    /* rounds in the intersection of a ray with a bent sheet */
-#define MANY        4.0  /* in standard errors: larger differences are significant */
-#define OFF_SHARE   0.25 /* if a larger share of the frames disagrees, the sweep disagrees */
+#define BEND_ROUNDS 4   /* rounds in the intersection of a ray with a bent sheet */
+#define MANY        4.0 /* in standard errors: larger differences are significant */
+#define OFF_SHARE                                                                                  \
+    0.25 /* a sweep disagrees with the calibration if a larger share of its frames does */
 /* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre)
  * and for single frames. They are needed because a sheet is not exactly a plane, and because
  * axes step unevenly. */
@@ -83,8 +84,8 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
     return enter < leave;
 }
 
-/* Returns whether a camera at eye sees the face at a point, and not the hole, a fiducial or the
- * sample; sample frame. */
+/* Returns whether a camera at eye sees the flat face at a point, rather than the hole, a fiducial
+ * or the sample. point and eye are in the sample frame. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
@@ -144,10 +145,11 @@ guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at
 /* A pixel of the region that saw the line. */
 struct candidate {
     int frame;
-    /* rad: sweep angle computed from the pixel's position, minus the commanded one at its peak */
+    /* rad: sweep angle of the calibrated sheet through the pixel's point, minus the angle commanded
+     * at the time of the pixel's peak */
     double off;
     double along;  /* position along the line: tangent of the angle from the beam */
-    double weight; /* biweight in the last fit */
+    double weight; /* weight (Tukey's biweight) in the last fit */
 };
 
 /* The line fit of one sweep. The candidates of frame k have the numbers first[k] … first[k + 1]
@@ -155,11 +157,11 @@ struct candidate {
 struct search {
     struct candidate *candidates;
     int n, n_frames, *first;
-    double *middle; /* of each frame: robust mean of off; NAN if there are too few candidates */
-    double *error;  /* standard error of middle, rad */
-    double scale;   /* robust standard deviation of a pixel's residual, rad */
-    double per_mm;  /* rad per mm: mean derivative of off with respect to the plane's height */
-    double range_mm;
+    double *middle;  /* of each frame: robust mean of off; NAN if there are too few candidates */
+    double *error;   /* standard error of middle, rad */
+    double scale;    /* robust standard deviation of a pixel's residual, rad */
+    double per_mm;   /* rad per mm: mean derivative of off with respect to the plane's height */
+    double range_mm; /* mean distance of the candidates' points from the axis of the sweep */
 };
 
 static int by_frame(const void *a, const void *b) {
@@ -280,8 +282,8 @@ static gboolean fit_roll(struct search *search, double *roll, double *ret_error)
     return TRUE;
 }
 
-/* Returns whether a measured deviation is significant, given its own and the calibration's
- * standard error. */
+/* Returns whether a measured deviation is significant, given the standard errors of the measurement
+ * and of the calibration. */
 static gboolean disagree(double measured, double error, double known) {
     return fabs(measured) > MANY * hypot(error, known);
 }
@@ -352,7 +354,8 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     search.middle = g_new(double, n_frames);
     search.error = g_new0(double, n_frames);
     collect(region, sweep, &search);
-    /* beam points from the source towards the origin, perpendicular to the sweep's axis. */
+    /* The beam points from the source towards the origin, and is perpendicular to the sweep's
+     * axis. */
     const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
     ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 inward = vec3_scale(ret->source_mm, -1);
@@ -386,8 +389,8 @@ static struct rig_plane sheet_at(const struct laser_lines *lines, const struct l
     struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
     if (!has || lines->roll_rad == 0)
         return sheet;
-    /* Sign of the roll: points with a larger coordinate along the axis are met at a larger sweep
-     * angle. */
+    /* With a positive roll, the sheet meets points with a larger coordinate along the axis at a
+     * larger sweep angle. */
     const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
     sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
                                       vec3_scale(aside, sin(lines->roll_rad))));

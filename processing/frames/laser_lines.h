@@ -2,7 +2,7 @@
  * The laser's line on the flat face around the sample (the reference region of Wang et al. 2005
  * §3.2), and the plane of light of each frame that follows from it.
  *
- * The paper searches each picture for the line. Here the pictures are gone, and only the time of
+ * The paper searches each frame for the line. Here the frames no longer exist, and only the time of
  * each pixel's peak is known. The candidates of frame k are the pixels of the region whose peak
  * time rounds to k. A robust fit in sweep angle gives the deviation of the sheet from the
  * calibration, and the roll of the sheet about the beam. The plane is the mean of lines and
@@ -22,8 +22,9 @@ struct laser_reference {
     double radius_mm; /* radius at which the face ends; 0 if there is no face */
 };
 
-/* Converts to and from one line of text for session_set_value(), without top_mm. Free the text with
- * g_free(). Parsing sets top_mm to 0, and returns FALSE if the text is NULL or cannot be parsed. */
+/* Convert a reference without its top_mm to and from a line of text, which is stored as the
+ * session's value LASER_REFERENCE_KEY. Free the text with g_free(). Parsing sets top_mm to 0, and
+ * returns FALSE if the text is NULL or cannot be parsed. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);
@@ -53,7 +54,7 @@ struct laser_sweep {
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
     const struct rig_arc *arc;                   /* NULL for an ideal arc */
-    const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
+    const float *second_peak, *second_intensity; /* maps of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
     /* standard errors of the sheet's calibration; NULL if it is known exactly */
     const struct rig_sheet_errors *errors;
@@ -63,15 +64,15 @@ struct laser_sweep {
 
 struct laser_lines {
     int n_frames;
-    float *turn_rad; /* of each frame, added to the sweep's angle; NULL if no line was found */
+    float *turn_rad; /* of each frame: correction of the sweep's angle; NULL if no line was found */
     double roll_rad; /* roll of the sheets of all frames about the beam, left-handed */
     /* unit vector from the source towards the origin, perpendicular to the sweep's axis */
     struct vec3 beam;
     struct vec3 source_mm;
     /* Measured from the lines only, without the calibration: */
     int pixels, frames;                  /* numbers of pixels on lines and of frames with a line */
-    double offset_rad, offset_error_rad; /* mean of turn over the sweep, and its standard error */
-    double roll_seen_rad, roll_error_rad;
+    double offset_rad, offset_error_rad; /* mean deviation over the sweep, and its standard error */
+    double roll_seen_rad, roll_error_rad; /* roll, and its standard error */
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
     int frames_off;    /* number of frames whose level contradicts the calibration */
     /* whether offset, roll, or more than a quarter of the frames contradict the calibration */
@@ -84,8 +85,8 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
-/* Returns the distance from eye_mm along a ray (a unit vector) to the sweep's sheet at a
- * fractional frame index. The sheet follows from calibration and lines, and includes its bend.
+/* Returns the distance from eye_mm along a ray (a unit vector) to the sheet of light at a
+ * fractional frame index. The sheet is bent and follows from the calibration and from sweep->lines.
  * Returns NAN if the sine of the angle between ray and sheet is at most least_sine. */
 double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine);

@@ -5,7 +5,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* standard deviation of the Gaussian, which joins the four pixels of a colour filter's period */
+/* pixels: standard deviation of the Gaussian, which averages over the 2 × 2 pixels of a colour
+ * filter */
 #define SIGMA_PX 1.5
 #define REACH    4 /* pixels: half width of the filter */
 #define FEWEST   6 /* minimum number of candidates of a line */
@@ -20,8 +21,9 @@ struct LaserPictures {
     int width, height, n_frames, frame;
     double threshold_dn;
     gboolean along_rows; /* the line crosses the rows, so that there is one candidate per row */
-    /* of each pixel; angle: sweep angle at which the calibrated sheet passes its point of the
-     * plane, NAN outside of the region; along: tangent of the point's angle from the beam */
+    /* of each pixel: the sweep angle at which the calibrated sheet passes the point of the plane
+     * that the pixel sees (NAN outside of the region), and the tangent of this point's angle from
+     * the beam */
     double *angle, *along;
     float weights[REACH + 1];
     /* of each frame: deviation of the sheet's angle, roll, and number of candidates, which is 0 if
@@ -29,7 +31,7 @@ struct LaserPictures {
     float *turn, *roll, *candidates;
 };
 
-/* Sets angle and along of each pixel, and along_rows. */
+/* Sets the members angle, along and along_rows. */
 static void place(LaserPictures *p) {
     const struct laser_sweep *s = p->sweep;
     const struct vec3 source = rig_laser_position_mm(s->arc, s->laser, s->arc_rad);
@@ -44,7 +46,7 @@ static void place(LaserPictures *p) {
         p->angle[index] = rig_laser_sweep_rad(s->arc, s->laser, s->arc_rad, at);
         p->along[index] = aside / sqrt(MAX(vec3_dot(path, path) - aside * aside, 1e-6));
     }
-    /* change of the angle from column to column, and from row to row */
+    /* sums of the changes of the angle from column to column, and from row to row */
     double across = 0, down = 0;
     for (int k = 0; k + p->width < p->width * p->height; k++) {
         const gboolean is_last = k % p->width == p->width - 1;
@@ -92,8 +94,9 @@ void laser_pictures_free(LaserPictures *p) {
     g_free(p);
 }
 
-/* Filters n_lines rows or columns of n values with the Gaussian. The values are step apart, the
- * rows or columns line_step. At the borders the last value is repeated. */
+/* Filters n_lines rows or columns of n values with the Gaussian. In memory, successive values are
+ * step apart, and successive rows or columns line_step. At the borders the last value is
+ * repeated. */
 static void filter_lines(const LaserPictures *p, const float *from, int n_lines, int line_step,
                          int n, int step, float *to) {
     for (int line = 0; line < n_lines; line++)

@@ -1,12 +1,13 @@
 /*
- * Finds the laser's line in each picture of a sweep, as published in Wang et al. 2005 §3.2. It
- * exists for comparison with laser_lines.h, which is more accurate.
+ * Finds the laser's line in each frame of a sweep, as published in Wang et al. 2005 §3.2. This
+ * module exists for comparison with laser_lines.h, which is more accurate.
  *
- * Each picture is filtered with a Gaussian. Every row of the reference region (or every column,
- * whichever the line crosses) has one candidate, its brightest pixel, if that exceeds a threshold.
- * A line is fitted to the candidates. The sheet of light of that frame is the plane through this
- * line and the laser's source. Neither the calibration nor other frames are used. One thread at a
- * time.
+ * Each frame is filtered with a Gaussian. If the line crosses the rows of the reference region, the
+ * candidate of each row is its brightest pixel; otherwise, the candidate of each column. Pixels
+ * below a threshold are no candidates. A line is fitted to the candidates of the frame. The sheet
+ * of light of the frame is the plane through this line and the laser's calibrated position. The
+ * calibrated angle of the sheet is not used; laser_lines.h combines it with the lines. The roll of
+ * the sheet is the mean over all frames. One thread at a time.
  */
 #pragma once
 
@@ -22,8 +23,8 @@ LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_
 void laser_pictures_free(LaserPictures *pictures); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPictures, laser_pictures_free)
 
-/* Adds the next frame, width × height values. They are treated as grey, whatever their colour
- * filter. */
+/* Adds the next frame, width × height values. The values of all pixels are compared with each
+ * other, whatever their colour filter. */
 void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
 /* Gives the lines of all frames. turn_rad of a frame without a line is copied from the nearest

@@ -6,9 +6,9 @@
 #include "base/data_error.h"
 #include "demosaic.h"
 
-#define SPACING_PX  0.25  /* distance between the points that sample a texel */
+#define SPACING_PX  0.25  /* pixels: maximum distance between the points that sample a texel */
 #define MIN_WEIGHT  0.3f  /* minimum sum of a texel's weights, see weigh_texel() */
-#define FLAG_WEIGHT 0.02f /* minimum share of a texel for a pixel to pass on its flags */
+#define FLAG_WEIGHT 0.02f /* a pixel passes its flags to a texel if it has this share of it */
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
     return vec3(grid->width_mm * (column / grid->width - 0.5),
@@ -94,11 +94,11 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
                      demosaic_mirror(x, rectify->width));
 }
 
-/* Weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within the
- * middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at each
- * border the parabola is the mean of the two pixels that meet there. This is the derivative of
+/* Gives the weights of three adjacent pixels for the value at t in the middle pixel (0 … 1). Within
+ * the middle pixel the value is a parabola. Its mean over that pixel is the pixel's value, and at
+ * each border the parabola is the mean of the two pixels that meet there. This is the derivative of
  * Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. w₋₁ = (3t − 4)t/2 +
- * ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
+ * ½, w₀ = (3 − 3t)t + ½, w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);
@@ -111,8 +111,8 @@ static gboolean is_meant(const Rectify *rectify, guint32 pixel, int colour) {
     return colour == ANY || rectify->colour[pixel] == colour;
 }
 
-/* Adds the weight of each pixel of a colour: the mean of w(column) · w(row) over the sample points,
- * with w from area_weights(). */
+/* Adds to weights the weight of each pixel of a colour: the mean of w(column) · w(row) over the
+ * sample points, with w from area_weights(). */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
@@ -198,8 +198,8 @@ static void append_row(const Rectify *rectify, struct rows *rows, int texel,
     g_array_set_size(weights->pixels, 0);
 }
 
-/* Sets balance_c to Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights, or to 0 if either sum is
- * not positive. */
+/* Sets balance_c to Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights, where k is the colour of
+ * the weight's pixel, or to 0 if either sum is not positive. */
 static void balance(Rectify *rectify, int texel) {
     const struct window *window = &rectify->around.window[texel];
     const float *weight = rectify_weights_of(&rectify->around, texel);
@@ -321,7 +321,8 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     struct footprint footprint = {x, y, 0};
     struct weights weights = {sum, touched, pixels};
     const struct sights sights = sights_of(rectify, camera);
-    /* DN/ms to radiance: 1000 / (response · flat field). Colour gains are applied to the texels. */
+    /* The factor from DN/ms to radiance is 1000 / (response · flat field). Colour gains are applied
+     * later, to the texels. */
     for (gsize i = 0; i < n; i++)
         gain[i] =
             (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, (int)(i % width),
@@ -398,11 +399,13 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
         return NULL;
     if (rectify->n_outside * 100.0 <= rectify->n_texels)
         return g_steal_pointer(&rectify);
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "camera %s at turntable %.6g°: %d of %d texels lie outside of its %d × %d pixels; "
-                "point it at the sample and calibrate it, or make [sample] smaller in the session",
-                camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
-                camera->width, camera->height);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "camera %s at turntable %.6g°: %d of %d texels lie outside of the camera's %d × %d "
+        "pixels; point the camera at the sample and calibrate it, or make [sample] smaller in "
+        "the session",
+        camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
+        camera->width, camera->height);
     return NULL;
 }
 
@@ -449,8 +452,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
 
 /* Computes value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others
  * in the texel's surround. The excess is the measured colour of the surround over the colour that
- * the guide's ratios predict. It corrects the guide where the light of this frame differs: for
- * example, gloss is white even on blue cloth. */
+ * the guide's ratios predict. It corrects the ratios where the colour of this picture differs from
+ * that of the guide: for example, gloss is white even on blue cloth. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {
@@ -530,7 +533,7 @@ static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int 
     return TRUE;
 }
 
-/* Returns whether all pixels of a texel, in all planes, are finite. */
+/* Returns whether all pixels that contribute to a texel are finite, in all planes. */
 static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic) {
     gboolean finite = TRUE;
     for (gsize c = 0; c < rectify->planes; c++) {

@@ -5,10 +5,10 @@
  *
  * The value of a texel is the mean radiance over its area as the camera sees it. A pixel is itself
  * a mean over its area; its variation within that area is interpolated from its neighbours. Every
- * pixel contributes to all colours. The two colours that it does not measure follow from their
- * ratios to its own colour in a guide picture. The best guide is the mean picture under all lights:
- * shadows and highlights are then as sharp as without a colour filter. Any thread; immutable once
- * made and given a guide.
+ * pixel contributes to all colours. The two colours that a pixel does not measure follow from their
+ * ratios to the pixel's own colour in a guide picture. The best guide is the mean picture under all
+ * lights: shadows and highlights are then as sharp as without a colour filter. Any thread;
+ * immutable once made and given a guide.
  */
 #pragma once
 
@@ -18,10 +18,10 @@
 typedef struct Rectify Rectify;
 
 /* Makes the rectification of one pose.
- *   cfa          "mono" (three equal colours), "rggb", "bggr", "grbg", "gbrg", or "rgb": three
- *                planes with the same weights
- *   radiometry   of the camera; if it is NULL or unknown, vignetting is nominal and colour gains
- *                are equal
+ *   cfa          "mono" (three equal colours), "rggb", "bggr", "grbg", "gbrg", or "rgb" (three
+ *                planes)
+ *   radiometry   of the camera; if it is NULL or not calibrated, vignetting is nominal and colour
+ *                gains are equal
  * Texels outside of the picture are holes. Returns NULL with DATA_ERROR_INVALID if cfa is unknown,
  * or if more than 1 % of the texels lie outside of the picture. */
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
@@ -50,12 +50,12 @@ void rectify_guide(Rectify *rectify, const float *mosaic);
  * finite. */
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes);
 
-/* A texel gets the flags (combined with OR) of all pixels that have a share of at least 2 % in
- * it. pixels: height × width. */
+/* Gives each texel the flags (combined with OR) of all pixels that have a share of at least 2 % in
+ * the texel. pixels: height × width. ret_texels: n_texels. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
-/* Computes squared errors of the result of rectify_apply() for this mosaic. Results are n_texels
- * × 3 each (R, G, B), and 0 for texels outside.
+/* Computes squared errors of the result of rectify_apply() for this mosaic. Results are n_texels ×
+ * 3 each (R, G, B), and 0 for texels outside of the picture.
  *   pixels       variances of the mosaic's pixels, of the size of the mosaic, in (DN/ms)², finite;
  *                pixels are taken as independent, and a guide as exact
  *   ret_noise    variance caused by the variances of the pixels
@@ -67,8 +67,8 @@ void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_tex
 void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                     float *ret_noise, float *ret_detail, float *ret_shift);
 
-/* Returns a point of the reference plane in the sample frame. Texel (i, j) spans columns i … i+1
- * and rows j … j+1. */
+/* Returns the point of the reference plane at a fractional column and row, in the sample frame.
+ * Texel (i, j) spans columns i … i+1 and rows j … j+1. */
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row);
 
 /* Gives the irradiance of a lamp at each texel's centre, on a plane that faces the lamp, in

@@ -25,8 +25,8 @@ static const struct window *widen(const Rectify *rectify, int texel, float *ret_
     return window;
 }
 
-/* For one texel and each colour: the derivatives of its value with respect to its pixels m_p,
- * see apply_all(). w are the area weights, a the smooth weights, r the ratios. A clamped excess
+/* For one texel and each colour: the derivatives of the texel's value (apply_all()) with respect to
+ * the pixels m_p. w are the area weights, a the smooth weights, r the ratios. A clamped excess
  * counts as a constant.
  *   own colour:    ∂/∂m_p = w + own·a,   own = others_c · balance / others of the surround
  *   other colours: ∂/∂m_p = excess·r·(w − other·a),   other = others_c / others of the surround
@@ -56,8 +56,9 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
     return ret;
 }
 
-/* Sets ret to the squared differences of ln excess between a texel and texel + step. Returns FALSE
- * without setting it if either texel lies outside of the picture. */
+/* Sets ret to the squared differences of ln excess between the texels with the indices texel and
+ * texel + step. Returns FALSE and leaves ret unchanged if either texel lies outside of the
+ * picture. */
 static gboolean chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes, int texel,
                             int step, float ret[3]) {
     if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
@@ -93,9 +94,9 @@ static void find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
     }
 }
 
-/* Returns (l − mean of l over the four nearest pixels behind the same colour filter)² / 1.25,
- * where l is the logarithm of green over a pixel's own colour. This is the variance of l if l
- * varies at random. */
+/* Estimates the variance of l from pixel to pixel, l being the logarithm of the ratio of green to a
+ * pixel's own colour. Returns (l − mean of l over the four nearest pixels behind the same colour
+ * filter)² / 1.25. The expectation of this is the variance if l varies at random. */
 static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
@@ -109,9 +110,10 @@ static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     return off * off / 1.25f;
 }
 
-/* Red or blue is measured by one pixel in four. If its ratio to green changes from one such pixel
- * to the next, the ratios of the pixels between them have errors of about that size. The result is
- * the weighted mean of vary_of() over the texel's pixels that see red or blue, and 0 for green. */
+/* Red or blue is measured by one pixel in four. If the ratio of this colour to green changes from
+ * one such pixel to the next, the ratios of the pixels between them have errors of about that size.
+ * The result is the weighted mean of vary_of() over the texel's pixels that see red or blue, and 0
+ * for green. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -142,8 +144,8 @@ struct rectify_frame {
     const struct rectify_slopes *slopes;
 };
 
-/* noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area has room for the weights of one texel. none is
- * an array of zeros. */
+/* Computes noise_c = gain_c² · Σ_p (∂/∂m_p)² · var_p. area has room for the weights of one texel.
+ * none is an array of zeros of the same size. */
 static inline __attribute__((always_inline)) void rectify_noise(const Rectify *rectify, int texel,
                                                                 const struct rectify_frame *frame,
                                                                 float *area, const float *none,
@@ -192,18 +194,18 @@ static const float *inner_weights(const Rectify *rectify, int texel, float *copy
     return copy;
 }
 
-/* One colour's sums over a texel: of u², of the squares of predictions from other colours, and
- * of slopes. */
+/* Sums of one colour over a texel: of u², of the squares of the pixels of other colours, and of the
+ * slopes. */
 struct rectify_sums {
     wide squares, others, dx, dy;
 };
 
-/* Adds LANES pixels of one row for one colour. m is the plane times a factor: here at the
- * pixels, aside at their neighbours in the row, below at their neighbours above and below. The
- * factor is 1 for pixels of the colour itself, and the texel's excess for other pixels. Λ_p =
- * m_p − mean of the four neighbours is the part of p that they do not predict. Half the
- * differences of the neighbours are the slopes. other is 0 for pixels of the colour itself,
- * otherwise 1. ret: u_p = w_p Λ_p. */
+/* Adds LANES pixels of one row for one colour. m is the plane times a factor: here at the pixels,
+ * aside at their neighbours in the row, below at their neighbours above and below. The factor is 1
+ * for pixels of the colour itself, and the texel's excess for other pixels. Λ_p = m_p − mean of the
+ * four neighbours is the part of m_p that the neighbours do not predict. Half the differences of
+ * the neighbours are the slopes. other is 0 for pixels of the colour itself, otherwise 1. ret: u_p
+ * = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {
@@ -332,7 +334,8 @@ rectify_errors_avx2(const Rectify *rectify, const float *mosaic, const float *pi
 }
 #endif
 
-/* Computes the errors of one plane of a frame as if all of its pixels saw the three colours. */
+/* Computes the errors of a mosaic, or of one plane of "rgb". All pixels of a plane count as
+ * grey. */
 static void plane_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                          float *ret_noise, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)

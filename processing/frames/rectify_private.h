@@ -27,19 +27,19 @@ struct rows {
 };
 
 struct Rectify {
-    /* columns: texels per row; n_outside: texels outside of the picture */
+    /* number of texels, number of texels per row, and number of texels outside of the picture */
     int n_texels, columns, n_outside;
     int width, height; /* size of the mosaic */
     gsize stride;      /* length of padded rows; windows may reach beyond the border */
     gsize n_pixels;
     guint8 *colour;     /* colour of each pixel, as in demosaic.h */
     int phase[4];       /* colours of the 2 × 2 filter cell, row by row */
-    gboolean mono;      /* all pixels see the same: one colour, or all three (if planes is 3) */
+    gboolean mono;      /* there is no colour filter: cfa is "mono" or "rgb" */
     gsize planes;       /* planes of a frame: 1, or 3 for "rgb" */
     struct rows area;   /* each pixel's share of the texel's area, times its gain */
     struct rows around; /* smooth weights, for estimating the colour of a texel */
-    /* n_texels: sum of the smooth weights of other colours over the sum of those of the own
-     * colour; 0 if there are none */
+    /* n_texels: for each colour, the sum of the smooth weights of pixels of other colours over the
+     * sum of the smooth weights of pixels of this colour; 0 if either sum is not positive */
     float (*balance)[3];
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
@@ -49,7 +49,7 @@ struct Rectify {
     /* rectifications of the red and blue planes of "rgb" with lateral colour; NULL if all planes
      * use this one */
     Rectify *red, *blue;
-    /* planes of factors to R, G and B, 0 for a pixel's own colour; NULL if there is no guide */
+    /* three padded planes: rectify_find_ratios() of the guide; NULL if there is no guide */
     float *ratio;
     /* n_texels × 3: rectify_find_vary() of ratio; NULL if there is no guide */
     float *vary;
@@ -63,13 +63,13 @@ static inline const Rectify *rectify_of_plane(const Rectify *rectify, gsize plan
     return own ? own : rectify;
 }
 
-/* Returns the demosaicing factors of a mosaic as three padded planes (height × stride each). The
- * factor of a pixel's own colour is 0, so that own and estimated values are summed separately.
- * g_free() */
+/* Returns the factors from the pixels of a mosaic to R, G and B (demosaic_ratios()) as three padded
+ * planes (height × stride each). Unlike there, the factor of a pixel's own colour is 0, so that own
+ * and estimated values are summed separately. g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
 
-/* Returns the variances from pixel to pixel of the logarithms of the ratios, for each texel:
- * n_texels × 3. g_free() */
+/* Returns for each texel and colour the variance, from pixel to pixel, of the logarithm of the
+ * colour's ratio to green: n_texels × 3. g_free() */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
 /* Copies a mosaic to padded rows (height × stride). Values that are not finite become 0; returns

@@ -7,7 +7,8 @@
 
 #define MIN_MARGIN 4  /* DN: lower bound of the margin above the background */
 #define MAX_MARGIN 64 /* the margin stops growing at saturation / this */
-/* minimum number of pixels to measure noise; a line may light all of fewer */
+/* minimum number of pixels for measuring noise; in a smaller picture a line may light all of
+ * them */
 #define FEW_PIXELS   256
 #define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
@@ -45,10 +46,11 @@ struct Sweep {
     guint16 saturation, margin;
     guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
     int difference;               /* median difference of the pair that set the margin */
-    /* expected difference between the mean and the minimum of a pixel's samples without a line */
+    /* DN: expected difference between the mean and the minimum of a pixel's unlit samples */
     float pedestal;
     guint16 *darkest; /* minimum of each pixel; n_vectors × LANES */
-    /* pixels of the frame `first`, n_vectors × LANES; tested only when the pulses are found */
+    /* pixels of the frame `first`, n_vectors × LANES; compared with the background only when the
+     * pulses are found */
     guint16 *opening;
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
@@ -90,7 +92,7 @@ gsize sweep_bytes(const Sweep *sweep) {
            sweep->n_records * sizeof(struct record);
 }
 
-/* Records a vector if any of its pixels is above background + margin. */
+/* Records a vector if any of its pixels exceeds its background by more than the margin. */
 static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsize vector,
                                                               const guint16 *pixels, int frame) {
     struct record *record = &sweep->records[sweep->n_records];
@@ -122,7 +124,8 @@ static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, cons
         keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
 }
 
-/* Includes a pixel's next sample in its minimum. Returns sample − minimum. */
+/* Limits a pixel's next sample to saturation, and lowers *darkest, the minimum of its samples, if
+ * the sample is darker. Returns the sample minus the new minimum. */
 static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
     guint16 value = MIN(sample, saturation);
     *darkest = MIN(value, *darkest);
@@ -372,8 +375,8 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
                                             .pedestal = sweep->pedestal};
 }
 
-/* Replaces saturated samples by ratio × the samples of the shorter exposure, if that has all of
- * them. */
+/* Replaces saturated samples by ratio × the samples of the shorter exposure, if the shorter
+ * exposure recorded a sample for each of them. */
 static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) {
     const Sweep *shorter = sweep->shorter;
     struct sweep_samples *samples = &pixel->samples;

@@ -7,9 +7,9 @@
  * just before and after them. Otherwise only the minimum of each pixel's samples is kept, as its
  * background. A sample belongs to a line if it exceeds the background by the noise margin. The
  * noise is measured in the first two frames; the margin is at least 4 DN, and grows if too many
- * samples exceed it. If one of the next frames shows that the whole picture of an earlier frame was
- * lit differently, all frames before that next frame are left out. Feed the frames in order, each
- * once. One thread at a time.
+ * samples exceed it. If one of the first five frames shows that the whole picture of an earlier
+ * frame was lit differently, all frames before the later one are left out. Feed the frames in
+ * order, each once. One thread at a time.
  */
 #pragma once
 
@@ -29,8 +29,8 @@ void sweep_add(Sweep *sweep, const guint16 *pixels);
  * faster. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 
-/* Sets a second sweep over the same steps with a shorter exposure; the exposure of the first is
- * ratio times as long. Both sweeps are used for pulses that saturate the first one. The second
+/* Sets a second sweep over the same steps with a shorter exposure; the exposure of the first sweep
+ * is ratio times as long. Both sweeps are used for pulses that saturate the first one. The second
  * sweep is borrowed. Call this function before sweep_finish(), and add frames to both sweeps. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
@@ -41,8 +41,9 @@ struct sweep_pulses {
      * maximum is below threshold, or is in the first frame that is not left out, or in the last
      * frame */
     float *peak;
-    float *width;     /* standard deviation of the pulse in frames; may be NULL */
-    float *intensity; /* maximum above background, in DN of the longer of two exposures */
+    float *width; /* standard deviation of the pulse in frames; may be NULL */
+    /* maximum above background, in DN of the longer of two exposures, at most its saturation */
+    float *intensity;
 };
 
 /* Writes each pixel's brightest pulse and its second brightest pulse (light that the surroundings

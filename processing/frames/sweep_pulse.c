@@ -4,13 +4,14 @@
 
 #define VALLEY 0.6f  /* share of the fainter of two peaks; a minimum below this separates them */
 #define WINGS  0.12f /* share of the maximum; fainter samples may belong to another line */
-/* share of the margin: mean of the samples below the margin next to a pulse */
+/* assumed mean of the samples next to a pulse that are below the margin, relative to the margin */
 #define FAINT   0.6f
 #define READ_DN 5.0f /* level at which shot noise equals read noise */
 #define MAX_LOG 20   /* upper bound of ln(height in DN) */
-/* share of the margin: the fit leaves out samples whose fitted value is smaller than this */
+/* the fit leaves out samples whose fitted value is below this multiple of the margin */
 #define DOUBT 1.3
-#define KNOWN 0.4 /* used instead of DOUBT if the samples at both ends are below the margin */
+/* the multiple that replaces DOUBT if the samples at both ends are below the margin */
+#define KNOWN 0.4
 
 /* The samples of one pulse, first … last. top is the first one of the brightest samples. */
 struct span {
