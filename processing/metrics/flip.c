@@ -1,6 +1,6 @@
-/* FLIP: a colour difference of the pictures as the eye resolves them, raised to a power that
- * differences of edges and points make smaller. Sections and equations are those of Andersson et
- * al. 2020. */
+/* FLIP is the colour difference of the pictures as the eye resolves them, raised to a power.
+ * Differences of edges and points make this power smaller. Sections and equations are those of
+ * Andersson et al. 2020. */
 #include "flip.h"
 
 #include <float.h>
@@ -113,7 +113,8 @@ static float colour_difference(const float a[3], const float b[3]) {
 }
 
 /* Returns the largest difference of two colours, that of green and blue. redistribute() maps
- * differences of up to P_C of it to 0 … P_T, and larger ones to P_T … 1 (eq. 5). */
+ * differences of up to P_C times the largest one to 0 … P_T, and larger differences to P_T … 1 (eq.
+ * 5). */
 static float largest_difference(void) {
     static const float green[3] = {0, 1, 0}, blue[3] = {0, 0, 1};
     float a[3], b[3];
