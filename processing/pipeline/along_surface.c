@@ -249,7 +249,9 @@ static gboolean run(struct along *a, const char *path, struct along_surface_resu
     g_autofree char *mdf = g_strdup_printf("%s.mdf-XXXXXX", path);
     const int file = g_mkstemp(mdf);
     if (file < 0)
-        return data_error_fail(path, 0, error, "no file can be written next to it: %s",
+        return data_error_fail(path, 0, error,
+                               "no temporary file can be made next to the new session: %s; free "
+                               "some space or make the folder writable",
                                g_strerror(errno));
     g_close(file, NULL);
     const gboolean ok = mdf_write(mdf, a->mdf, (int)a->to->views.n, &a->near->grid, error) &&

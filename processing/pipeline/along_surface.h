@@ -1,6 +1,6 @@
 /* A session in new view directions, predicted along the surface (mdf/reprojection.h). The result
- * may be denser than the source, and may have views outside of the measured ones. Needs the
- * session's MDF. The result is a session as of import.h with a BTF, eigen-maps and an MDF, but
+ * may be denser than the source, and may have views outside of the measured ones. The session must
+ * have an MDF. The result is a session as import.h makes it, with a BTF, eigen-maps and an MDF, but
  * without frames. Its nominal directions are exact. Its views are like those of cameras that are
  * far away: each texel is seen from the same direction.
  *

@@ -50,11 +50,10 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
     for (guint i = 0; i < directions->len; i++) {
         const struct session_direction *direction = g_ptr_array_index(directions, i);
         if (direction->device < 0 || direction->device >= n)
-            return data_error_fail(
-                path, 0, error,
-                "its plan names %s number %d, counted from 0, but its calibration has only "
-                "%d of them",
-                what, direction->device, n);
+            return data_error_fail(path, 0, error,
+                                   "the session's plan names %s %d, counted from 0, but the "
+                                   "calibration has only %d; restore the session from a copy",
+                                   what, direction->device, n);
     }
     return TRUE;
 }
@@ -65,11 +64,17 @@ static gboolean add_shot(struct catalogue *catalogue, struct session_shot *shot,
                   : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
                                              : G_MAXINT;
     const gboolean sweeps = shot->kind == SHOT_SWEEP && shot->state != SHOT_SKIPPED;
-    if (shot->kind != SHOT_DARK &&
-        (shot->device < 0 || shot->device >= n || (sweeps && shot->sweep_steps < 2)))
+    if (shot->kind != SHOT_DARK && (shot->device < 0 || shot->device >= n))
         return data_error_fail(catalogue->directory, 0, error,
-                               "shot %" G_GINT64_FORMAT " is not valid (device %d of %d, %d steps)",
-                               shot->id, shot->device, n, shot->sweep_steps);
+                               "shot %" G_GINT64_FORMAT " uses %s %d, counted from 0, but the "
+                               "calibration has only %d; restore the session from a copy",
+                               shot->id, shot->kind == SHOT_LAMP ? "lamp" : "laser", shot->device,
+                               n);
+    if (sweeps && shot->sweep_steps < 2)
+        return data_error_fail(catalogue->directory, 0, error,
+                               "the sweep of shot %" G_GINT64_FORMAT " has %d steps, but needs at "
+                               "least 2; restore the session from a copy",
+                               shot->id, shot->sweep_steps);
     if (shot->source < 0)
         return TRUE;
     gpointer key = source_key(shot->kind, shot->source, shot->turntable_deg);
@@ -86,7 +91,8 @@ static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* The outputs of the lamps were measured relative to the calibration of the capture. */
+/* Returns the factor that makes a lamp's output relative to the calibration that is used. The
+ * output was measured relative to the calibration of the capture. */
 static double output_factor(const struct session_shot *shot, const char *camera, gpointer data) {
     const struct catalogue *catalogue = data;
     const struct rig *rig = &catalogue->rig;
@@ -166,16 +172,20 @@ static gboolean do_load(struct catalogue *catalogue, Session *session, const cha
     if (grid->width < 1 || grid->height < 1 || grid->width > 8192 || grid->height > 8192 ||
         !(grid->width_mm > 0) || !(grid->height_mm > 0) || !isfinite(grid->width_mm) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !isfinite(grid->depth_mm))
-        return data_error_fail(catalogue->directory, 0, error,
-                               "its grid is not valid: %d × %d texels (1 to 8192 each) on %g × %g "
-                               "mm, reference_mm %g, depth_mm %g",
-                               grid->width, grid->height, grid->width_mm, grid->height_mm,
-                               grid->reference_mm, grid->depth_mm);
+        return data_error_fail(
+            catalogue->directory, 0, error,
+            "the session's grid has %d × %d texels (each must be 1 to 8192) on %g × "
+            "%g mm (each must be above 0), reference_mm %g and depth_mm %g (must "
+            "be finite); restore the session from a copy",
+            grid->width, grid->height, grid->width_mm, grid->height_mm, grid->reference_mm,
+            grid->depth_mm);
     if (reference && !laser_reference_from_text(reference, &catalogue->reference))
-        return data_error_fail(catalogue->directory, 0, error,
-                               "its value %s, “%s”, is not five numbers: height, its error, x and "
-                               "y of the hole, radius",
-                               LASER_REFERENCE_KEY, reference);
+        return data_error_fail(
+            catalogue->directory, 0, error,
+            "the session's value %s is “%s”, but must be five numbers of at least 0 "
+            "with “;” between them: height, error of the height, x and y of the "
+            "hole, radius; restore the session from a copy",
+            LASER_REFERENCE_KEY, reference);
     catalogue->reference.top_mm = grid->reference_mm;
     catalogue->rig = catalogue->known->rig;
     catalogue->rigs = g_hash_table_new_full(g_double_hash, g_double_equal, g_free, g_free);
@@ -364,10 +374,9 @@ static gboolean has_sheet(const struct calibration_laser *known) {
     return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
 }
 
-/* Returns the standard errors of a laser's turn and roll. If the laser
- * turns, the sheet at the sample moves by the angle times the distance of the laser. Calibrations
- * of earlier versions do not have the errors of the sheet. The errors of the laser's normal and
- * axis are then used. */
+/* Returns the standard errors of a laser's turn and roll. If the laser turns, the sheet at the
+ * sample moves by the angle times the distance of the laser. Calibrations of earlier versions do
+ * not have the errors of the sheet. The errors of the laser's normal and axis are then used. */
 static struct laser_known catalogue_laser(const struct calibration_laser *known,
                                           const struct rig_laser *laser) {
     const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;

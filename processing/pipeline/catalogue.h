@@ -8,9 +8,10 @@
 #include "session/outputs.h"
 
 struct catalogue {
-    struct calibration *known;
-    struct calibration *captured; /* calibration of the capture, if known is another one; or NULL */
-    struct rig rig;               /* rig of the calibration */
+    struct calibration *known; /* the calibration that is used */
+    /* the calibration with which the session was captured; NULL if known is this calibration */
+    struct calibration *captured;
+    struct rig rig; /* rig of known */
     /* turntable angle in degrees (double) → struct rig as the sample sees it there; empty if the
      * turntable does not wobble */
     GHashTable *rigs;
@@ -32,7 +33,7 @@ void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
-/* Returns the number of shots that are still to be taken. */
+/* Returns the number of planned shots that are not taken yet. */
 int catalogue_planned(const struct catalogue *catalogue);
 
 enum catalogue_state {
@@ -53,8 +54,8 @@ struct mdf_input {
     int steps, position; /* position: index of the laser position */
     struct laser_known known;
     const struct rig_sheet_errors *errors; /* NULL if unknown */
-    double line_rad; /* standard deviation of the line's profile on plates, as a sweep angle; 0 if
-                        unknown */
+    /* standard deviation of the line's profile on plates, as a sweep angle; 0 if unknown */
+    double line_rad;
     struct input input;
 };
 
@@ -64,9 +65,10 @@ struct mdf_job {
     double turntable_rad;
     const struct rig *rig;
     const struct laser_reference *reference;
-    double sight_px2[2][2]; /* covariance of the pixel at which the camera sees the sample; 0 if
-                               unknown */
-    GArray *sweeps;         /* of struct mdf_input, in order of laser position */
+    /* covariance of the error with which the camera model predicts where, in pixels, a point of the
+     * sample is seen; 0 if unknown */
+    double sight_px2[2][2];
+    GArray *sweeps; /* of struct mdf_input, in order of laser position */
     gboolean lines_in_pictures;
     char *inputs; /* hash of all members above */
 };

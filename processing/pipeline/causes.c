@@ -11,7 +11,7 @@
 #include <string.h>
 
 #define MIN_SEEN 0.3 /* minimum share of the texels that lasers saw */
-/* minimum share of the pixels of a sweep that draws a line on the sample */
+/* minimum share of all pixels of the examined sweeps that must show a line */
 #define MIN_LINES  0.02
 #define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */
 #define MAX_FRAMES 8  /* maximum number of frames of a view that are examined */
@@ -24,15 +24,15 @@
 
 struct texts {
     Config *rig_conf;
-    gboolean imported; /* there is no rig file */
+    gboolean imported; /* whether the session was imported; it then has no rig file */
     Calibration *calibration;
     GPtrArray *views, *shots, *frames;
 };
 
 struct seen_view {
     const struct session_direction *view;
-    /* mean: green reflectance under the light nearest to the normal, mean over texels; saturated:
-     * share of the view's values that are lower bounds */
+    /* mean: the mean green reflectance of the texels, under the light nearest to the normal;
+     * saturated: the share of the view's values that are lower bounds */
     double mean, saturated;
 };
 
@@ -110,7 +110,10 @@ static void explain_mdf(Session *session, const struct texts *texts, double mdf_
             ? g_strdup_printf("only %.2g %% of the texels are seen by a laser", 100 * mdf_coverage)
             : g_strdup("no texel is seen by a laser");
     if (sweeps == 0)
-        g_ptr_array_add(ret, g_strdup_printf("%s, and no frame of a sweep can be read", seen));
+        g_ptr_array_add(ret,
+                        g_strdup_printf("%s, and no file of a sweep can be read; “mesorig verify” "
+                                        "names damaged files",
+                                        seen));
     else if (lines < MIN_LINES)
         g_ptr_array_add(
             ret, g_strdup_printf("%s: %.2g %% of the pixels of %d sweeps show a line; %s", seen,

@@ -4,7 +4,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-/* If work takes longer than estimated, this part of it is assumed to be left. */
+/* If work takes longer than estimated, this share of the estimate is assumed to be left. */
 #define MIN_LEFT 0.05
 #define LITTLE_S 0.5 /* CPU time of work after the views below which its speed is not reliable */
 
@@ -40,7 +40,7 @@ static double process_cpu_s(void) {
            (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec) / G_USEC_PER_SEC;
 }
 
-/* Returns 0 if the thread has ended. */
+/* Returns the time of a thread's clock, or 0 if the thread has ended. */
 static double clock_s(clockid_t clock) {
     struct timespec now;
     return clock_gettime(clock, &now) == 0 ? (double)now.tv_sec + (double)now.tv_nsec / 1e9 : 0;
@@ -194,8 +194,8 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         pace_add(&pace, course, course->working, weight * done_s,
                  weight * course->share * course->expected[course->working]);
     }
-    /* LITTLE_S of work at the pace of views are counted in addition, so that little work does not
-     * set the pace. */
+    /* Counts LITTLE_S more of such work, as if done at the pace of views. A short measurement then
+     * hardly changes the pace. */
     pace.cpu_s += LITTLE_S * slower;
     pace.said_s += LITTLE_S;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
@@ -203,7 +203,7 @@ static double course_after_s(const Course *course, const struct course_pace *vie
             course_slower(&pace) * course->rates.unit_s[work] * course->expected[work];
         if (work != course->working)
             after_s += all_s;
-        /* the larger the done share of the present work, the more its own pace counts */
+        /* the more of the present work is done, the more its own pace counts */
         else if (course->share > 0)
             after_s +=
                 (1 - course->share) * (weight * done_s / course->share + (1 - weight) * all_s);

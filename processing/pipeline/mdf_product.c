@@ -36,7 +36,8 @@ static struct mdf_result *new_result(const struct session_direction *view, const
     return result;
 }
 
-/* Compares the file's sweep with the plan's, because another sweep would give wrong depths. */
+/* Compares the sweep in the file with the sweep of the plan. If they differ, depths would be
+ * wrong. */
 static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
                             GError **error) {
     double from = 0, to = 0, degree = G_PI / 180;
@@ -52,7 +53,8 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
         return TRUE;
     return data_error_fail(
         input->input.path, 0, error,
-        "swept from %g° to %g° in %d steps, but the session's plan has %g° to %g° in %d steps",
+        "the sweep goes from %g° to %g° in %d steps, but the session's plan has %g° to %g° in %d "
+        "steps; capture this sweep again",
         from, to, steps, input->from_rad / degree, input->to_rad / degree, input->steps);
 }
 
@@ -80,10 +82,15 @@ static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_inp
                                       "was captured with keep_laser_frames = yes: ");
             return FALSE;
         }
-        if (!values || (gsize)frame->width * frame->height != n)
+        if (!values)
             return data_error_fail(path, 0, error,
-                                   "this is not a picture of %d × %d pixels with channel Y",
-                                   size->width, size->height);
+                                   "part frame lacks channel Y; capture this sweep again");
+        if ((gsize)frame->width * frame->height != n)
+            return data_error_fail(
+                path, 0, error,
+                "the frame has %d × %d pixels, but the sweep has %d × %d; capture "
+                "this sweep again",
+                frame->width, frame->height, size->width, size->height);
         for (gsize i = 0; i < n; i++)
             pixels[i] = (guint16)CLAMP(values[i], 0.0F, 65535.0F);
         laser_pictures_add(pictures, pixels);

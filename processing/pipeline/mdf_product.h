@@ -24,7 +24,8 @@ void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 
-/* Here and below, results has n views; NULL stands for a missing view. */
+/* In this function and the following ones, results has n elements, one for each view; the element
+ * of a missing view is NULL. */
 
 /* Sets D and P of all views from their measurements (mdf_views.h), unless they were already set
  * from the same views. settled is called after each view. Returns whether any value may have

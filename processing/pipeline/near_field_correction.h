@@ -8,8 +8,8 @@
  * The accuracy is estimated from the values themselves:
  *
  *   left out   Measured values of one view (or under one light), compared with a prediction from
- *              all other views (or lights). These are much farther away than the displacement of a
- *              texel. At most a thousand texels are used.
+ *              all other views (or lights). These other views are much farther away than the
+ *              displacement of a texel. At most a thousand texels are used.
  *   back       The measured values, compared with the result after it was interpolated back to the
  *              measured directions. The interpolation error counts about twice.
  *   nominal    Values without correction, as if they were measured in the nominal directions,
@@ -24,7 +24,8 @@
  *                           import
  *   resample.left_out_view, resample.left_out_light, resample.back
  *                           double: the errors above, over all views
- *   resample.moved_deg      double: of the view, the mean over the texels */
+ *   resample.moved_deg      double: mean over the texels of the angle between the view and the
+ *                           nearest measured view */
 #pragma once
 
 #include "base/work.h"
@@ -35,10 +36,11 @@
 struct near_field_correction_band {
     double theta_deg;
     int n_views;
-    double left_out_view, left_out_light, back; /* errors of measured views */
+    double left_out_view, left_out_light,
+        back; /* relative errors, see above; of measured views only */
     /* target views: mean and maximum over texels of the angle to the nearest measured view */
     double moved_deg, max_moved_deg;
-    double nominal; /* −1 if the targets are not the nominal directions */
+    double nominal; /* see above; −1 if the targets are not the nominal directions */
     /* share of values beyond the limit of extrapolation, which are kept at that limit */
     double held;
 };
@@ -52,13 +54,14 @@ struct near_field_correction_result {
     gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
     GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */
     struct near_field_correction_band all; /* of all views; theta_deg is −1 */
+    /* mean and maximum, over lights and texels, of the angle to the nearest measured light */
     double light_moved_deg, light_most_moved_deg;
 };
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
-/* to is NULL for the session's own nominal directions. path must not exist. Needs the memory of
- * some views, and temporarily 8 bytes on disk for each texel under each pair of view and light, of
- * source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
+/* to is NULL for the session's own nominal directions. path must not exist. The function needs the
+ * memory of some views, and temporarily 8 bytes on disk for each texel under each pair of view and
+ * light, of source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

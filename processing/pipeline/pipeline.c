@@ -21,8 +21,8 @@
 #include "session/made_with.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
-#define MDF_WRITE_US                                                                               \
-    (30 * G_USEC_PER_SEC) /* minimum time between writes while a capture is followed */
+/* minimum time between two writes of the MDF while a capture is followed */
+#define MDF_WRITE_US (30 * G_USEC_PER_SEC)
 
 enum stage { STAGE_BTF = TIME_LEFT_BTF, STAGE_MDF = TIME_LEFT_MDF, N_STAGES = TIME_LEFT_STAGES };
 static const char *const stage_names[] = {"btf", "mdf"};
@@ -53,7 +53,7 @@ struct run {
     char **btf_inputs;        /* hash of the inputs of each view that is made */
     int *missing;             /* number of missing lights of each view in the BTF */
     struct mdf_result **mdf;  /* MDF of each view that is made; NULL for other views */
-    gboolean mdf_dirty;
+    gboolean mdf_dirty;       /* whether the file of the MDF must be written */
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
     int settled; /* number of views in the MDF whose D and P are set */
@@ -480,10 +480,20 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     ret->n_predicted = 0;
     for (int view = 0; view < run->n_views; view++)
         ret->n_predicted += run->missing[view];
+    int waiting = 0; /* number of views whose pictures are not taken yet */
+    for (int view = 0; view < run->n_views; view++)
+        waiting += pipeline_state(run, STAGE_BTF, view) == CATALOGUE_WAITING;
+    if (n_lights > 0 && ret->n_views == 0 && waiting > 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: the capture ended before any view had its pictures under all lights; "
+                    "`mesorig resume %s` takes the rest",
+                    session_path(run->session), session_path(run->session));
+        return FALSE;
+    }
     if (n_lights > 0 && ret->n_views == 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: the plan left out more than %g %% of the %d pictures under lights of each "
-                    "view, so that there is no BTF",
+                    "%s: the plan leaves out more than %g %% of each view's pictures under the %d "
+                    "lights, so that no BTF can be made; plan a capture with more of them",
                     session_path(run->session), 100 * BTF_MAX_MISSING, n_lights);
         return FALSE;
     }
@@ -544,8 +554,10 @@ static gboolean make_folders(struct run *run, GError **error) {
     run->lock_path = session_file(run->session, SESSION_PROCESS_LOCK);
     if (g_mkdir_with_parents(path, 0777) != 0) {
         int code = errno;
-        g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,
-                    g_strerror(code));
+        g_set_error(
+            error, G_IO_ERROR, (gint)g_io_error_from_errno(code),
+            "%s: the folder cannot be made: %s; make the session writable or free some space", path,
+            g_strerror(code));
         return FALSE;
     }
     run->lock = file_lock_take(run->lock_path, "the products of this session", error);
@@ -593,7 +605,7 @@ static gboolean begin(struct run *run, GError **error) {
             error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
             "%s: %d of %d views lack some of their frames, because %d of %u shots are still "
             "to be taken; `mesorig resume %s` takes them. With --follow, processing waits "
-            "for them; if the capture was aborted, it leaves these views out",
+            "for these shots or, if the capture was aborted, leaves these views out",
             session_path(run->session), waiting, run->n_views, catalogue_planned(run->catalogue),
             run->catalogue->shots->len, session_path(run->session));
         return FALSE;

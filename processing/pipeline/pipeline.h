@@ -56,8 +56,8 @@ struct pipeline_options {
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
-    GPtrArray *causes; /* receives the sentences of causes_find() (char *); NULL if they are not
-                          needed */
+    /* receives the sentences of causes_find() (char *); NULL if they are not needed */
+    GPtrArray *causes;
     struct work work;
 };
 
@@ -74,7 +74,9 @@ struct pipeline_result {
     int n_mdf_views;
     /* number of products that were damaged or missing, and are made again */
     int n_damaged;
-    double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F of the eigen-maps as they are in the file */
+    /* relative RMS error ‖A − Â‖_F / ‖A‖_F of the BTF Â that the eigen-maps in the file give, A
+     * being the BTF */
+    double eigenmaps_error;
     /* share of the texels of all views that were measured in their own view */
     double mdf_coverage;
     double mdf_predicted; /* share of the texels that were predicted from other views */

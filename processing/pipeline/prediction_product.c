@@ -67,7 +67,7 @@ static struct vec3 product_unit(const struct exr_part *part, const char *of) {
 
 /* Reads the directions and positions of a part, and whether it was left out. The position of a
  * light in the sample frame is nearly the same for all views: only a tilt or an offset of the arc's
- * axis moves it. That of the last view stands for all. */
+ * axis moves it. The position in the last view is used for all views. */
 static gboolean product_take_part(struct product_job *job, int view, int light,
                                   const struct exr_part *part, GError **error) {
     struct product_view *to = &job->views[view];
@@ -96,9 +96,11 @@ static gboolean product_take_view(struct product_job *job, int view, GError **er
     if (!file)
         return FALSE;
     if ((int)file->parts->len != job->n_lights)
-        return data_error_fail(job->views[view].path, 0, error,
-                               "%u parts instead of %d; delete the file and process again",
-                               file->parts->len, job->n_lights);
+        return data_error_fail(
+            job->views[view].path, 0, error,
+            "the file has %u parts, but there are %d lights; delete the file and process "
+            "again",
+            file->parts->len, job->n_lights);
     for (int light = 0; light < job->n_lights; light++)
         if (!product_take_part(job, view, light, g_ptr_array_index(file->parts, (guint)light),
                                error))
@@ -174,8 +176,8 @@ static struct vec3 product_place(const struct product_job *job, gsize texel) {
                 grid->reference_mm);
 }
 
-/* Gathers the measured values of n texels from first on, colour by colour: n × 3 × n_pairs, NaN if
- * left out. */
+/* Gathers the measured values of n texels from first on, colour by colour: n × 3 × n_pairs values,
+ * with NaN for left-out pictures. */
 static gboolean product_gather(const struct product_job *job, int first, int n, float *ret,
                                GError **error) {
     const gsize lights = (gsize)job->n_lights, pairs = (gsize)job->n_views * lights;
@@ -305,10 +307,10 @@ static gboolean product_make(struct product_job *job, Session *session,
     if (!job->btf)
         return FALSE;
     if ((int)job->btf->layout.views.n != job->n_views)
-        return data_error_fail(
-            session_path(session), 0, error,
-            "products/btf has %zu views instead of %d; delete products/btf and process again",
-            job->btf->layout.views.n, job->n_views);
+        return data_error_fail(session_path(session), 0, error,
+                               "products/btf has %zu views, but the session has %d; delete "
+                               "products/btf and process again",
+                               job->btf->layout.views.n, job->n_views);
     if (!product_learn(job, work, error) ||
         !work_parallel(work, "prediction", (int)((job->n_texels + BLOCK - 1) / BLOCK),
                        product_predict, job, error))

@@ -1,7 +1,7 @@
-/* Pictures of a BTF that were left out on purpose ([lights] sampling = adaptive). They are
- * predicted from all pictures that were taken (selection/prediction.h). When all views exist, the
- * parts of the left-out pictures in the views' files are made again. Until then these parts hold
- * the values that btf_make_view() interpolates from the lights around them.
+/* Predicts the pictures of a BTF that were left out on purpose ([lights] sampling = adaptive), from
+ * all pictures that were taken (selection/prediction.h). When all views exist, the parts of the
+ * left-out pictures in the views' files are made again. Until then these parts hold the values that
+ * btf_make_view() interpolates from the lights around them.
  *
  * Such a part has the flag BTF_FLAG_PREDICTED in all texels, error bars (btf_sigma.h), the int
  * mesorig.left_out and the string mesorig.prediction: the hash of all views' inputs. */
@@ -25,7 +25,7 @@ struct prediction_known {
     int left_out, pictures;
     double error;          /* expected error, relative to the whole BTF (prediction_error()) */
     double left_out_error; /* relative error in cross-validation, of pictures that were taken */
-    double left_out_share; /* share of the values in cross-validation within 2 σ */
+    double left_out_share; /* share of the values in cross-validation whose error is within 2 σ */
 };
 void prediction_product_read(Session *session, struct prediction_known *ret);
 

@@ -7,8 +7,8 @@
 #define FAR_WEIGHT  0.02 /* weight of a view at a very different elevation */
 #define OVERDUE     1.25
 #define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
-#define RATE_WEIGHT 0.2  /* weight of the rates of earlier runs, relative to a view of this run */
-/* If a task has run for longer than estimated, this part of it is assumed to be left. */
+#define RATE_WEIGHT 0.2  /* weight of the stored rate; a made view of the same elevation has 1 */
+/* If a task has run for longer than estimated, this share of the estimate is assumed to be left. */
 #define MIN_LEFT   0.05
 #define SCATTER    1.5 /* maximum factor between rates of runs of the same session */
 #define MIN_SPEED  0.01
@@ -77,7 +77,7 @@ void time_left_rates_learn(struct time_left_rates *rates,
     }
 }
 
-/* CPU time in seconds of a unit of each stage, by the view's θ in whole degrees. */
+/* For each stage, the CPU time in seconds of a unit, in views of each θ in whole degrees. */
 struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };
