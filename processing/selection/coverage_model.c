@@ -7,7 +7,7 @@
 #define AZIMUTHS   24 /* number of azimuths of axes */
 #define OPENINGS   7  /* number of half-angles of the cones */
 #define TILT_DEG   60.0 /* largest angle of an axis from the normal */
-#define NARROW_DEG 25.0 /* the narrowest and the widest half-angle */
+#define NARROW_DEG 25.0 /* narrowest half-angle of a cone */
 #define WIDE_DEG   85.0
 /* probability that a sweep saw something that the model denies, or missed something that the model
  * predicts */

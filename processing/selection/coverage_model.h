@@ -4,9 +4,9 @@
  * The model assumes that a surface point is visible from, and lit from, all directions within a
  * cone about its axis. The rest of the sky is hidden by the point's own surface and by its
  * surroundings. The model is a set of such cones with axes up to 60° from the sample's normal and
- * half-angles of 25° to 85°. The cones are spread evenly over both and over all azimuths, so that
- * no kind of relief is preferred. The observations of a point weight the cones (Bayes). There is a
- * small probability that a sweep was misled.
+ * half-angles of 25° to 85°. The cones are spread evenly over these tilts and half-angles and over
+ * all azimuths, so that no kind of relief is preferred. The observations of a point weight the
+ * cones (Bayes). There is a small probability that a sweep was misled.
  *
  * A sweep that lights a point settles its distance with a probability s that grows with the depth
  * resolution of the pair of camera and laser: s = 0.03 + 0.5 q. Here q, 0 … 1, is the precision
@@ -33,7 +33,7 @@ void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
 /* Of the texels that the camera sees, returns the share that one more sweep is expected to settle
- * after the taken sweeps, if nothing is known of the observations of these sweeps. */
+ * in addition to the taken sweeps, if nothing is known of the observations of these sweeps. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
 /* Returns the probability that a sweep lights a point that the camera sees. Of the taken sweeps,

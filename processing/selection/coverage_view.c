@@ -20,9 +20,9 @@
 #define OUTSIDE_SHARE 2.0
 #define AGREE         2 /* number of agreeing sweeps that make a distance known */
 
-struct sample { /* a texel */
-    /* the pixel above and left of its centre; with the next column and row, all four phases of the
-     * filter are around the centre */
+struct sample { /* a texel that is examined */
+    /* the pixel above and left of the texel's centre; with the next column and row, all four phases
+     * of the colour filter are around that centre */
     int x, y;
     struct vec3 ray[4]; /* of the pixel (x + (k & 1), y + (k >> 1)) */
     float onset_mm[4];  /* distance along ray[k] from the camera to the reference plane */
@@ -77,7 +77,7 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
     view->agreement_mm = TEXEL_SHARE * view->texel_mm / MAX(slant, 0.1);
     view->samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
     view->open = g_array_new(FALSE, FALSE, sizeof(guint64));
-    /* Takes every step-th row and column. */
+    /* Examines only every step-th row and column of the grid. */
     const double all = (double)grid->width * grid->height;
     const int step = MAX(1, (int)ceil(sqrt(all / COVERAGE_MAX_TEXELS)));
     for (int row = step / 2; row < grid->height; row += step)
@@ -130,7 +130,7 @@ static float distance(const CoverageView *view, const struct laser_sweep *sweep,
     return (float)MAX(range - (double)sample->onset_mm[k], 0);
 }
 
-/* Returns the depth of a frame of the sweep along the ray to the grid's centre. */
+/* Returns the depth of one frame of the sweep in mm, along the ray to the grid's centre. */
 static double coverage_view_frame_mm(const CoverageView *view, const struct laser_sweep *sweep) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
     const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));

@@ -36,7 +36,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
 
 struct coverage_sums {
     int texels; /* texels that were examined and are in the picture */
-    int known;
+    int known;  /* texels whose distance is known */
 };
 /* Counts the texels, and the texels that all added sweeps together make known.
  * coverage_view_expects() counts the same texels. */

@@ -9,7 +9,7 @@
 #include "base/robust.h"
 #include "prediction_private.h"
 
-#define COVERED 0.95 /* share of the left-out values that must be within 2 σ */
+#define COVERED 0.95 /* share of the errors in cross-validation that must be within 2 σ */
 #define FILL    16   /* number of texels that are predicted together */
 
 /* The constants from which the fit to a material starts. They were chosen with the material
@@ -265,9 +265,11 @@ static gboolean learn_rows(Prediction *prediction, const struct prediction_rows 
 static gboolean learn(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                       int n_probes, const struct work *work, GError **error) {
     if (prediction->n_measured > PREDICTION_MAX_MEASURED) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d pairs of directions are measured, but the prediction can use at most %d",
-                    prediction->n_measured, PREDICTION_MAX_MEASURED);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%d pairs of directions are measured, but the prediction can use at most %d; plan "
+            "fewer views or lights, or capture all pictures",
+            prediction->n_measured, PREDICTION_MAX_MEASURED);
         return FALSE;
     }
     g_autofree struct vec3 *middle = at_mm ? NULL : g_new0(struct vec3, n_probes);
@@ -277,10 +279,11 @@ static gboolean learn(Prediction *prediction, const float *probes, const struct 
     rows_take(prediction, probes, at_mm, n_probes, &rows);
     const gboolean ok = rows.n > 0 && learn_rows(prediction, &rows, at_mm, work, error);
     if (rows.n == 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "none of the %d sampled texels and colours has a value for each of the %d "
-                    "measured pairs of directions",
-                    3 * n_probes, prediction->n_measured);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "none of the %d sampled texels and colours has a value for each of the %d "
+            "measured pairs of directions; capture pictures with pixels that are not finite again",
+            3 * n_probes, prediction->n_measured);
     rows_clear(&rows);
     return ok;
 }

@@ -14,11 +14,11 @@
  * The lobes are limited to their maximum at the measured pairs, so that no lobe appears where
  * nothing was measured.
  *
- * The ratio z = ρ / g of a texel and colour over pairs p = (v, l) is modelled as a Gaussian process
- * of mean 0. Its covariance k(p, p') is the same for all texels of a material, except for a factor
- * s² of each texel (Rasmussen and Williams 2006, §2.2; kriging: Cressie 1993, §3.2). With v, l
- * nominal unit vectors, h the unit half vector of v and l (Rusinkiewicz 1998), and d_v = |v − v'|,
- * with d_l and d_h defined in the same way:
+ * The ratios z = ρ / g of one texel and colour (a row) over pairs p = (v, l) are modelled as a
+ * Gaussian process of mean 0. Its covariance k(p, p') is the same for all texels of a material,
+ * except for a factor s² of each texel (Rasmussen and Williams 2006, §2.2; kriging: Cressie 1993,
+ * §3.2). With v, l nominal unit vectors, h the unit half vector of v and l (Rusinkiewicz 1998), and
+ * d_v = |v − v'|, with d_l and d_h defined in the same way:
  *
  *   k = 1 + c₁ l·l'                                          albedo; a normal that is tilted
  *     + c₂ exp (−d_v / a₂ − d_l / b₂)                        the visible part of the relief
@@ -47,8 +47,8 @@ struct prediction_pairs {
     const struct vec3 *views, *lights;
     /* positions of camera and lamp; NULL if they are far away */
     const struct vec3 *views_mm, *lights_mm;
-    /* n_views · n_lights: pairs of the same number are taken together; NULL if each pair is taken
-     * separately */
+    /* n_views · n_lights: pairs with the same number are taken together, by one shot; NULL if each
+     * pair is taken separately */
     const int *groups;
 };
 
@@ -89,7 +89,7 @@ double prediction_error(const Prediction *prediction);
 double prediction_left_out_error(const Prediction *prediction);
 double prediction_left_out_share(const Prediction *prediction);
 
-/* A shot that may be captured: its pairs, and its price. */
+/* A shot that may be captured, with the pairs that it would measure and its price. */
 struct prediction_shot {
     const int *pairs;
     int n_pairs;

@@ -234,8 +234,8 @@ static int by_azimuth(const void *a, const void *b) {
 }
 
 /* Returns indices into measured of at most FIT_PAIRS pairs. Their views are those nearest in
- * azimuth to +x or +y, so that the pairs are as dense as all pairs. Two directions are used because
- * of brushed metal. */
+ * azimuth to +x or +y, so that the pairs are as dense as all pairs. Two azimuths are used, because
+ * brushed metal looks different in them. */
 static int *fit_pairs(const Prediction *prediction, int *ret_n) {
     const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
     g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);

@@ -1,4 +1,5 @@
-/* Shared by the files of prediction.h. */
+/* The struct and the functions that prediction.c, prediction_choose.c, prediction_kernel.c and
+ * prediction_mean.c share. */
 #pragma once
 
 #include "base/robust.h"
@@ -81,8 +82,8 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, const double
 
 /* Computes the errors e = y_B − ŷ_B of rows (n_rows × m) when the pairs of each group B are left
  * out together, and their variances without s². e_B = (K⁻¹_BB)⁻¹ (K⁻¹ y)_B, with variances the
- * diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2, for more than one). inverse is K⁻¹,
- * m × m, symmetric; ret_errors is n_rows × m; ret_variances has m values. */
+ * diagonal of (K⁻¹_BB)⁻¹ (Rasmussen and Williams 2006, §5.4.2, extended to groups of more than one
+ * pair). inverse is K⁻¹, m × m, symmetric; ret_errors is n_rows × m; ret_variances has m values. */
 void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances);
