@@ -4,12 +4,13 @@
 #include <string.h>
 
 /* cells of the sample in each dimension; counts per cell show how evenly it is covered */
-#define GRID   16
-#define EVENLY 0.1 /* weight of even coverage, relative to mean and variance of a picture */
-#define TRIES  24  /* number of positions of a centre that are tried */
-#define SWEEPS 3   /* number of times that each centre is placed again when all are placed */
-/* factor of the range in which centres are drawn before they are clamped, so that some are at its
- * ends */
+#define GRID 16
+/* weight of even coverage in endless_cost(); mean and variance of a picture weigh 1 */
+#define EVENLY 0.1
+#define TRIES  24 /* number of positions of a centre that are tried */
+#define SWEEPS 3  /* number of times that each centre is placed again when all are placed */
+/* factor of the range in which centres are drawn before they are clamped, so that some centres are
+ * at the ends of the range */
 #define SPREAD 1.3
 #define SEED   0x656e646cu
 

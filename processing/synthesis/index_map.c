@@ -67,75 +67,87 @@ gboolean index_map_write(const char *path, const struct index_map *map, GError *
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-static gboolean fail(const char *path, GError **error, const char *what) {
+G_GNUC_PRINTF(3, 4)
+static gboolean fail(const char *path, GError **error, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *what = g_strdup_vprintf(format, list);
+    va_end(list);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid index map: %s; synthesize it again", path, what);
+                "%s: this is not a valid index map: %s; synthesize the map again", path, what);
     return FALSE;
 }
 
-/* Reads a level from its part, whose size is checked. Returns a description of the defect, or NULL
- * if there is none. */
-static const char *take(struct index_map *map, const struct exr_part *part, int level) {
+/* Reads a level from its part. Checks the size of the part and all texels. */
+static gboolean take(struct index_map *map, const struct exr_part *part, int level,
+                     const char *path, GError **error) {
     const int most[] = {map->sample_width, map->sample_height};
     const float *planes[] = {exr_part_plane(part, "X"), exr_part_plane(part, "Y")};
     const gsize n = (gsize)part->width * (gsize)part->height;
+    const int width = index_map_size(map->width, level);
+    const int height = index_map_size(map->height, level);
     if (!planes[0] || !planes[1])
-        return "a channel X or Y is missing";
-    if (part->width != index_map_size(map->width, level) ||
-        part->height != index_map_size(map->height, level))
-        return "the size of a level is not half the size of the level before it";
+        return fail(path, error, "part \"%s\" lacks channel %s", part->name, planes[0] ? "Y" : "X");
+    if (part->width != width || part->height != height)
+        return fail(path, error, "part \"%s\" has %d × %d texels, but must have %d × %d",
+                    part->name, part->width, part->height, width, height);
     if (level > 0)
         map->levels[level] = g_new0(guint16, 2 * n);
     for (gsize i = 0; i < 2 * n; i++) {
         const float at = planes[i % 2][i / 2];
         if (!(at >= 0) || at >= (float)most[i % 2] || at != floorf(at))
-            return "it refers to a texel that the sample does not have";
+            return fail(path, error,
+                        "part \"%s\" refers to %s %g, but the sample has %d, counted from 0",
+                        part->name, i % 2 ? "row" : "column", (double)at, most[i % 2]);
         map->levels[level][i] = (guint16)at;
     }
-    return NULL;
+    return TRUE;
 }
 
-static struct index_map *of_head(const struct exr_part *part, const char **ret_what) {
+static struct index_map *of_head(const struct exr_part *part, const char *path, GError **error) {
     const char *kind = NULL, *method = NULL;
     int width = 0, height = 0;
     double texel_mm = 0;
-    *ret_what = "its part \"index\" is missing, or its kind or method";
-    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0 ||
-        !exr_get_string(part, "mesorig.method", &method, NULL))
-        return NULL;
-    *ret_what = "its sizes are missing or out of range";
-    if (!exr_get_int(part, "sample_width", &width, NULL) ||
-        !exr_get_int(part, "sample_height", &height, NULL) ||
-        !exr_get_double(part, "texel_mm", &texel_mm, NULL) || width < 1 || height < 1 ||
-        width > INDEX_MAP_SAMPLE || height > INDEX_MAP_SAMPLE || !(texel_mm > 0) ||
-        !isfinite(texel_mm) || part->width > INDEX_MAP_MAX || part->height > INDEX_MAP_MAX)
-        return NULL;
-    *ret_what = NULL;
-    return index_map_new(part->width, part->height, width, height, texel_mm, method);
+    gboolean ok = FALSE;
+    if (!part)
+        fail(path, error, "part \"index\" is missing");
+    else if (!exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0)
+        fail(path, error, "mesorig.kind is not \"index\"");
+    else if (!exr_get_string(part, "mesorig.method", &method, NULL))
+        fail(path, error, "mesorig.method is missing");
+    else if (!exr_get_int(part, "sample_width", &width, NULL) ||
+             !exr_get_int(part, "sample_height", &height, NULL) || width < 1 || height < 1 ||
+             width > INDEX_MAP_SAMPLE || height > INDEX_MAP_SAMPLE)
+        fail(path, error, "sample_width and sample_height are not two numbers of 1 to %d",
+             INDEX_MAP_SAMPLE);
+    else if (!exr_get_double(part, "texel_mm", &texel_mm, NULL) || !(texel_mm > 0) ||
+             !isfinite(texel_mm))
+        fail(path, error, "texel_mm is missing or not above 0");
+    else
+        ok = (part->width <= INDEX_MAP_MAX && part->height <= INDEX_MAP_MAX) ||
+             fail(path, error, "the map has %d × %d texels, but may have %d in each dimension",
+                  part->width, part->height, INDEX_MAP_MAX);
+    return ok ? index_map_new(part->width, part->height, width, height, texel_mm, method) : NULL;
 }
 
 struct index_map *index_map_read(const char *path, GError **error) {
     g_autoptr(ExrFile) file = exr_read(path, error);
-    const char *what = NULL;
     if (!file)
         return NULL;
-    g_autoptr(IndexMap) map = of_head(exr_file_part(file, KIND), &what);
-    if (!map) {
-        fail(path, error, what);
+    g_autoptr(IndexMap) map = of_head(exr_file_part(file, KIND), path, error);
+    if (!map)
         return NULL;
-    }
     const int n_levels = mip_parts_count(file, KIND, path, error);
     if (n_levels == 0)
         return NULL;
-    if (n_levels > INDEX_MAP_LEVELS)
-        what = "it has too many levels";
-    for (int k = 0; k < n_levels && !what; k++) {
-        g_autofree char *name = k > 0 ? g_strdup_printf("mip%d." KIND, k) : g_strdup(KIND);
-        what = take(map, exr_file_part(file, name), k);
-    }
-    if (what) {
-        fail(path, error, what);
+    if (n_levels > INDEX_MAP_LEVELS) {
+        fail(path, error, "the map has %d levels, but may have %d", n_levels, INDEX_MAP_LEVELS);
         return NULL;
+    }
+    for (int k = 0; k < n_levels; k++) {
+        g_autofree char *name = k > 0 ? g_strdup_printf("mip%d." KIND, k) : g_strdup(KIND);
+        if (!take(map, exr_file_part(file, name), k, path, error))
+            return NULL;
     }
     map->n_levels = n_levels;
     return g_steal_pointer(&map);

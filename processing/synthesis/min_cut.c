@@ -6,8 +6,10 @@
 struct min_cut {
     const float *costs, *turns;
     int length, width;
-    float *sums;   /* length × width */
-    gint8 *before; /* −1, 0 or +1: from which column of the row before each column is reached */
+    float *sums; /* length × width */
+    /* for each column of a row, the offset (−1, 0 or +1) of the column of the row before from which
+     * the path comes */
+    gint8 *before;
 };
 
 static float min_cut_step(const struct min_cut *c, int row, int from, int to) {

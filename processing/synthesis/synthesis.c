@@ -124,13 +124,14 @@ static gboolean check(const struct synthesis_options *options, const char *path,
     const int sides[] = {options->width, options->height};
     const int least = (int)MIN(layout->width, layout->height);
     if (least < MIN_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
-        return data_error_fail(
-            path, 0, error,
-            "the sample has %zu × %zu texels, but synthesis needs %d to %d in each dimension",
-            layout->width, layout->height, MIN_SAMPLE, INDEX_MAP_SAMPLE);
+        return data_error_fail(path, 0, error,
+                               "the sample has %zu × %zu texels, but synthesis needs %d to %d in "
+                               "each dimension; use another sample or another texel_mm",
+                               layout->width, layout->height, MIN_SAMPLE, INDEX_MAP_SAMPLE);
     for (int k = 0; k < 2 && options->method != SYNTHESIS_TILEABLE; k++)
         if (sides[k] < MIN_MAP || sides[k] > INDEX_MAP_MAX)
-            return data_error_fail(path, 0, error, "--size %dx%d: each must be %d to %d texels",
+            return data_error_fail(path, 0, error,
+                                   "--size %dx%d: each side must be %d to %d texels",
                                    options->width, options->height, MIN_MAP, INDEX_MAP_MAX);
     if (options->block != 0 && (options->block < 4 || options->block > least))
         return data_error_fail(path, 0, error,

@@ -50,9 +50,9 @@ struct index_map *synthesis_of_session(const char *path, gint64 memory,
                                        const struct work *work, struct synthesis_result *ret,
                                        GError **error);
 
-/* Makes the mip levels of a map from level 0. A block of level n is one of the blocks of level n −
- * 1 of which it consists, moved to the position of the new block so that it stays within the
- * sample. Of these candidates, the function chooses the block whose mean in the sample is nearest
- * to the mean of the texels in the map. The last level is the one in which a block has a quarter of
- * the sample's shorter side. */
+/* Makes the mip levels of a map from level 0. A block of level n covers up to four blocks of level
+ * n − 1. Each of these gives a candidate: the square of the sample that has this smaller block at
+ * the same place, moved so that it stays within the sample. The function chooses the candidate
+ * whose mean in the sample is nearest to the mean of the texels in the map. The last level is the
+ * one in which a block has a quarter of the sample's shorter side. */
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define TEXTONS     256 /* maximum number of textons */
-#define PER_TEXTON  8   /* minimum of the average number of texels of a texton */
+#define PER_TEXTON  8   /* minimum number of texels per texton, on average */
 #define MEANS_STEPS 12
 #define REACH       2 /* extent of a neighbourhood in each direction */
 #define SIDE        (2 * REACH + 1)
@@ -16,7 +16,7 @@
 #define LEVELS  4 /* maximum number of levels */
 /* minimum size of the sample at the coarsest level, in texels in each dimension */
 #define COARSEST 12
-#define JUMP     1.1F /* factor on the cost of a candidate that continues no neighbour */
+#define JUMP     1.1F /* the cost of a candidate that continues no neighbour is multiplied by this */
 
 struct texton_level {
     const struct texel_features *sample;
@@ -30,7 +30,7 @@ struct texton_level {
     int *similar; /* indices of SIMILAR texels for each texel; −1 if there are fewer */
 };
 
-/* The picture during its synthesis: places of step × step texels. */
+/* The picture during its synthesis, divided into places of step × step texels. */
 struct texton_picture {
     int width, height;
     int *at; /* 2 numbers per place: column and row in the sample; −1 if not filled yet */

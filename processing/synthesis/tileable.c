@@ -6,7 +6,7 @@
 #include "min_cut.h"
 
 #define SPARE        1.1F
-#define SPARE_INSIDE 0.01F /* tolerance, relative to the mean square of neighbours' distances */
+#define SPARE_INSIDE 0.01F /* tolerated mismatch, relative to inside() */
 #define OVERLAP      4     /* minimum ratio of a side to the width of its overlap */
 #define LEAST        3     /* minimum number of texels of an overlap */
 
@@ -77,7 +77,8 @@ static float cut_at(const struct tileable *t, int period, int overlap, int *ret_
     return sum / (float)t->length;
 }
 
-/* Returns the mean square of the distance between neighbours across the seam. */
+/* Returns the mean squared distance of the features of two texels that are neighbours across the
+ * direction of the seam, anywhere in the sample. */
 static float inside(const struct tileable *t) {
     double sum = 0;
     for (int across = 0; across + 1 < t->across; across++)

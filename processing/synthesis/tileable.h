@@ -7,10 +7,10 @@
 #include "index_map.h"
 #include "texel_features.h"
 
-/* Makes the part. The period is also chosen, in each dimension from half of the sample on. The
- * function chooses the longest period at whose cut the two pictures differ by at most 1.1 times the
- * minimum plus a hundredth of the neighbours' mean square distance. A material that has a period
- * gets a multiple of it.
+/* Makes the part, and chooses its period in each dimension. A period is at least half of the
+ * sample. The function chooses the longest period at whose cut the two pictures differ by at most
+ * 1.1 times the minimum over all periods plus a hundredth of the neighbours' mean square distance.
+ * A material that has a period gets a multiple of it.
  *
  * The cost of a cut between two columns is its visible effect: the step between the two texels that
  * become neighbours, plus half of the difference of both overlapping pictures there (Kwatra et al.
