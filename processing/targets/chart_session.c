@@ -37,9 +37,11 @@ GArray *chart_parse(const char *text, const char *path, GError **error) {
         if (*g_strstrip(line) == '\0')
             continue;
         if (!parse_line(line, &field)) {
-            g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
-                        "%s:%d: \"%s\" is not x_mm,y_mm,radius_mm,X,Y,Z with Y = 1 for white", path,
-                        i + 1, line);
+            g_set_error(
+                error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                "%s:%d: \"%s\" is not x_mm,y_mm,radius_mm,X,Y,Z: six numbers, radius_mm above 0, "
+                "and Y above 0 and below 2 with Y = 1 for white",
+                path, i + 1, line);
             return NULL;
         }
         g_array_append_val(fields, field);
@@ -80,11 +82,20 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
     for (guint i = 0; i < chart->lights->len; i++)
         if (off_45(chart->lights->pdata[i]) < least + NEAR_DEG)
             g_array_append_val(chart->near, i);
-    if (!view || !(view->theta_deg <= FARTHEST_DEG) || !(least <= FARTHEST_DEG)) {
-        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                    "%s: a chart is measured from above under light at 45°, but the session has no "
-                    "view within %.0f° of the normal, or no light within %.0f° of 45°",
-                    session_path(session), FARTHEST_DEG, FARTHEST_DEG);
+    if (!view || !(view->theta_deg <= FARTHEST_DEG)) {
+        g_set_error(
+            error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+            "%s: a chart is measured from above, but the session has no view within %.0f° of "
+            "the normal; plan such a view and capture it",
+            session_path(session), FARTHEST_DEG);
+        return FALSE;
+    }
+    if (!(least <= FARTHEST_DEG)) {
+        g_set_error(
+            error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+            "%s: a chart is measured under light at 45°, but the session has no light within "
+            "%.0f° of 45°; plan such a light and capture it",
+            session_path(session), FARTHEST_DEG);
         return FALSE;
     }
     g_autofree char *name = g_strdup_printf("products/btf/view_%04d.exr", view->index);
@@ -136,10 +147,10 @@ gboolean chart_session(Session *session, const GArray *fields, struct colour_pat
         const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
         ok = measure_field(&chart, field, &ret[i]);
         if (!ok)
-            g_set_error(
-                error, COLOUR_ERROR, COLOUR_ERROR_FILE,
-                "patch %u at %g, %g mm contains no texel of the session's sample of %g × %g mm",
-                i + 1, field->x_mm, field->y_mm, chart.grid.width_mm, chart.grid.height_mm);
+            g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                        "patch %u at %g, %g mm contains no texel of the session's sample of %g × "
+                        "%g mm; correct the position or the radius of the patch",
+                        i + 1, field->x_mm, field->y_mm, chart.grid.width_mm, chart.grid.height_mm);
     }
     g_array_unref(chart.near);
     g_clear_pointer(&chart.views, g_ptr_array_unref);

@@ -20,14 +20,21 @@ static struct exr_part *read_raw(const char *path, const struct rig_camera *came
     struct exr_part *part = exr_read_part(path, "frame", error);
     if (part && exr_get_double(part, "mesorig.exposure_us", ret_us, error) &&
         exr_get_int(part, "mesorig.bits", ret_bits, error)) {
-        if (part->width == camera->width && part->height == camera->height && *ret_bits >= 8 &&
-            *ret_bits <= 16 && exr_part_plane(part, "Y"))
+        if (part->width != camera->width || part->height != camera->height)
+            g_set_error(
+                error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                "%s: the frame has %d × %d pixels, but camera %s has %d × %d; capture it again",
+                path, part->width, part->height, camera->name, camera->width, camera->height);
+        else if (*ret_bits < 8 || *ret_bits > 16)
+            g_set_error(
+                error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                "%s: the frame has %d bits per pixel, but must have 8 to 16; capture it again",
+                path, *ret_bits);
+        else if (!exr_part_plane(part, "Y"))
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                        "%s: the frame lacks channel Y; capture it again", path);
+        else
             return part;
-        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "%s: it has %d × %d pixels of %d bits, but camera %s needs %d × %d pixels of 8 "
-                    "to 16 bits, in channel Y",
-                    path, part->width, part->height, *ret_bits, camera->name, camera->width,
-                    camera->height);
     }
     exr_part_free(part);
     return NULL;

@@ -10,7 +10,7 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-/* maximum reflectance of a fiducial; above 1 because level and colour have errors */
+/* maximum reflectance of a fiducial; above 1, because the measured level and colour have errors */
 #define MAX_WHITE 1.1
 /* an aim that deviates so much from the nominal aim is doubted */
 #define ASIDE_RAD (8 * G_PI / 180)
@@ -338,8 +338,9 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
 /* Fits the cells of all frames and stores the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
-        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture can be used: %s",
-                    run->rejected->len ? (char *)run->rejected->pdata[0] : "");
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                    "%s: no picture can be used; the first: %s", session_path(run->session),
+                    run->rejected->len ? (char *)run->rejected->pdata[0] : "none");
         return FALSE;
     }
     struct calibration *to = run->calibration;
@@ -393,7 +394,8 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     fiducials_measure(&scene, cfa, mosaic, seen);
-    /* divide by the lamp's output in this shot, so that only the fiducial's white is left */
+    /* divide each signal by the lamp's output in its shot, so that only the fiducial's white is
+     * left */
     for (guint k = first; k < seen->len; k++) {
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];

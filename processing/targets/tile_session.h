@@ -17,8 +17,9 @@ struct tile_options {
 };
 
 struct tile_result {
-    int pictures, cells;
-    double residual, quality;         /* relative RMS residual; χ² per degree of freedom */
+    int pictures, cells; /* numbers of pictures and of cells in the fit */
+    double residual,
+        quality; /* RMS residual of the fit, relative to the signal; χ² per degree of freedom */
     double expected;                  /* relative residual that noise explains */
     double exponent_off, aim_off_rad; /* RMS of the lamps' deviations, as in struct tile_fit */
     /* maximum minus minimum output over all shots, relative to the mean of each lamp */
