@@ -262,10 +262,11 @@ static gboolean check_grid(const struct direction_list *list, int n_grid, gboole
             const double theta = (double)list->theta_deg[i], phi = (double)list->phi_deg[i];
             if (isfinite(theta) && isfinite(phi) && fabs(theta) <= 90)
                 continue;
-            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "%zu of the %s, counted from 0, has the direction θ %g°, φ %g°; a grid of "
-                        "directions needs finite angles and θ up to 90°",
-                        i, what, theta, phi);
+            g_set_error(
+                error, DATA_ERROR, DATA_ERROR_INVALID,
+                "direction %zu of the %s, counted from 0, is θ %g°, φ %g°; a grid of directions "
+                "needs finite angles and θ up to 90°",
+                i, what, theta, phi);
             return FALSE;
         }
         return TRUE;

@@ -493,7 +493,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     if (n_lights > 0 && ret->n_views == 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: the plan leaves out more than %g %% of each view's pictures under the %d "
-                    "lights, so that no BTF can be made; plan a capture with more of them",
+                    "lights, so that no BTF can be made; plan a capture with more pictures",
                     session_path(run->session), 100 * BTF_MAX_MISSING, n_lights);
         return FALSE;
     }

@@ -141,7 +141,8 @@ struct index_map *index_map_read(const char *path, GError **error) {
     if (n_levels == 0)
         return NULL;
     if (n_levels > INDEX_MAP_LEVELS) {
-        fail(path, error, "the map has %d levels, but may have %d", n_levels, INDEX_MAP_LEVELS);
+        fail(path, error, "the map has %d levels, but may have at most %d", n_levels,
+             INDEX_MAP_LEVELS);
         return NULL;
     }
     for (int k = 0; k < n_levels; k++) {

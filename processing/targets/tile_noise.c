@@ -21,18 +21,19 @@ static struct exr_part *read_raw(const char *path, const struct rig_camera *came
     if (part && exr_get_double(part, "mesorig.exposure_us", ret_us, error) &&
         exr_get_int(part, "mesorig.bits", ret_bits, error)) {
         if (part->width != camera->width || part->height != camera->height)
-            g_set_error(
-                error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                "%s: the frame has %d × %d pixels, but camera %s has %d × %d; capture it again",
-                path, part->width, part->height, camera->name, camera->width, camera->height);
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                        "%s: the frame has %d × %d pixels, but camera %s has %d × %d; capture the "
+                        "frame again",
+                        path, part->width, part->height, camera->name, camera->width,
+                        camera->height);
         else if (*ret_bits < 8 || *ret_bits > 16)
-            g_set_error(
-                error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                "%s: the frame has %d bits per pixel, but must have 8 to 16; capture it again",
-                path, *ret_bits);
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                        "%s: the frame has %d bits per pixel, but must have 8 to 16; capture the "
+                        "frame again",
+                        path, *ret_bits);
         else if (!exr_part_plane(part, "Y"))
             g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                        "%s: the frame lacks channel Y; capture it again", path);
+                        "%s: the frame lacks channel Y; capture the frame again", path);
         else
             return part;
     }

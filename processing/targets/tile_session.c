@@ -339,8 +339,10 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                    "%s: no picture can be used; the first: %s", session_path(run->session),
-                    run->rejected->len ? (char *)run->rejected->pdata[0] : "none");
+                    "%s: none of the %u pictures can be used; the first is rejected: %s",
+                    session_path(run->session), run->frames->len,
+                    run->rejected->len > 0 ? (char *)run->rejected->pdata[0]
+                                           : "no reason is known");
         return FALSE;
     }
     struct calibration *to = run->calibration;
