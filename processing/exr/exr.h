@@ -81,7 +81,7 @@ struct exr_file *exr_file_new(void);
 void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
 void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrFile, exr_file_free)
-/* Returns NULL if there is no such part. */
+/* Returns the part with this name, or NULL if the file has no such part. */
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name);
 
 /* Writes a file. In half parts, values beyond ±65504 are written as ±65504 and NaN as NaN. With

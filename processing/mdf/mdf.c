@@ -184,8 +184,8 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-/* Returns |s · (c × e)| / 6, with s, c, e: source, camera, far end of the line relative to its near
- * end. */
+/* Returns |s · (c × e)| / 6, where s, c and e are the positions of the laser's source, of the
+ * camera and of the far end of the line, all relative to the near end of the line. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);

@@ -336,7 +336,7 @@ gboolean textons_synthesize(const struct texel_features *features, guint32 seed,
     GRand *random = g_rand_new_with_seed(seed);
     gboolean good = TRUE;
     for (int k = n_levels - 1; good && k >= 0; k--) {
-        /* One additional pass fills the picture. */
+        /* The coarsest level gets one more pass, because its first pass fills the picture. */
         good = texton_level_run(features, 1 << k, k == n_levels - 1 ? PASSES + 1 : PASSES, random,
                                 work, &picture, error);
         if (k > 0)
