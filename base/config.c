@@ -65,7 +65,9 @@ static gboolean G_GNUC_PRINTF(4, 5)
 /* Adds a section. text is the trimmed text between the brackets. */
 static gboolean add_section(Config *config, const char *text, int line, GError **error) {
     if (!*text || strpbrk(text, "[]"))
-        return syntax_error(error, config, line, "a section is written as [class] or [class name]");
+        return syntax_error(
+            error, config, line,
+            "\"[%s]\" is not the heading of a section: write [class] or [class name]", text);
     const gsize class_length = strcspn(text, " \t");
     const char *rest = text + class_length + strspn(text + class_length, " \t");
     g_autofree char *class_name = g_strndup(text, class_length);
@@ -98,7 +100,9 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     static const char key_characters[] = G_CSET_A_2_Z G_CSET_a_2_z G_CSET_DIGITS "_-.";
     const struct config_section *section = last_section(config);
     if (!section)
-        return syntax_error(error, config, line, "there is text before the first [section]");
+        return syntax_error(
+            error, config, line,
+            "this line comes before the first [section]: move it into a section, or remove it");
     char *equals = strchr(text, '=');
     if (!equals)
         return syntax_error(error, config, line,
@@ -107,13 +111,14 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     *equals = '\0';
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
     if (!*key || key[strspn(key, key_characters)])
-        return syntax_error(error, config, line,
-                            "[%s]: the text before '=' is not a key: a key has only letters, "
-                            "digits, '_', '-' and '.'",
-                            section->group);
+        return syntax_error(
+            error, config, line,
+            "[%s]: \"%s\" is not a key: a key consists of letters, digits, '_', '-' and '.'",
+            section->group, key);
     const struct entry *before = g_hash_table_lookup(section->entries, key);
     if (before)
-        return syntax_error(error, config, line, "[%s] %s: was given before, in line %d",
+        return syntax_error(error, config, line,
+                            "[%s] %s: was given before, in line %d: remove one of the two",
                             section->group, key, before->line);
     struct entry *entry = g_new0(struct entry, 1);
     entry->value = g_strdup(value);
@@ -132,13 +137,17 @@ static gboolean parse_line(Config *config, char *text, int line, GError **error)
         return TRUE;
     for (const char *c = text; *c; c++)
         if (g_ascii_iscntrl(*c) && *c != '\t')
-            return syntax_error(error, config, line, "there is a control character (%d)", *c);
+            return syntax_error(
+                error, config, line,
+                "this line contains the control character with the number %d: remove it", *c);
     if (*text != '[')
         return add_entry(config, text, line, error);
     const gsize length = strlen(text);
     if (text[length - 1] != ']')
         return syntax_error(error, config, line,
-                            "the section's ']' is missing, or text follows it");
+                            strchr(text, ']')
+                                ? "text follows the ']' of the heading: move it to the next line"
+                                : "the heading lacks its ']' at the end");
     text[length - 1] = '\0';
     return add_section(config, g_strstrip(text + 1), line, error);
 }
@@ -195,7 +204,9 @@ static gboolean do_parse(Config *config, gsize length) {
         return mistakes_add(config->mistakes, error);
     }
     if (strlen(text) != length) {
-        syntax_error(&error, config, line_at(text, text + strlen(text)), "there is a NUL byte");
+        syntax_error(
+            &error, config, line_at(text, text + strlen(text)),
+            "this line contains a NUL byte, so the file is not a text: copy the file again");
         return mistakes_add(config->mistakes, error);
     }
     if (g_str_has_prefix(text, INPUT_FILE_MARK))
@@ -284,9 +295,12 @@ Config *config_parse_checked(const char *text, const char *path, Mistakes *mista
     g_return_val_if_fail(text && path && mistakes, NULL);
     gsize length = strlen(text);
     if (length > MAX_BYTES) {
-        mistakes_add(mistakes,
-                     g_error_new(CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
-                                 "%s: longer than 1 MiB: this is not a configuration file", path));
+        mistakes_add(
+            mistakes,
+            g_error_new(CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
+                        "%s: the text has %" G_GSIZE_FORMAT
+                        " bytes, but a configuration file has at most 1 MiB: name another file",
+                        path, length));
         return NULL;
     }
     return config_new(g_strdup(text), length, path, mistakes);

@@ -22,7 +22,7 @@ GQuark config_error_quark(void); /* its errors carry details: base/error_details
 enum config_error {
     CONFIG_ERROR_SYNTAX,  /* the file is not a key file, or a section or key is given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
-    CONFIG_ERROR_MISSING, /* a required key is missing, or a section that another section names */
+    CONFIG_ERROR_MISSING, /* a required key, or a section that another section names, is missing */
     CONFIG_ERROR_VALUE,   /* a value is not a number, is out of range, or has the wrong unit */
 };
 
@@ -66,9 +66,8 @@ struct config_problem {
 /* Loads a file that may contain errors, for code that must work in any case (the safe state). A
  * line that cannot be understood is left out and listed in config_problems(). A heading that is
  * broken or repeated begins a new section, whose name contains the number of the line. A second
- * "driver" in a section also begins a new section. The class of that section is CONFIG_NO_HEADING,
- * and keys that stand above "driver" are not in it. The function fails only if the file cannot be
- * read. */
+ * "driver" in a section also begins a new section, whose class is CONFIG_NO_HEADING. Keys above
+ * that "driver" stay in the section before. The function fails only if the file cannot be read. */
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
@@ -76,8 +75,8 @@ Config *config_load_lenient(const char *path, GError **error);
  * Config owns it. For a Config that another function loaded, returns NULL, and *ret_n is 0. */
 const struct config_problem *config_problems(const Config *config, gsize *ret_n);
 
-/* The same as config_load() for a text in memory. path is used in messages and for relative
- * paths. */
+/* The same as config_load() for a text in memory. path names the text in messages, and relative
+ * paths in the text are relative to the folder of path. */
 Config *config_parse(const char *text, const char *path, GError **error);
 
 void config_free(Config *config); /* NULL is ignored */
@@ -95,9 +94,9 @@ const struct config_section *config_sections(const Config *config, gsize *ret_n)
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
-/* Returns the value of a key as text, or NULL if the section does not have the key. *ret_line is
- * set to the line of the key only if there is one; ret_line may be NULL. The Config owns the
- * text. */
+/* Returns the value of a key as text, or NULL if the section does not have the key. If the section
+ * has the key and ret_line is not NULL, *ret_line is set to the line of the key. The Config owns
+ * the text. */
 const char *config_value(const struct config_section *section, const char *key, int *ret_line);
 
 /* Returns all keys of a section in file order, NULL-terminated. The Config owns them. */

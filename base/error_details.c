@@ -3,7 +3,7 @@
 #include <string.h>
 
 struct details {
-    /* text is what and advice, joined for the message */
+    /* text is "WHAT; ADVICE" of what and advice, as the message shows it */
     char *file, *subject, *text, *what, *advice;
     int line;
 };

@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 /* Reads the process number of the holder from the lock file. Waits up to 1 s for it, because a
- * process that has just taken the lock writes its number a moment later. Returns 0 if there is
- * none. */
+ * process that has just taken the lock writes its number a moment later. Returns 0 if the file
+ * still contains no number then. */
 static glong read_holder(int fd) {
     const gint64 until_us = g_get_monotonic_time() + G_USEC_PER_SEC;
     glong holder = 0;
@@ -33,10 +33,10 @@ static int fail(const char *path, int fd, int saved, const char *what, GError **
         g_autofree char *process =
             holder > 0 ? g_strdup_printf("process %ld", holder) : g_strdup("another process");
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "%s: %s is writing %s; wait until it has ended", path, process, what);
+                    "%s: %s is writing %s; wait until that process has ended", path, process, what);
     } else
         g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),
-                    "%s: cannot be locked: %s", path, g_strerror(saved));
+                    "%s: the lock file cannot be made or locked: %s", path, g_strerror(saved));
     if (fd >= 0)
         close(fd);
     return -1;

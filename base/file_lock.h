@@ -14,8 +14,8 @@
 int file_lock_take(const char *path, const char *what, GError **error);
 
 /* Takes the lock for writing the file at path. *ret_lock is always set to PATH.lock; free it with
- * g_free(). When it has the lock, removes the unfinished files next to path that killed writers
- * have left. */
+ * g_free(). Once the lock is held, removes the unfinished files next to path that killed writers
+ * have left. Returns as file_lock_take() does. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 void file_lock_give(int lock, const char *path); /* −1 is ignored */

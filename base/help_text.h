@@ -15,8 +15,9 @@ void help_text_answer(GOptionContext *context, int argc, char **argv);
  * ends with a newline. Free it with g_free(). */
 char *help_text_row(const char *name, const char *description);
 
-/* Breaks the lines of GLib's help in the same way. A line of an example that is too long is broken
- * with "\", as a shell allows. Free the result with g_free(). */
+/* Lays out GLib's help for 80 columns: entries of lists as help_text_row() does, and other lines
+ * broken between words. A line of an example that is too long is broken with "\", as a shell
+ * allows. Free the result with g_free(). */
 char *help_text_lay_out(const char *help);
 
 G_END_DECLS

@@ -190,7 +190,8 @@ gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guin
         if (got == 0)
             return input_file_fail(
                 path, INPUT_FILE_ERROR_CUT, error,
-                "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT,
+                "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT
+                "; try again when no other program writes it",
                 offset + n);
         done += (gsize)got;
     }

@@ -28,8 +28,8 @@ enum input_file_error {
  * the code unfit. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
-/* Maximum number of pixels of a picture: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the
- * length of its file if that is more. No photograph compresses to less than two bits per pixel. */
+/* A picture may have INPUT_FILE_PIXELS pixels, or INPUT_FILE_PIXELS_PER_BYTE pixels for each byte
+ * of its file if that is more. No photograph compresses to less than two bits per pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 

@@ -8,7 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Suffixes of keys that give the unit. A suffix comes before its own endings (deg_s2, deg_s, s). */
+/* Suffixes of keys that give the unit. A suffix stands before every shorter suffix with which it
+ * ends, such as deg_s before s. */
 static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
                                     "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
                                     "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};
@@ -142,7 +143,7 @@ static char **split_list(const char *text, GError **error) {
     }
     for (guint i = 0; i < n; i++) {
         if (!*items[i]) {
-            value_error(error, "item %u of the list is empty", i + 1);
+            value_error(error, "item %u of the list \"%s\" is empty; remove one ';'", i + 1, text);
             return NULL;
         }
     }
@@ -235,7 +236,8 @@ static const char *unknown_key(const struct option_target *targets, gsize n_targ
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
                          "there is no such key; did you mean %s?", nearest.name);
     else
-        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
+                         "there is no such key in this section; remove it");
     return nearest.name;
 }
 
@@ -325,7 +327,7 @@ gboolean options_parse(const struct option *table, const struct config_section *
         return TRUE;
     if (mistakes_report(mistakes, error))
         config_set_error(error, CONFIG_ERROR_SYNTAX, section, NULL,
-                         "a line of this section was not understood");
+                         "a line of this section is not of the form \"key = value\"");
     return FALSE;
 }
 

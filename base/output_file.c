@@ -113,16 +113,16 @@ static gboolean is_png(const GByteArray *bytes) {
     return begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
 }
 
-/* Returns the bytes that mark the kind in a PNG, an EXR or another file. In a PNG and an EXR they
- * include a length. */
-static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
+/* Returns the bytes that mark the kind in a PNG, an EXR or another file. file has the first bytes
+ * of the file and shows its format. In a PNG and an EXR the mark includes a length. */
+static GByteArray *output_file_mark(const GByteArray *file, const char *kind) {
     GByteArray *mark = g_byte_array_new();
     const guint32 length = (guint32)strlen(kind);
-    if (is_png(of)) {
+    if (is_png(file)) {
         const guint32 all = GUINT32_TO_BE(length + (guint32)sizeof KIND);
         g_byte_array_append(mark, (const guint8 *)&all, sizeof all);
         g_byte_array_append(mark, (const guint8 *)"tEXt" KIND, sizeof "tEXt" KIND);
-    } else if (begins(of, EXR_MAGIC)) {
+    } else if (begins(file, EXR_MAGIC)) {
         const guint32 its = GUINT32_TO_LE(length);
         g_byte_array_append(mark, (const guint8 *)KIND "\0string", sizeof KIND "\0string");
         g_byte_array_append(mark, (const guint8 *)&its, sizeof its);

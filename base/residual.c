@@ -8,7 +8,7 @@ char *residual_warning(const struct residual *residual) {
     if (!(expected > 0) || value <= RESIDUAL_LIMIT * expected)
         return NULL;
     return g_strdup_printf(
-        "%s fits to %.3g%s%s, where noise explains only %.3g%s%s; possible causes: %s",
+        "%s fits with an error of %.3g%s%s, but noise explains only %.3g%s%s; possible causes: %s",
         residual->of, value, *residual->unit ? " " : "", residual->unit, expected,
         *residual->unit ? " " : "", residual->unit, residual->causes);
 }

@@ -13,10 +13,11 @@ double robust_median(double *values, int n);
 double robust_spread(const double *values, int n, double middle);
 
 /* Returns the weight of a residual by Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685
- * · scale), and 0 for |u| ≥ 1. */
+ * · scale), and 0 for |u| ≥ 1. scale is the standard deviation of the residuals without
+ * outliers. */
 double robust_biweight(double residual, double scale);
 
 /* Returns the posterior mean of a value, seen · known² / (known² + error²). seen is the measured
- * value, and error its standard error. The prior is a normal distribution with mean 0 and standard
- * deviation known. */
+ * value, and error its standard error. The prior is a normal distribution whose mean is 0 and whose
+ * standard deviation is the parameter “known”. */
 double robust_shrink(double seen, double error, double known);

@@ -91,7 +91,8 @@ static gboolean take_head(TextTable *table, GPtrArray *fields, int line, GError 
             return data_error_fail(table->path, line, error,
                                    "column %u has no name; name it, or remove it", i + 1);
         if (g_ptr_array_find_with_equal_func(fields, fields->pdata[i], g_str_equal, &at) && at < i)
-            return data_error_fail(table->path, line, error, "there are two columns “%s”",
+            return data_error_fail(table->path, line, error,
+                                   "there are two columns “%s”; rename or remove one of them",
                                    (char *)fields->pdata[i]);
     }
     table->names = g_ptr_array_ref(fields);
@@ -128,7 +129,9 @@ static gboolean take_line(TextTable *table, const char *text, int line, GError *
         table->separator = find_separator(text);
     g_autoptr(GPtrArray) fields = split(text, table->separator);
     if (!fields)
-        return data_error_fail(table->path, line, error, "a quote is not closed");
+        return data_error_fail(
+            table->path, line, error,
+            "a field begins with a double quote, but none ends it; add the second quote");
     return table->names ? take_row(table, fields, line, error)
                         : take_head(table, fields, line, error);
 }
@@ -144,13 +147,17 @@ TextTable *text_table_read(const char *path, GError **error) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
         return NULL;
     }
-    gboolean ok = g_utf8_validate(text, -1, NULL) ||
-                  data_error_fail(path, 0, error, "it is not a text table in UTF-8");
+    gboolean ok =
+        g_utf8_validate(text, -1, NULL) ||
+        data_error_fail(path, 0, error, "the table is not a text in UTF-8; save it as UTF-8");
     g_auto(GStrv) lines = text_table_lines(text);
     for (int i = 0; ok && lines[i]; i++)
         ok = take_line(table, lines[i], i + 1, error);
-    if (ok && table->rows->len == 0)
-        ok = data_error_fail(path, 0, error, "the table has no rows");
+    if (ok && !table->names)
+        ok = data_error_fail(path, 0, error,
+                             "the table is empty; its first line must name the columns");
+    else if (ok && table->rows->len == 0)
+        ok = data_error_fail(path, 0, error, "the table has no rows below its header line");
     return ok ? g_steal_pointer(&table) : NULL;
 }
 
@@ -187,7 +194,8 @@ gboolean text_table_check_columns(const TextTable *table, const char *const *kno
             nearest_consider(&nearest, *other);
         if (nearest.name)
             return data_error_fail(table->path, table->head_line, error,
-                                   "there is no column “%s”; did you mean %s?", name, nearest.name);
+                                   "the column “%s” is not known; did you mean “%s”?", name,
+                                   nearest.name);
         g_autofree char *all = g_strjoinv(", ", (char **)known);
         return data_error_fail(table->path, table->head_line, error,
                                "the column “%s” is not known; remove it. The columns are %s", name,

@@ -117,23 +117,26 @@ struct wrong {
 };
 
 static const struct wrong wrong_files[] = {
-    {"id = 1\n[rig]\n", CONFIG_ERROR_SYNTAX, "r.conf:1: there is text before the first [section]"},
+    {"id = 1\n[rig]\n", CONFIG_ERROR_SYNTAX,
+     "r.conf:1: this line comes before the first [section]: move it into a section, or remove it"},
     {"[rig]\n[rig]\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig] was given before, in line 1: merge the two"},
     {"[axis a]\n[axis\ta]\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [axis\ta] was given before, in line 1: merge the two"},
-    {"[rig]\na=1\n\na=2\n", CONFIG_ERROR_SYNTAX, "r.conf:4: [rig] a: was given before, in line 2"},
-    {"[rig\n", CONFIG_ERROR_SYNTAX, "r.conf:1: the section's ']' is missing, or text follows it"},
+    {"[rig]\na=1\n\na=2\n", CONFIG_ERROR_SYNTAX,
+     "r.conf:4: [rig] a: was given before, in line 2: remove one of the two"},
+    {"[rig\n", CONFIG_ERROR_SYNTAX, "r.conf:1: the heading lacks its ']' at the end"},
     {"[rig] x\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:1: the section's ']' is missing, or text follows it"},
-    {"[]\n", CONFIG_ERROR_SYNTAX, "r.conf:1: a section is written as [class] or [class name]"},
+     "r.conf:1: text follows the ']' of the heading: move it to the next line"},
+    {"[]\n", CONFIG_ERROR_SYNTAX,
+     "r.conf:1: \"[]\" is not the heading of a section: write [class] or [class name]"},
     {"[rig]\nwords\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig]: this line is neither \"key = value\" nor a [section]"},
     {"[rig]\n= 3\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:2: [rig]: the text before '=' is not a key: a key has only letters, digits, '_', '-' "
-     "and '.'"},
+     "r.conf:2: [rig]: \"\" is not a key: a key consists of letters, digits, '_', '-' and '.'"},
     {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: this line is not text in UTF-8"},
-    {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: there is a control character (1)"},
+    {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX,
+     "r.conf:2: this line contains the control character with the number 1: remove it"},
 };
 
 TEST(wrong_files) {
@@ -160,7 +163,7 @@ static const struct wrong wrong_values[] = {
     {GIVEN "wrap = yes", CONFIG_ERROR_UNKNOWN,
      "r.conf:3: [axis a] wrap: there is no such key; did you mean wraps?"},
     {GIVEN "colour_of_the_bike_shed = red", CONFIG_ERROR_UNKNOWN,
-     "r.conf:3: [axis a] colour_of_the_bike_shed: there is no such key here"},
+     "r.conf:3: [axis a] colour_of_the_bike_shed: there is no such key in this section; remove it"},
     {GIVEN "settle_ms = nan", CONFIG_ERROR_VALUE,
      "r.conf:3: [axis a] settle_ms: \"nan\" is not a number (its unit is ms; write only the "
      "number)"},
@@ -257,7 +260,9 @@ TEST(load) {
     g_assert_cmpstr(config_value(config_find(config, "rig", NULL), "id", NULL), ==, "x");
     g_assert_null(load_bytes("[rig]\nid = \0\n", 13, &error));
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX);
-    g_assert_true(g_str_has_suffix(error->message, ":2: there is a NUL byte"));
+    g_assert_true(g_str_has_suffix(
+        error->message,
+        ":2: this line contains a NUL byte, so the file is not a text: copy the file again"));
     g_clear_error(&error);
 
     gsize size = 1024 * 1024;

@@ -20,7 +20,8 @@ TEST(excess) {
     const struct residual worse = {"the sheet of “left”", 0.07, 0.03, "mm",
                                    "a bent sheet, speckle"};
     g_autofree char *said = residual_warning(&worse);
-    g_assert_cmpstr(said, ==,
-                    "the sheet of “left” fits to 0.07 mm, where noise explains only 0.03 mm; "
-                    "possible causes: a bent sheet, speckle");
+    g_assert_cmpstr(
+        said, ==,
+        "the sheet of “left” fits with an error of 0.07 mm, but noise explains only 0.03 mm; "
+        "possible causes: a bent sheet, speckle");
 }

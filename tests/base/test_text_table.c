@@ -66,9 +66,9 @@ TEST(refused) {
         {"a,b\nx,\"0,25\"\n", "“0,25” in column b is not a number; write a decimal point"},
         {"a;b\nx;1.234,5\n", "“1.234,5” in column b is not a number"},
         {"a,,b\nx,y,z\n", "table.csv:1: column 2 has no name"},
-        {"a,a\nx,y\n", "table.csv:1: there are two columns “a”"},
-        {"a,b\n\"x,y\n", "table.csv:2: a quote is not closed"},
-        {"a,b\n,\n", "the table has no rows"},
+        {"a,a\nx,y\n", "table.csv:1: there are two columns “a”; rename or remove one of them"},
+        {"a,b\n\"x,y\n", "table.csv:2: a field begins with a double quote, but none ends it"},
+        {"a,b\n,\n", "the table has no rows below its header line"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++)
         refused(bad[i][0], strlen(bad[i][0]), bad[i][1]);
@@ -83,9 +83,10 @@ TEST(refused) {
 TEST(columns) {
     static const char *const known[] = {"file", "exposure_ms", "black_level", NULL};
     static const char *const bad[][2] = {
-        {"exposure", "table.csv:1: there is no column “exposure”; did you mean exposure_ms?"},
-        {"Exposure_ms", "did you mean exposure_ms?"},
-        {"blacklevel", "did you mean black_level?"},
+        {"exposure",
+         "table.csv:1: the column “exposure” is not known; did you mean “exposure_ms”?"},
+        {"Exposure_ms", "did you mean “exposure_ms”?"},
+        {"blacklevel", "did you mean “black_level”?"},
         {"operator",
          "the column “operator” is not known; remove it. The columns are file, exposure_ms, "
          "black_level"},

@@ -105,7 +105,7 @@ TEST(table) {
         {"of,theta_deg,phi_deg\nboth,,2\n", ":2: "},
         {"of,theta_deg,phi_deg\nboth,10,2\nview,10,362\n", ":3: the view θ 10°, φ 362° repeats"},
         {"of,theta_deg,phi_deg\nview,10,2\n", "the table has no light; add"},
-        {"", "the table has no rows"}};
+        {"", "the table is empty"}};
     g_autofree char *path = g_build_filename(near_folder, "table.csv", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autoptr(GError) error = NULL;

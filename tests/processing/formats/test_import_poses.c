@@ -214,12 +214,12 @@ TEST(bad) {
         values[i] = NAN;
     write_grey(dir, "nan.exr", values);
 #define HEAD "file,camera,lamp,laser,turntable_deg,arc_deg,sweep_deg\n"
-    assert_refused(dir, "", "the table has no rows");
+    assert_refused(dir, "", "the table is empty; its first line must name the columns");
     assert_refused(dir, "file,camera\na.exr,cam30\n",
                    "the header line lacks the column lamp or laser");
     assert_refused(dir, "file,file\n", "poses.csv:1: there are two columns “file”");
     assert_refused(dir, "file,camera,lamp,exposure\na.exr,cam30,lamp30,2\n",
-                   "poses.csv:1: there is no column “exposure”; did you mean exposure_ms?");
+                   "poses.csv:1: the column “exposure” is not known; did you mean “exposure_ms”?");
     assert_refused(dir, HEAD "a.exr,cam30\n",
                    "poses.csv:2: this line has 2 fields, but the header line has 7");
     assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");

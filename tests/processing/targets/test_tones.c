@@ -278,7 +278,7 @@ TEST(soiled) {
     g_autoptr(Calibration) found = calibrate(folder, &effect, &result);
     show(found, &result);
     g_autofree char *told = process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, conf);
-    assert_has(told, "warning: the tile fits to ");
+    assert_has(told, "warning: the tile fits with an error of ");
     assert_has(told, "possible causes: a tile that is not even or not clean");
     g_assert_cmpfloat(found->parts[CALIBRATION_RADIOMETRY].residual_expected, >, 0);
     g_assert_cmpfloat(found->camera_radiometry[0].excess, >, 0.002);
