@@ -36,8 +36,8 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
-    /* The axis should stand but has not confirmed it, because its last motion ended in a fault or a
-     * stop has failed. The class stops it until it has confirmed. */
+    /* The axis should stand, but the device has not confirmed it, because the last motion ended in
+     * a fault or a "stop" has failed. The class repeats "stop" until the device confirms it. */
     gboolean doubt;
     gboolean unsafe; /* a stop has failed; implies doubt */
     /* the driver has not reported the end of the motion; FALSE during settling */
@@ -107,10 +107,41 @@ static void axis_free(Axis *axis) {
     g_free(axis);
 }
 
+/* Checks what the driver's open() has written to axis->motion. */
+static gboolean check_motion(const Axis *axis, GError **error) {
+    const struct axis_motion *m = &axis->motion;
+    const struct {
+        const char *key;
+        double value;
+        gboolean above_0;
+    } values[] = {{"speed_deg_s", m->speed_deg_s, TRUE},    {"accel_deg_s2", m->accel_deg_s2, TRUE},
+                  {"backlash_deg", m->backlash_deg, FALSE}, {"settle_ms", m->settle_ms, FALSE},
+                  {"report_ms", m->report_ms, FALSE},       {"stamp_ms", m->stamp_ms, FALSE}};
+    for (gsize i = 0; i < G_N_ELEMENTS(values); i++)
+        if (!isfinite(values[i].value) || values[i].value < 0 ||
+            (values[i].above_0 && values[i].value == 0))
+            return device_error_set(
+                error, DEVICE_ERROR_RANGE, axis->device.who,
+                "its driver gives %s = %g, which is not a finite number %s 0" ERROR_ADVICE
+                "correct the section or the settings of the device",
+                values[i].key, values[i].value, values[i].above_0 ? "above" : "of at least");
+    if (m->report_ms > 0 && !axis->driver->turn)
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "its driver gives report_ms = %g, but cannot report positions during a "
+            "motion" ERROR_ADVICE "set report_ms = 0",
+            m->report_ms);
+    if (isfinite(m->min_deg) && isfinite(m->max_deg) && (m->wraps || m->min_deg < m->max_deg))
+        return TRUE;
+    return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                            "its limits are min_deg = %g and max_deg = %g" ERROR_ADVICE
+                            "make min_deg less than max_deg",
+                            m->min_deg, m->max_deg);
+}
+
 Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
                 const char *const *also, Clock *clock, GError **error) {
     Axis *axis = g_new0(Axis, 1);
-    const struct axis_motion *m = &axis->motion;
     axis->driver = driver;
     axis->park_deg = NAN;
     axis->state = g_new0(struct axis_state, 1);
@@ -119,19 +150,8 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
         axis_free(axis);
         return NULL;
     }
-    gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
-                      isfinite(m->backlash_deg) && isfinite(m->settle_ms) && isfinite(m->min_deg) &&
-                      isfinite(m->max_deg) && isfinite(m->report_ms) && isfinite(m->stamp_ms);
-    if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
-        m->settle_ms >= 0 && m->report_ms >= 0 && m->stamp_ms >= 0 &&
-        (m->report_ms == 0 || driver->turn) && (m->wraps || m->min_deg < m->max_deg))
+    if (check_motion(axis, error))
         return axis;
-    device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                     "one of its values is out of range: limits %g to %g°, speed %g°/s, "
-                     "acceleration %g°/s², backlash %g°, settle_ms %g, report_ms %g, stamp_ms "
-                     "%g" ERROR_ADVICE "correct its section",
-                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg,
-                     m->settle_ms, m->report_ms, m->stamp_ms);
     axis_close(axis);
     return NULL;
 }
@@ -214,8 +234,10 @@ static void on_deadline(gpointer data) {
     axis->state->deadline = 0;
     g_autoptr(GError) error = device_error_new(
         DEVICE_ERROR_TIMEOUT, axis->device.who,
-        "still %s at its deadline, last seen at %.3f°" ERROR_ADVICE "check drive and cable",
-        activity_name(axis), axis->driver->position(axis));
+        "still %s at its deadline, %.1f s after the command; the last position that the drive "
+        "has reported is %.3f°" ERROR_ADVICE "check drive and cable",
+        activity_name(axis), axis->state->predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S,
+        axis->driver->position(axis));
     if (axis->state->retrying)
         not_stopped(axis, error);
     else
@@ -366,10 +388,11 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     if (!check_move(axis, from + by_deg, error))
         return FALSE;
     if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)
-        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                                "it cannot turn by %g° at %g°/s: both must be above 0, and its "
-                                "speed is at most %g°/s",
-                                by_deg, speed_deg_s, motion->speed_deg_s);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "it cannot turn by %g° at %g°/s: the angle and the speed must be above 0, "
+            "and the speed at most speed_deg_s = %g",
+            by_deg, speed_deg_s, motion->speed_deg_s);
     state->activity = MOVING;
     state->turning = TRUE;
     state->another_leg = FALSE;

@@ -16,7 +16,7 @@ typedef struct Axis Axis;
 enum axis_event {
     AXIS_ARRIVED, /* the axis is at the target and stands still */
     AXIS_HOMED,   /* the axis is at its reference; its position is known from now on */
-    AXIS_STOPPED, /* the axis was stopped; its position stays known, except after a homing */
+    AXIS_STOPPED, /* the axis was stopped; its position stays known unless a homing was stopped */
     AXIS_PASSING, /* during axis_turn(): the driver has reported a position and its time */
     AXIS_FAULT,   /* error says what failed; the position is unknown until the next homing */
 };
@@ -28,11 +28,12 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
  * with a copy of the struct that AXIS_MOTION_OPTIONS has filled in the driver's private data. */
 struct axis_motion {
     double min_deg, max_deg; /* limits of the position, inclusive */
-    /* Turns without end: targets are taken modulo 360, and the shorter way is used. */
+    /* whether the axis turns without end: it then takes targets modulo 360, the shorter way */
     gboolean wraps;
     double speed_deg_s;  /* top speed, above 0 */
     double accel_deg_s2; /* above 0; also the deceleration */
-    /* At least 0. The class makes up for it by always arriving in the positive direction. */
+    /* Lost motion after a change of direction, at least 0. The class takes it up by always arriving
+     * in the positive direction. */
     double backlash_deg;
     double settle_ms; /* time from arrival until the load is still; the class waits for it */
     double homing_s;  /* duration of homing, for predictions; 0 if it is not known */
@@ -43,8 +44,9 @@ struct axis_motion {
 };
 
 /* The options of a motion, for a driver's table. The row for homing_s is AXIS_HOMING_OPTION, or the
- * driver's own. at is the offset of the struct axis_motion that the options fill. speed and accel
- * are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must give them. */
+ * driver's own. at is the offset of the struct axis_motion in the driver's private data. speed and
+ * accel are the defaults of speed_deg_s and accel_deg_s2; NULL means that the user must give
+ * them. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
@@ -71,8 +73,8 @@ struct axis_driver {
     struct driver_info info;
     /* Connects and fills axis->motion. Must not move the axis. */
     gboolean (*open)(Axis *axis, GError **error);
-    /* Stops the axis if it moves and releases the device. It tries to stop once. The class calls it
-     * once for every open() that succeeded. */
+    /* Stops the axis if it moves, with a single attempt, and releases the device. The class calls
+     * close() once for every open() that succeeded. */
     void (*close)(Axis *axis);
     /* Starts the homing. The axis must arrive in the positive direction. The driver then calls
      * axis_report() once. */
@@ -87,12 +89,12 @@ struct axis_driver {
      * open() must have set motion.report_ms and motion.stamp_ms. turn is NULL if the driver cannot
      * do this. */
     gboolean (*turn)(Axis *axis, double target_deg, double speed_deg_s, GError **error);
-    /* Stops the axis now. The driver ends a move or homing that is under way by
-     * axis_report(AXIS_STOPPED). It also calls axis_report(AXIS_STOPPED) for an axis that stands
-     * already, or that another program has started, after the device has reported that the axis
-     * stands. It calls axis_report(AXIS_FAULT) if the axis could not be stopped. "Stop" must not
-     * wait for a motion that has not been sent yet. A driver does not repeat a stop that failed,
-     * because the class does. */
+    /* Stops the axis now, including a motion that another program has started. The driver calls
+     * axis_report(AXIS_STOPPED) when the device has reported that the axis stands, also if the axis
+     * stood before. This ends a move or homing that is under way. The driver calls
+     * axis_report(AXIS_FAULT) if the axis could not be stopped. "Stop" must not wait for a motion
+     * that has not been sent yet. A driver does not repeat a stop that failed, because the class
+     * does. */
     gboolean (*stop)(Axis *axis, GError **error);
     /* Returns the position in degrees that the device last reported. Never blocks. */
     double (*position)(Axis *axis);
@@ -161,8 +163,8 @@ gboolean axis_stop(Axis *axis, GError **error);
 gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
-/* Returns whether the axis stands. DEVICE_TOLD means that it moves, or that an answer to "stop" is
- * due. DEVICE_UNSAFE means that "stop" has failed. */
+/* Returns DEVICE_SAFE if the axis stands, DEVICE_TOLD if it moves or if an answer to "stop" is due,
+ * and DEVICE_UNSAFE if the last "stop" has failed. */
 enum device_safety axis_safety(const Axis *axis);
 /* Returns TRUE until the event of the motion has been delivered. Settling is part of the motion. */
 gboolean axis_is_moving(const Axis *axis);
@@ -171,7 +173,7 @@ double axis_position_deg(Axis *axis);
 /* For drivers: reports the end of a homing, move or stop. Call it from the main loop's thread, but
  * not from within home() or move(). It takes ownership of error, which is NULL except for
  * AXIS_FAULT. A report that nobody waits for is ignored, except an AXIS_FAULT of an axis that
- * stood. The listener may close the axis, so do not use it after this call. */
+ * stood. The listener may close the axis, so a driver does not use the axis after this call. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
 /* For drivers whose controller moves one axis after another: says that the motion that was started
@@ -183,18 +185,18 @@ void axis_report_waiting(Axis *axis);
 void axis_report_position(Axis *axis, double deg, gint64 at_us);
 
 /* The same as axis_report_position(), for a driver that asks its device. The device reads its
- * position at some time between the request and the answer. The time is taken as the middle of the
- * two, with an error of at most half the time between them. If that error is larger than
- * motion.stamp_ms, nothing is reported. */
+ * position at some time between the request and the answer. The position is reported for the middle
+ * between these two times. The error of that time is at most half the time between request and
+ * answer. If it is larger than motion.stamp_ms, nothing is reported. */
 void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us);
 
 /* Returns the duration of a move in seconds, including backlash and settling. Returns 0 if from and
- * to are the same. The speed is trapezoidal: t = d/v + v/a, or 2 sqrt(d/a) if the top speed is not
- * reached. Pure function. */
+ * to are the same. A way of d degrees with top speed v and acceleration a takes d/v + v/a, or 2
+ * sqrt(d/a) if the top speed is not reached. Pure function. */
 double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
 
-/* Returns the angle that an axis needs to accelerate from 0 to a speed, or to brake: v²/2a. Pure
- * function. */
+/* Returns the angle v²/2a that an axis needs to accelerate with a from 0 to the speed v, or to
+ * brake from v. Pure function. */
 double axis_ramp_deg(const struct axis_motion *motion, double speed_deg_s);
 
 /* Returns the signed distance from one position to another, the shorter way round if the axis

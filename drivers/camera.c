@@ -7,7 +7,8 @@
 #define DEADLINE_READOUTS 3
 #define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
 
-/* Largest accepted error of a camera's time stamp that was converted to a time of the Clock. */
+/* Largest accepted error of the start and end of an exposure, which come from the camera's time
+ * stamp and are converted to the Clock's scale. */
 #define STAMP_TOLERANCE_US 1000
 
 #define N_SEEN     8
@@ -52,19 +53,36 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
 
 gboolean camera_open_finish(Camera *camera, GError **error) {
     const struct camera_format *f = &camera->format;
+    const char *who = camera->device.who;
     if (camera->driver->opened && !camera->driver->opened(camera, error))
         return FALSE;
-    if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
-        f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
-        f->readout_us >= 0 && f->trigger_us >= 0 && f->stamp_us >= -1 && isfinite(f->black_level))
-        return TRUE;
-    return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
-                            "one of the values that its driver reports is impossible: %d × %d "
-                            "pixels of %d bits, exposures %" G_GINT64_FORMAT " to %" G_GINT64_FORMAT
-                            " µs, read-out %" G_GINT64_FORMAT " µs, trigger %" G_GINT64_FORMAT
-                            " µs, time stamps ± %" G_GINT64_FORMAT " µs, black level %g",
-                            f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us,
-                            f->readout_us, f->trigger_us, f->stamp_us, f->black_level);
+    if (f->width < 1 || f->height < 1 || f->width > 65536 || f->height > 65536)
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, who,
+            "its driver reports frames of %d × %d pixels, but 1 to 65536 pixels are "
+            "possible in each direction" ERROR_ADVICE "correct the size in its section",
+            f->width, f->height);
+    if (f->bits < 1 || f->bits > 16)
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, who,
+            "its driver reports values of %d bits, but 1 to 16 bits are possible" ERROR_ADVICE
+            "correct the pixel format in its section",
+            f->bits);
+    if (f->min_exposure_us < 1 || f->min_exposure_us > f->max_exposure_us)
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
+                                "its driver reports exposures of %" G_GINT64_FORMAT
+                                " to %" G_GINT64_FORMAT " µs, which is not a range above 0",
+                                f->min_exposure_us, f->max_exposure_us);
+    if (f->readout_us < 0 || f->trigger_us < 0 || f->stamp_us < -1)
+        return device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
+                                "its driver reports a negative time: read-out %" G_GINT64_FORMAT
+                                " µs, delay of the trigger %" G_GINT64_FORMAT
+                                " µs, error of time stamps %" G_GINT64_FORMAT " µs",
+                                f->readout_us, f->trigger_us, f->stamp_us);
+    return isfinite(f->black_level) ||
+           device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
+                            "its driver reports the black level %g, which is not a finite number",
+                            f->black_level);
 }
 
 void camera_close(Camera *camera) {
@@ -90,11 +108,14 @@ static void notify(Camera *camera, enum camera_event event, Frame *frame, const 
 static gboolean check_not_waiting(const Camera *camera, GError **error) {
     if (!camera->state->waiting)
         return TRUE;
-    return device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
-                            "it still waits for the frame of its last trigger");
+    return device_error_set(
+        error, DEVICE_ERROR_BUSY, camera->device.who,
+        "it still waits for the frame of its last trigger, of shot %" G_GUINT64_FORMAT,
+        camera->state->shot);
 }
 
-/* Returns the exposure time of the camera's list that is nearest, or exposure_us without a list. */
+/* Returns the exposure time of the camera's list that is nearest to exposure_us. Returns
+ * exposure_us if the camera has no list. */
 static gint64 nearest_us(const Camera *camera, gint64 exposure_us) {
     const struct camera_format *format = &camera->format;
     gint64 nearest = exposure_us;
@@ -210,7 +231,7 @@ gboolean camera_is_waiting(const Camera *camera) {
     return camera->state->waiting;
 }
 
-/* One step of the hash. For a given hash, different words give different results. The rotation
+/* Adds a word to a hash. For a given hash, different words give different results. The rotation
  * moves the highest bits of a word to a place from which the multiplication spreads them. */
 static inline guint64 hash_step(guint64 hash, guint64 word) {
     hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
@@ -269,12 +290,13 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
     gint64 took_us = frame->exposure_end_us - frame->exposure_start_us;
     if (frame->exposure_us != asked_us)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "its exposure time was set to %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT
-                      " µs",
+                      "it was exposed with the setting %" G_GINT64_FORMAT
+                      " µs instead of the requested %" G_GINT64_FORMAT " µs",
                       frame->exposure_us, asked_us);
     if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT " µs",
+                      "by its time stamps it was exposed for %" G_GINT64_FORMAT
+                      " µs instead of the requested %" G_GINT64_FORMAT " µs",
                       took_us, asked_us);
     if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
@@ -289,8 +311,9 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 ha
     const struct camera_format *format = &camera->format;
     if (frame->shot != state->shot)
         return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT, frame->shot,
-                      state->shot);
+                      "it belongs to shot %" G_GUINT64_FORMAT ", but shot %" G_GUINT64_FORMAT
+                      " was triggered",
+                      frame->shot, state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
         return refuse(camera, DEVICE_ERROR_STALE, error,
                       "it is an old frame: its frame id %" G_GUINT64_FORMAT
@@ -299,8 +322,9 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 ha
     if (frame->width != format->width || frame->height != format->height ||
         frame->cfa != format->cfa || frame->bits != format->bits)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it is %d × %d %s of %d bits, not %d × %d %s of %d bits", frame->width,
-                      frame->height, cfa_name(frame->cfa), frame->bits, format->width,
+                      "it has %d × %d pixels %s of %d bits, but the camera is set to %d × %d "
+                      "pixels %s of %d bits",
+                      frame->width, frame->height, cfa_name(frame->cfa), frame->bits, format->width,
                       format->height, cfa_name(format->cfa), format->bits);
     if (frame->incomplete)
         return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "some of its data was lost on the way");

@@ -11,7 +11,8 @@
 typedef struct Camera Camera;
 
 enum camera_event {
-    /* The exposure has ended: lamps and axes may change while the frame is read out. */
+    /* The exposure has ended. Lamps may be switched and axes may move while the frame is read
+     * out. */
     CAMERA_EXPOSED,
     CAMERA_FRAME, /* the frame has arrived and was checked */
     /* The frame is stale, repeated, incomplete or of the wrong size; error says which. The trigger
@@ -96,8 +97,8 @@ gboolean camera_can_expose(const Camera *camera, gint64 exposure_us);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
-/* Starts one exposure. Only one trigger may wait at a time. Each frame has its own shot number; a
- * retake has the number of the frame that it repeats. */
+/* Starts one exposure. Only one trigger may wait at a time. Each frame has another shot number,
+ * except that a retake has the number of the frame that it repeats. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera); /* for tests: whether a trigger waits */

@@ -32,8 +32,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Clock, clock_unref)
 gboolean clock_is_virtual(const Clock *clock);
 gint64 clock_now_us(const Clock *clock);
 
-/* Both call func once from the main loop, at a time or after a delay. If that time has passed,
- * func is called as soon as possible. They return an id for clock_cancel(), which is never 0. */
+/* Both functions call func once from the main loop, at a time or after a delay. A func that is
+ * already late is called as soon as possible. They return an id for clock_cancel(), which is never
+ * 0. */
 guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data);
 guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data);
 
@@ -49,8 +50,8 @@ void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
 
 /* For tests: asks threads that work in parallel to the main loop to hold a virtual clock while they
- * work. Without this call they do not hold it. With it, runs with the same devices have the same
- * events in the same order, and no work overlaps. It serves simulations that are replayed. Call it
- * before such threads begin to work. */
+ * work. Without this call they do not hold the clock. Afterwards, runs with the same devices have
+ * the same events in the same order, and no work of different threads overlaps. A simulation that
+ * is to be repeated exactly needs this. Call the function before such threads begin to work. */
 void clock_set_lockstep(Clock *clock);
 gboolean clock_is_lockstep(const Clock *clock);

@@ -24,7 +24,7 @@ enum device_error {
     DEVICE_ERROR_TIMEOUT, /* the device did not answer before its deadline */
     DEVICE_ERROR_DISCONNECTED, /* the device is no longer connected */
     DEVICE_ERROR_STALLED,      /* an axis did not reach its target */
-    DEVICE_ERROR_INTERLOCK,    /* the interlock forbids it */
+    DEVICE_ERROR_INTERLOCK,    /* the interlock forbids light or motion */
     DEVICE_ERROR_PROTOCOL,     /* the answer of the device is invalid, or reports a failure */
     /* A frame that was not exposed after its trigger, or that was seen before. */
     DEVICE_ERROR_STALE,
@@ -78,7 +78,7 @@ enum device_safety {
 /* Whether there is light, as far as this is known. */
 enum light {
     LIGHT_OFF, /* the last "off" was confirmed, and no "on" was sent since */
-    LIGHT_ON,  /* light is wanted, or the first "off" after it is on its way */
+    LIGHT_ON,  /* light is wanted, or an "off" was sent and is not answered yet */
     /* The light should be off, a command has failed, and no "off" was confirmed since. */
     LIGHT_UNSAFE,
 };

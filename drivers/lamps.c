@@ -42,11 +42,18 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
         lamps_free(bank);
         return NULL;
     }
-    if (bank->n < 1 || bank->n > MAX_LAMPS || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
+    const gboolean n_fits = bank->n >= 1 && bank->n <= MAX_LAMPS;
+    if (!n_fits)
         device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
-                         "%d lamps with a warm-up of %g s are out of range" ERROR_ADVICE
-                         "give 1 to " G_STRINGIFY(MAX_LAMPS) " lamps and a warm-up of 0 s or more",
-                         bank->n, bank->warm_up_s);
+                         "its driver reports %d lamps" ERROR_ADVICE
+                         "correct its section to 1 to " G_STRINGIFY(MAX_LAMPS) " lamps",
+                         bank->n);
+    else if (!isfinite(bank->warm_up_s) || bank->warm_up_s < 0)
+        device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
+                         "its driver reports a warm-up time of %g s" ERROR_ADVICE
+                         "correct its section to 0 s or more",
+                         bank->warm_up_s);
+    if (!n_fits || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
         lamps_close(bank);
         return NULL;
     }
@@ -70,7 +77,8 @@ void lamps_listen(LampBank *bank, LampsFunc func, gpointer data) {
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
     if (index < 0 || index >= bank->n)
         return device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
-                                "there is no lamp %d: its lamps are 0 to %d", index, bank->n - 1);
+                                "there is no lamp %d: the bank has the lamps 0 to %d", index,
+                                bank->n - 1);
     return (!on || device_ask_permit(&bank->device, error)) &&
            lights_set(bank->state->lights, index, on != FALSE, error);
 }

@@ -13,8 +13,8 @@
 typedef struct LampBank LampBank;
 
 /* index is -1 for lamps_all_off() and for lamps that were lost. error is NULL, or says why the
- * switch failed; it is valid during the call. at_us is the time when the switch took effect, from
- * which the warm-up counts. */
+ * switch failed; it is valid during the call. at_us is the time of the device's answer or of the
+ * failure. The warm-up counts from it. */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 
@@ -22,8 +22,8 @@ struct lamps_driver {
     struct driver_info info;
     /* Connects, fills bank->n and bank->warm_up_s, and leaves all lamps off. */
     gboolean (*open)(LampBank *bank, GError **error);
-    /* Switches all lamps off and then releases the device. It waits for the answer and tries
-     * once. */
+    /* Switches all lamps off with a single attempt, waits for the answer, and then releases the
+     * device. */
     void (*close)(LampBank *bank);
     /* Starts to switch a lamp. Index -1 with on FALSE means all lamps. The driver then calls
      * lamps_report() once, with an error unless the device has confirmed the new state. If set()

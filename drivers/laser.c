@@ -42,13 +42,18 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
         laser_free(laser);
         return NULL;
     }
-    if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0 || !isfinite(laser->watchdog_s) ||
-        laser->watchdog_s < 0) {
-        device_error_set(
-            error, DEVICE_ERROR_RANGE, laser->device.who,
-            "the warm-up of %g s or the watchdog of %g s is negative or not finite" ERROR_ADVICE
-            "correct its section",
-            laser->warm_up_s, laser->watchdog_s);
+    const gboolean warm_up_fits = isfinite(laser->warm_up_s) && laser->warm_up_s >= 0;
+    if (!warm_up_fits)
+        device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
+                         "its driver reports a warm-up time of %g s" ERROR_ADVICE
+                         "correct its section to 0 s or more",
+                         laser->warm_up_s);
+    else if (!isfinite(laser->watchdog_s) || laser->watchdog_s < 0)
+        device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
+                         "its driver reports a watchdog time of %g s" ERROR_ADVICE
+                         "correct its section to 0 s or more",
+                         laser->watchdog_s);
+    if (!warm_up_fits || !isfinite(laser->watchdog_s) || laser->watchdog_s < 0) {
         laser_close(laser);
         return NULL;
     }
@@ -102,10 +107,14 @@ void laser_guard(Laser *laser, Interlock *interlock) {
 gboolean laser_set(Laser *laser, gboolean on, GError **error) {
     const Interlock *guard = laser->state->guard;
     if (on && guard && !interlock_is_closed(guard))
-        return device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
-                                "it is not switched on, because the interlock %s is open or does "
-                                "not answer" ERROR_ADVICE "close it first",
-                                guard->device.name);
+        return device_error_set(
+            error, DEVICE_ERROR_INTERLOCK, laser->device.who,
+            interlock_is_lost(guard)
+                ? "it is not switched on, because the interlock %s does not answer and counts as "
+                  "open" ERROR_ADVICE "check the interlock's board and cables"
+                : "it is not switched on, because the interlock %s is open" ERROR_ADVICE
+                  "close the interlock first",
+            guard->device.name);
     return (!on || device_ask_permit(&laser->device, error)) &&
            lights_set(laser->state->lights, 0, on != FALSE, error);
 }

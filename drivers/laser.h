@@ -20,7 +20,8 @@ struct laser_driver {
     struct driver_info info;
     /* Connects, leaves the laser off, and fills warm_up_s. */
     gboolean (*open)(Laser *laser, GError **error);
-    /* Switches the laser off; it waits for the answer and tries once. */
+    /* Switches the laser off with a single attempt, waits for the answer, and releases the
+     * device. */
     void (*close)(Laser *laser);
     /* Starts to switch, like set() of struct lamps_driver. The driver ends it with
      * laser_report(). */

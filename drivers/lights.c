@@ -161,7 +161,7 @@ static void take(struct lights *lights, const struct command *command, const GEr
 }
 
 /* Removes the overdue "off" to the same light before this one, unless an "on" was sent between
- * them. An answer that still comes proves the same for both, so only the last one is kept. */
+ * them. An answer that still comes proves the same for both, so only the newer "off" is kept. */
 static void forget_older(struct lights *lights, const struct command *command) {
     GList *l = g_queue_find(&lights->commands, command);
     for (l = l ? l->prev : NULL; l; l = l->prev) {
@@ -256,12 +256,11 @@ gboolean lights_set(struct lights *lights, int index, gboolean on, GError **erro
     return lights_command(lights, index, on, FALSE, error);
 }
 
-/* Returns the command to which an answer belongs. The commands to one light are answered in
- * order, but an overdue one may never be answered. If several commands ask for the same state with
- * no other command between them, an answer proves the same for each of them. The answer then
- * belongs to the first command whose answer is still awaited, otherwise to the first overdue
- * command that fits. In the worst case the answer then proves less than it could. Returns NULL if
- * no command fits. */
+/* Returns the command to which an answer belongs, or NULL if none fits. The commands to one light
+ * are answered in order, but an overdue command may never be answered. If several commands request
+ * the same state with no other command between them, an answer proves the same for each. It is then
+ * taken as the answer to the first command that is not overdue, or else to the first overdue
+ * one. */
 static struct command *find_command(const struct lights *lights, int index, gboolean on) {
     struct command *overdue = NULL;
     for (const GList *l = lights->commands.head; l; l = l->next) {

@@ -20,8 +20,8 @@ typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_
 struct lights;
 
 /* Makes the lights of a device. device begins with a struct device. It is owned by the caller and
- * closed after lights_free(). many says that the lights have numbers, which errors name, and that
- * one command switches all of them off. */
+ * closed after lights_free(). many is TRUE if errors shall name the number of a light, and if one
+ * command can switch all lights off. */
 struct lights *lights_new(gpointer device, int n, gboolean many, LightsSend send,
                           LightsAnswer answer);
 void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ignored */

@@ -190,7 +190,7 @@ static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what
     if (why)
         return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
                                 "cannot lock %s for this program: %s" ERROR_ADVICE
-                                "allow it sockets (AF_UNIX) and more open files",
+                                "allow this program sockets (AF_UNIX) and more open files",
                                 what, g_strerror(why));
     while (kind == LOCK_ALONE && lock_holder(rescue, &pid)) {
         if (g_get_monotonic_time() > until)
@@ -203,7 +203,7 @@ static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what
 /* Takes the lock of a program that makes the device safe. Such a program announces itself first,
  * and then looks for an owner. An owner takes its own lock first, and then looks for such a
  * program. If both come at the same time, at least one therefore sees the other. If no socket can
- * be made, the rescue continues, because that must not keep a laser on. */
+ * be made, the program continues, because a missing socket must not keep a laser on. */
 static gboolean take_for_rescue(Lock *lock, enum lock_kind kind, const char *what, GError **error) {
     pid_t pid = 0;
     g_autofree char *key = g_steal_pointer(&lock->key);

@@ -75,10 +75,11 @@ static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
     guint32 code = arv_buffer_get_image_pixel_format(buffer);
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
-        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its frame is %d × %d of format 0x%08x, but it was set to %d × %d %s; "
-                         "another program may have changed its settings",
-                         width, height, code, limits->width, limits->height, limits->format->name);
+        device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, NULL,
+            "its frame has %d × %d pixels of the format 0x%08x, but the camera was set to %d × %d "
+            "pixels %s" ERROR_ADVICE "end any other program that changes the camera's settings",
+            width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
     }
     g_autoptr(Frame) frame = frame_new(width, height);
@@ -86,8 +87,9 @@ static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
     const guint8 *bytes = arv_buffer_get_data(buffer, &size);
     if (size < needed) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its frame has %zu bytes, but %d × %d %s are %zu", size, width, height,
-                         limits->format->name, needed);
+                         "its frame has %zu bytes, but %d × %d pixels %s need %zu" ERROR_ADVICE
+                         "check its cable",
+                         size, width, height, limits->format->name, needed);
         return NULL;
     }
     aravis_unpack(limits->format, bytes, n, frame->pixels);
@@ -96,7 +98,7 @@ static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
         all |= frame->pixels[i];
     if (all >> limits->bits) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its frame has values of more than %d bits" ERROR_ADVICE
+                         "a value in its frame has more than %d bits" ERROR_ADVICE
                          "check bits and pixel_format in its section: a camera that shifts its "
                          "values to the upper bits of 16 needs bits = 16",
                          limits->bits);

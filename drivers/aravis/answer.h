@@ -7,7 +7,7 @@
 struct answer_state {
     const struct aravis_limits *limits;
     struct aravis_clock clock;
-    gint64 asked_us; /* time when the clock was last read */
+    gint64 asked_us; /* time when the camera's clock was last read */
     gint64 exposure_us;
     guint64 shot;
     gint64 sent_us; /* time when the trigger that waits for its frame was sent */

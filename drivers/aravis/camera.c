@@ -136,7 +136,8 @@ static void on_only_stale(gpointer data) {
         camera,
         device_error_new(
             DEVICE_ERROR_STALE, camera->device.who,
-            "it sent a frame that was exposed %.1f ms before its trigger, and no frame after that",
+            "it sent a frame that was exposed %.1f ms before its trigger, and no frame after "
+            "that" ERROR_ADVICE "check that nothing else triggers the camera",
             (double)priv->before_us / 1e3));
 }
 

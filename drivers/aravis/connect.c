@@ -84,15 +84,17 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
         device = arv_gv_device_new(ours, theirs, &why);
         g_mutex_unlock(&parser_lock);
         if (!device) {
-            device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
-                             why ? why->message : "it cannot be opened");
+            device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                             "the camera at %s answers, but Aravis cannot open it: %s" ERROR_ADVICE
+                             "switch the camera off and on, and try again",
+                             ip, why ? why->message : "no reason is given");
             return NULL;
         }
     }
     if (device && arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
         return g_steal_pointer(&device);
     device_error_set(error, DEVICE_ERROR_BUSY, NULL,
-                     "another program controls it" ERROR_ADVICE "end that program");
+                     "another program controls the camera" ERROR_ADVICE "end that program");
     return NULL;
 }
 
@@ -203,8 +205,10 @@ static ArvDevice *open_usb(const char *name, GError **error) {
     ArvDevice *device = arv_open_device(name, &theirs);
     g_mutex_unlock(&parser_lock);
     if (!device)
-        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
-                         theirs ? theirs->message : "it cannot be opened");
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
+                         "Aravis cannot open the USB camera %s: %s" ERROR_ADVICE
+                         "check its cable, and whether this user may open USB devices",
+                         name, theirs ? theirs->message : "no reason is given");
     return device;
 }
 

@@ -138,8 +138,10 @@ static gboolean device_set_format(AravisDevice *device, GError **error) {
             g_string_append_printf(names, "%s%s", names->len ? ", " : "", f->name);
     }
     if (!format && !names->len)
-        return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
-                                "it offers no Mono or Bayer format that can be used for measuring");
+        return device_error_set(
+            error, DEVICE_ERROR_UNSUPPORTED, NULL,
+            "it offers no Mono or Bayer format that can be used for measuring" ERROR_ADVICE
+            "use another camera");
     if (!format)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
                                 "pixel_format: it does not offer \"%s\"" ERROR_ADVICE
@@ -162,10 +164,11 @@ static gboolean set_region(AravisDevice *device, GError **error) {
     int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
     int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
     if (width + options->offset_x > sensor_width || height + options->offset_y > sensor_height)
-        return device_error_set(error, DEVICE_ERROR_RANGE, NULL,
-                                "a region of %d × %d at %d, %d does not fit its sensor of %d × %d",
-                                width, height, options->offset_x, options->offset_y, sensor_width,
-                                sensor_height);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, NULL,
+            "a region of %d × %d at %d, %d does not fit its sensor of %d × %d" ERROR_ADVICE
+            "correct width, height, offset_x and offset_y",
+            width, height, options->offset_x, options->offset_y, sensor_width, sensor_height);
     arv_camera_set_region(device->camera, options->offset_x, options->offset_y, width, height,
                           &why);
     if (why == NULL)
@@ -249,9 +252,11 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
         return FALSE;
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
-        return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it reports frames of %u bytes, but %d × %d %s are %zu", payload,
-                                limits->width, limits->height, limits->format->name, bytes);
+        return device_error_set(
+            error, DEVICE_ERROR_PROTOCOL, NULL,
+            "it reports frames of %u bytes, but %d × %d pixels %s need %zu" ERROR_ADVICE
+            "choose another pixel_format",
+            payload, limits->width, limits->height, limits->format->name, bytes);
     if (ARV_IS_GV_STREAM(device->stream)) {
         g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                      "socket-buffer-size", room, "initial-packet-timeout",

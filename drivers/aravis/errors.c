@@ -32,11 +32,11 @@ gboolean aravis_error_take(GError *why, const char *what, GError **error) {
                          "it does not answer (%s)" ERROR_ADVICE "check its power and cable", what);
     else if (code == DEVICE_ERROR_DISCONNECTED)
         device_error_set(error, code, NULL,
-                         "control of it was lost (%s: %s)" ERROR_ADVICE
+                         "control of the camera was lost (%s: %s)" ERROR_ADVICE
                          "check its cable, and that no other program uses it",
                          what, why->message);
     else
-        device_error_set(error, code, NULL, "%s: %s", what, why->message);
+        device_error_set(error, code, NULL, "the step “%s” has failed: %s", what, why->message);
     g_error_free(why);
     return FALSE;
 }

@@ -7,9 +7,9 @@
         "BayerGB" suffix, gbrg, CFA_GBRG, n_bits, how                                              \
     }
 
-/* In order of preference: more bits first, and among formats of the same depth, the more compact
- * first. 16 bits come after 12, because most cameras that offer both fill 12 bits up with four
- * zeros. */
+/* The formats stand in order of preference: more bits first, and among formats with the same number
+ * of bits the more compact first. 16 bits stand after 12, because most cameras that offer both fill
+ * 12 bits up with four zeros. */
 const struct aravis_format aravis_formats[] = {
     PHASES("12p", 12, ARAVIS_12P, 0x010c0047, 0x010c0059, 0x010c0053, 0x010c0057, 0x010c0055),
     PHASES("12Packed", 12, ARAVIS_PACKED, 0x010c0006, 0x010c002b, 0x010c002d, 0x010c002a,

@@ -253,8 +253,9 @@ static gboolean can_be_used(ArvGcFeatureNode *node, GError **why) {
            arv_gc_feature_node_is_available(node, why) && !*why;
 }
 
-/* Examines a feature at the present position of its selectors, and switches it off if the survey
- * does that. Writes the result to visit. Returns FALSE and sets why if the camera is lost. */
+/* Examines a feature at the present position of its selectors, and switches it off if
+ * survey->switch_off is TRUE. Writes the result to visit. Returns FALSE and sets why if the camera
+ * is lost. */
 static gboolean visit_one(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
                           const char *position, struct visit *visit, GError **why) {
     g_autoptr(GError) refused = NULL, ignored = NULL;

@@ -17,7 +17,7 @@ enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, QUIT };
 
 struct job {
     enum job_kind kind;
-    guint generation; /* number of the arming to which it belongs */
+    guint generation; /* number of the arming to which the job belongs */
     gint64 exposure_us;
     double gain_db;
     guint64 shot;
@@ -328,7 +328,7 @@ static gpointer worker_work(gpointer data) {
             worker_fail(
                 worker, worker->armed,
                 device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "control of it was lost" ERROR_ADVICE
+                                 "control of the camera was lost" ERROR_ADVICE
                                  "check its power and cable, and that no other program uses it"));
     }
     close_device(worker);

@@ -81,7 +81,7 @@ static void answer(gint64 id, JsonObject *result, const GError *error) {
     print_node(message);
 }
 
-/* Reads what is there within wait_ms (−1: no limit). Returns FALSE if nothing came. */
+/* Waits up to wait_ms for input (−1: without limit) and reads it. Returns FALSE if none came. */
 static gboolean read_input(struct helper *helper, int wait_ms) {
     guint8 bytes[4096];
     struct pollfd ready = {helper->in, POLLIN, 0};
@@ -254,7 +254,8 @@ static void obey(struct helper *helper, const struct request *request) {
     if (is_hello && !helper->still)
         result = hello(helper, request->params, &error);
     else if ((is_open || is_trigger) && !helper->still)
-        g_set_error(&error, G_IO_ERROR, G_IO_ERROR_FAILED, "“hello” must come first");
+        g_set_error(&error, G_IO_ERROR, G_IO_ERROR_FAILED, "the request “%s” came before “hello”",
+                    request->method);
     else if (is_open)
         result = open_camera(helper, deadline_us, &error);
     else if (is_trigger)
@@ -292,7 +293,9 @@ static void run(void) {
         if (parse(parser, line, &request))
             obey(&helper, &request);
         else
-            g_printerr("mesorig-gphoto2: this is no request: %s\n", line);
+            g_printerr(
+                "mesorig-gphoto2: this line is not a request with “method” and “params”: %s\n",
+                line);
     }
     still_close(helper.still);
     g_free(helper.folder);

@@ -97,7 +97,7 @@ static gboolean fill(Widget *widget, const char *name, const char *value, GError
         return gp_widget_set_value(widget, value) >= GP_OK;
     const double number = setting_text_number(value);
     if (number < 0)
-        return fail(error, "%s = %s is not a number", name, value);
+        return fail(error, "the setting %s needs a number of at least 0, not “%s”", name, value);
     if (type == GP_WIDGET_RANGE)
         return gp_widget_set_value(widget, &(float){(float)number}) >= GP_OK;
     if (type == GP_WIDGET_TOGGLE)
@@ -114,8 +114,8 @@ static gboolean await(Camera *camera, GPContext *context, const char *name, cons
             return TRUE;
         if (g_get_monotonic_time() >= deadline_us)
             return fail(error,
-                        "the camera has taken %s = %s instead of %s; choose a value that it keeps, "
-                        "or its manual mode",
+                        "the camera has set %s = %s instead of %s; choose a value that the camera "
+                        "keeps, or turn its dial to M",
                         name, is ? is : "an unknown value", value);
         g_usleep(AGAIN_US);
     }
@@ -138,12 +138,13 @@ gboolean setting_set(Camera *camera, GPContext *context, const char *name, const
                     "the camera does not let %s be changed from %s to %s; turn its dial to M", name,
                     is ? is : "an unknown value", value);
     if (!fill(widget, name, value, error))
-        return (error && *error) || fail(error, "%s = %s cannot be set", name, value);
+        return (error && *error) || fail(error, "libgphoto2 does not accept %s = %s", name, value);
     while ((code = gp_camera_set_single_config(camera, name, widget, context)) ==
                GP_ERROR_CAMERA_BUSY &&
            g_get_monotonic_time() < deadline_us)
         g_usleep(AGAIN_US);
     if (code < GP_OK)
-        return fail(error, "%s = %s cannot be set: %s", name, value, gp_result_as_string(code));
+        return fail(error, "the camera does not set %s = %s: %s", name, value,
+                    gp_result_as_string(code));
     return await(camera, context, name, value, deadline_us, error);
 }

@@ -1,7 +1,7 @@
 /*
  * Settings of a camera that libgphoto2 has opened. A value that the camera does not offer is an
- * error that names the nearest one, because the library silently takes the nearest. Every value is
- * read back after it was set. Errors are G_IO_ERROR without a subject.
+ * error that names the nearest value. The library itself would silently set that nearest value.
+ * Every value is read back after it was set. Errors are G_IO_ERROR without a subject.
  */
 #pragma once
 

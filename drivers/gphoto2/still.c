@@ -82,7 +82,7 @@ static void on_library_error(GPContext *context, const char *text, void *data) {
     still->said = g_strstrip(g_strdup(text));
 }
 
-/* Returns the message of the library for a code, and what it has said in addition. */
+/* Returns what the library has said since begin_call(), or else its text for the code. */
 static const char *reason(const Still *still, int code) {
     return still->said && *still->said ? still->said : gp_result_as_string(code);
 }
@@ -183,8 +183,10 @@ static gboolean find(const Still *still, Ports *ports, char **ret_port, char **r
     if (options->model)
         model = options->model;
     if (!model)
-        return fail(error, "there is no camera that libgphoto2 knows at %s; name it with model",
-                    wanted);
+        return fail(
+            error,
+            "libgphoto2 does not recognise the camera at %s; give its name with the key model",
+            wanted);
     *ret_model = g_strdup(model);
     *ret_port = g_steal_pointer(&port);
     return TRUE;
@@ -204,10 +206,12 @@ static gboolean attach(Still *still, Ports *ports, const char *port, const char 
     const int at = gp_abilities_list_lookup_model(still->abilities, model);
     const int port_at = gp_port_info_list_lookup_path(ports, port);
     if (at < GP_OK || gp_abilities_list_get_abilities(still->abilities, at, &abilities) < GP_OK)
-        return fail(error, "libgphoto2 knows no model “%s”; “gphoto2 --list-cameras” lists them",
-                    model);
+        return fail(
+            error,
+            "libgphoto2 has no camera of the name “%s”; “gphoto2 --list-cameras” lists the names",
+            model);
     if (port_at < GP_OK || gp_port_info_list_get_info(ports, port_at, &info) < GP_OK)
-        return fail(error, "“%s” is no port of libgphoto2; “gphoto2 --list-ports” lists them",
+        return fail(error, "libgphoto2 has no port “%s”; “gphoto2 --list-ports” lists the ports",
                     port);
     gp_camera_new(&still->camera);
     gp_camera_set_abilities(still->camera, abilities);
@@ -252,7 +256,8 @@ static gboolean is_in_memory(const CameraFilePath *path) {
     return strcmp(path->folder, "/") == 0;
 }
 
-/* Removes a file from the card, unless pictures are to stay there. Its name may then come again. */
+/* Removes a file from the card, unless pictures are to stay there. A later picture may then have
+ * the same name. */
 static void remove_file(Still *still, const CameraFilePath *path) {
     g_autofree char *text = path_text(path);
     if (still->options->keep_on_card && !is_in_memory(path))
@@ -297,8 +302,8 @@ static char *stem_of(const char *name) {
     return dot ? g_strndup(name, (gsize)(dot - name)) : g_strdup(name);
 }
 
-/* Returns whether a new file is a picture as this camera makes them. If pictures are raw files, the
- * JPEG next to a raw file is removed. */
+/* Returns whether a new file is the picture of a shot. If the pictures of this camera are raw
+ * files, a JPEG is not: it is removed. */
 static gboolean is_picture(Still *still, const CameraFilePath *path) {
     if (still->is_first || raw_is(path->name) || !still->raw)
         return TRUE;
@@ -586,7 +591,8 @@ static gboolean settle(Still *still, const struct still_shot *shot, GError **err
             break;
         }
         if (now_us() >= shot->deadline_us)
-            return fail(error, "the camera still takes the picture that was given up before");
+            return fail(error, "the camera still takes an earlier picture that was given up; wait, "
+                               "then try again");
     }
     while (!still->camera || still->abandoned) {
         g_autoptr(GArray) found = look_again(still, still->abandoned_us, error);
@@ -601,7 +607,8 @@ static gboolean settle(Still *still, const struct still_shot *shot, GError **err
         else if (!pause_shot(shot, error))
             return FALSE;
         if (now_us() >= shot->deadline_us)
-            return fail(error, "the camera still takes the picture that was given up before");
+            return fail(error, "the camera still takes an earlier picture that was given up; wait, "
+                               "then try again");
     }
     return TRUE;
 }
@@ -622,7 +629,8 @@ static gboolean set_all(Still *still, gint64 us, GError **error) {
     return apply(still, error) && set(still, still->shutter, find_exposure(still, us)->text, error);
 }
 
-/* Says why a trigger or a picture has failed. */
+/* Sets the error of a trigger or picture that has failed: a full card, an empty battery, or else
+ * the text what. Always returns FALSE. */
 static gboolean fail_shot(Still *still, const char *what, GError **error) {
     still->battery_us = 0;
     if (still->camera && (!check_card(still, error) || !check_battery(still, error)))
@@ -650,7 +658,7 @@ static gboolean trigger(Still *still, const struct still_shot *shot, gint64 late
             continue;
         }
         if (code == GP_ERROR_CAMERA_BUSY)
-            return fail_shot(still, "the camera stays busy; see what it shows", error);
+            return fail_shot(still, "the camera stays busy; look at its display", error);
         g_autofree char *what = g_strdup_printf(
             "the camera refuses to take a picture: %s; see that it is set to manual "
             "focus and manual exposure",
@@ -674,8 +682,8 @@ static gboolean look_for_picture(Still *still, gint64 begin_us, CameraFilePath *
         g_autofree char *other_stem = stem_of(other.name);
         if (!g_str_equal(stem, other_stem))
             return fail(error,
-                        "%u new pictures are on the card, and it is not known which of them "
-                        "is the one that was taken",
+                        "%u new pictures are on the card, and only one is of this shot; take no "
+                        "pictures by hand during a capture",
                         found->len);
         if (raw_is(other.name)) {
             const CameraFilePath jpeg = *ret;
@@ -714,7 +722,10 @@ static gboolean await_picture(Still *still, const struct still_shot *shot, gint6
             look_us = now_us() + MAX(now_us() - begin_us, COMPANION_US);
         }
         if (happening == FULL)
-            return fail_shot(still, "the camera says that its card is full", error);
+            return fail_shot(
+                still,
+                "the camera reports that its card is full; copy the pictures and format the card",
+                error);
         if (happening == LOST) {
             lost = FALSE;
             if (look_for_picture(still, begin_us, ret, error) && can_be)
@@ -742,7 +753,7 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
         File *file = NULL;
         const int fd = open(to, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
         if (fd < 0)
-            return fail(error, "%s: %s", to, g_strerror(errno));
+            return fail(error, "the file %s cannot be written: %s", to, g_strerror(errno));
         gp_file_new_from_fd(&file, fd);
         begin_call(still);
         const int code = gp_camera_file_get(still->camera, from->folder, from->name,

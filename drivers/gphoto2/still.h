@@ -17,7 +17,7 @@ typedef struct Still Still;
 
 struct still_options {
     const char *port;            /* "usb", a place on USB, or a port of libgphoto2 */
-    const char *model;           /* NULL if the camera is found by itself */
+    const char *model;           /* name in libgphoto2; NULL if libgphoto2 recognises the camera */
     const char *iso, *aperture;  /* NULL leaves the camera's */
     const char *shutter;         /* name of the setting; NULL means "shutterspeed" */
     const char *const *settings; /* "NAME=VALUE"; may be NULL */

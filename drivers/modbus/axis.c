@@ -197,7 +197,8 @@ static void check_writes(const struct config_section *section, const char *key, 
                          gboolean needed, Mistakes *mistakes) {
     struct modbus_request request;
     if (needed && !*writes)
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "is empty; write ADDRESS=VALUE");
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                       "must not be empty; write ADDRESS=VALUE");
     if (g_strv_length((char **)writes) > MAX_WRITES)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key, "has more than %d writes",
                        MAX_WRITES);
@@ -475,8 +476,9 @@ static gboolean modbus_axis_turn(Axis *axis, double target_deg, double speed_deg
     if (fabs(steps) > limit)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° are %.0f steps, more than its target register can hold" ERROR_ADVICE "home it",
-            target_deg, steps);
+            "%g° is %.0f steps, but target_register holds at most %.0f" ERROR_ADVICE
+            "home the axis, or correct target_bits",
+            target_deg, steps, limit);
     priv->target_steps = (gint64)steps;
     axis_set_speed(priv, &job, speed_deg_s);
     add_number(priv, &job, &priv->target, priv->target_steps);

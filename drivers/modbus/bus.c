@@ -27,7 +27,8 @@ struct ModbusBus {
     int ref_count;
     struct modbus_link link; /* a copy */
     char *key;               /* as modbus_address_name() returns it */
-    /* TCP only: the locks of each unit that a section has. Kept until all sections are closed. */
+    /* TCP only: maps the number of a unit to its locks. They are kept until all sections on the
+     * line are closed. */
     GHashTable *units;
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */

@@ -378,14 +378,15 @@ static gboolean line_give_up(const struct modbus_line *line, int unit,
     if (late > 0 && (why == ETIMEDOUT || is_damage(why)))
         return device_error_set(
             error, DEVICE_ERROR_TIMEOUT, NULL,
-            "%s: answers come too late (%d of %d tries were overtaken by the answer to an earlier "
-            "one)" ERROR_ADVICE "check whether the device or this computer is overloaded, or raise "
+            "%s: answers come too late (in %d of %d tries the answer to an earlier try came "
+            "first)" ERROR_ADVICE
+            "check whether the device or this computer is overloaded, or raise "
             "timeout_ms (%g) and late_ms (%g)",
             what, late, tries + late, line->link.timeout_ms, line->link.late_ms);
     if (why == ETIMEDOUT)
         return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                                 "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
-                                "check its power, its address and the cable",
+                                "check the power and the address of the device, and the cable",
                                 what, line->link.timeout_ms, tries);
     if (is_exception(why))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
@@ -399,7 +400,7 @@ static gboolean line_give_up(const struct modbus_line *line, int unit,
                                 what, tries, damage_text(why));
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "%s: the line was lost: %s" ERROR_ADVICE
-                            "check its power and the cable",
+                            "check the power of the device and the cable",
                             what, modbus_strerror(why));
 }
 
@@ -496,7 +497,7 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
                (coil.values[0] ||
                 device_error_set(
                     error, DEVICE_ERROR_PROTOCOL, NULL,
-                    "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
+                    "%s: the time %d was written, but coil %d reads as off" ERROR_ADVICE
                     "check that the board supports switching coils on for a time in this way",
                     what, request->values[0], request->coil));
     }

@@ -24,8 +24,8 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
     double written = watchdog->after_s * watchdog->scale, min_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_scale",
-                       "%g s × %g is not a number from 1 to %d", watchdog->after_s, watchdog->scale,
-                       max);
+                       "watchdog_after_s × watchdog_scale, %g × %g, is not a number from 1 to %d",
+                       watchdog->after_s, watchdog->scale, max);
     else if (modbus_watchdog_s(watchdog) < min_s)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_after_s",
                        "%g s is too short, because a lost answer takes %g s (timeout_ms and twice "

@@ -90,8 +90,8 @@ static void take_end(Axis *axis, const struct status *status) {
         ended(axis, AXIS_HOMED);
     else if (priv->phase == HOMING)
         fault(axis, device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
-                                     "at %.3f°: homing ended without its reference" ERROR_ADVICE
-                                     "check the switch, then home it",
+                                     "homing ended at %.3f° without a reference" ERROR_ADVICE
+                                     "check the reference switch, then home the axis",
                                      status->deg));
     else if (fabs(off) <= priv->tolerance_deg)
         ended(axis, AXIS_ARRIVED);

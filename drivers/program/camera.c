@@ -35,8 +35,9 @@ static void empty_folder(const struct program_camera *priv) {
     }
 }
 
-/* Makes the frame of an answer. Without a time stamp the exposure may have begun as soon as the
- * trigger was sent. The class refuses a picture that comes before this exposure can have ended. */
+/* Makes the frame of an answer. If the answer has no time stamp, the exposure counts from the
+ * sending of the trigger. The class refuses a picture that comes before this exposure can have
+ * ended. */
 static Frame *read_frame(Camera *camera, JsonObject *values, GError **error) {
     const struct program_camera *priv = camera->device.priv;
     const struct camera_format *format = &camera->format;
@@ -103,8 +104,8 @@ gboolean program_camera_configure(Camera *camera, const struct camera_settings *
     struct program_camera *priv = camera->device.priv;
     if (settings->gain_db != 0 && !program_can(priv->program, "gain"))
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
-                                "%s has no gain" ERROR_ADVICE "use gain_db = 0",
-                                priv->command.path);
+                                "%s cannot set a gain of %g dB" ERROR_ADVICE "use gain_db = 0",
+                                priv->command.path, settings->gain_db);
     priv->settings = *settings;
     return TRUE;
 }
@@ -216,7 +217,8 @@ gboolean program_camera_open(Camera *camera, GError **error) {
     priv->folder = g_dir_make_tmp("mesorig-program-XXXXXX", &why);
     if (!priv->folder)
         return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                                "there is no folder for its pictures: %s", why->message);
+                                "the folder for the pictures of its program cannot be made: %s",
+                                why->message);
     priv->program = program_new(&priv->command, &camera->device, priv->folder, error);
     if (priv->program)
         return TRUE;

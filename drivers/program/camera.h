@@ -14,7 +14,7 @@ struct program_camera {
     struct program_command command; /* must live until the camera is closed */
     Program *program;
     char *folder;         /* folder into which the program writes its pictures */
-    gint64 *exposures_us; /* those of the format */
+    gint64 *exposures_us; /* the list to which camera->format points */
     struct camera_settings settings;
     guint64 shot;
     gint64 triggered_us;

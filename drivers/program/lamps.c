@@ -40,7 +40,7 @@ static gboolean check_lamps(const LampBank *bank, JsonObject *values, int index,
     for (int i = 0; i < bank->n; i++)
         if ((index < 0 || i == index) && lamps->on[i] != on)
             return device_error_set(error, DEVICE_ERROR_PROTOCOL, bank->device.who,
-                                    "lamp %d was switched %s, but %s reports that it is "
+                                    "lamp %d was switched %s, but %s reports that this lamp is "
                                     "%s" ERROR_ADVICE "check the lamp's power",
                                     i, on ? "on" : "off", lamps->command.path, on ? "off" : "on");
     return TRUE;

@@ -5,7 +5,7 @@
  *
  * The runner waits until the program ends. If the runner reads a byte from the socket, it kills the
  * program and all that the program has started. If the other end of the socket is closed, the
- * program first has GRACE_MS to make its device safe. The other end of the socket reads its end
+ * program first has GRACE_MS to make its device safe. The other end of the socket reads end-of-file
  * when the runner and everything that the program has started have ended.
  *
  * The program leads its own process group, and the runner leads its own session, so that Ctrl-C in
@@ -67,7 +67,9 @@ int main(int argc, char **argv) {
     const pid_t own = getpid();
     int status = 0;
     if (argc < 2 || setsid() < 0) {
-        fprintf(stderr, "%s: a part of mesorigd, which starts it to run a program\n", argv[0]);
+        fprintf(stderr,
+                "%s: only mesorigd starts this program, to run a program that is a device\n",
+                argv[0]);
         return CANNOT_RUN;
     }
     close_range(SOCKET + 1, ~0U, 0);

@@ -91,7 +91,8 @@ static int open_picture(const char *path, const char *name, gsize max, gsize *re
         return fd;
     }
     device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                     "wrote a picture “%s” that is not a file of at most %" G_GSIZE_FORMAT " bytes",
+                     "wrote a picture “%s” that is not a regular file of at most %" G_GSIZE_FORMAT
+                     " bytes",
                      name, max);
     close(fd);
     return -1;

@@ -7,7 +7,7 @@
  * over. "stop" is sent immediately, also while another request runs. A program that does not answer
  * in time, or sends something else than answers and events, is killed. All its requests then fail.
  * The next request starts it again, with "hello" and "open" before that request. While nothing else
- * is to be sent, the program gets a "ping" each second, so that it is missed soon.
+ * is to be sent, the program gets a "ping" each second, so that its death is noticed soon.
  *
  * mesorig-run-program.c runs the program with few rights, and ends it when this process ends.
  *

@@ -40,7 +40,8 @@ static gboolean read_integer(const char *text, int *ret) {
 }
 
 /* Parses numbers that are separated by commas. A board writes all of them with the same number of
- * decimals, so a lost digit mostly shows. Returns their number, or 0 if the text is damaged. */
+ * decimals, so a lost digit is usually noticed. Returns their number, or 0 if the text is
+ * damaged. */
 static int read_numbers(const char *text, double *ret) {
     int first = 0;
     for (int n = 0; n < GCODE_MAX_AXES; n++, text++) {
@@ -282,7 +283,7 @@ const char *gcode_alarm_text(int number) {
         [6] = "the board was reset while it homed" ERROR_ADVICE "home it",
         [7] =
             "the safety door was opened while it homed" ERROR_ADVICE "close the door, then home it",
-        [8] = "its limit switch stayed pressed after homing" ERROR_ADVICE
+        [8] = "a limit switch stayed pressed after homing" ERROR_ADVICE
               "check the switch and its wiring, or raise $27 of the board, then home it",
         [9] = "homing did not find the limit switch" ERROR_ADVICE
               "check the switch, $23 (direction) and $130 to $132 (travel) of the board, then home "
@@ -300,7 +301,7 @@ const char *gcode_error_text(int number) {
         [3] =
             "unknown command" ERROR_ADVICE "if it was a command to home one axis, set homing = all",
         [5] = "homing is off in the board" ERROR_ADVICE "set $22=1, or homing = here",
-        [7] = "its settings could not be read and were set to their defaults" ERROR_ADVICE
+        [7] = "the board could not read its settings and has set the defaults" ERROR_ADVICE
               "set them again",
         [8] = "the board still moves" ERROR_ADVICE "wait until it stands, then home it",
         [9] = "the board is locked by an alarm" ERROR_ADVICE "home it",

@@ -61,20 +61,21 @@ struct gcode_answer {
     int number;
     double value;
     struct gcode_report report;
-    /* POSITION: at is where the axes are sent, steps where the motors are. SCALE: at. */
+    /* POSITION: at has the positions to which the axes were sent, steps those of the motors. SCALE:
+     * at has the values. */
     gboolean has_at[GCODE_MAX_AXES], has_steps[GCODE_MAX_AXES];
     double at[GCODE_MAX_AXES], steps[GCODE_MAX_AXES];
     char text[64]; /* VERSION, FAILURE: printable ASCII */
 };
 
-/* Parses a line without its end. A line that is damaged so that it shows is GCODE_NONE. */
+/* Parse a line without its end. A line that is recognisably damaged becomes GCODE_NONE. */
 void gcode_grbl_read(const char *line, struct gcode_answer *ret);
 void gcode_marlin_read(const char *line, struct gcode_answer *ret);
 
 /* Returns whether no axis moves in the reported state. */
 gboolean gcode_report_stands(const struct gcode_report *report);
 
-/* Say what an alarm or an error of GRBL means, and what to do, with ERROR_ADVICE
- * (base/error_details.h). NULL if the number is not known. */
+/* Return what an alarm or an error of GRBL means, and after ERROR_ADVICE (base/error_details.h)
+ * what to do. Return NULL if the number is not known. */
 const char *gcode_alarm_text(int number);
 const char *gcode_error_text(int number);

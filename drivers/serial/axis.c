@@ -110,7 +110,9 @@ static void on_lost(gpointer data, const GError *error) {
     fault(data, g_error_copy(error));
 }
 
-/* A standing axis moves if somebody uses the buttons of the board. Noise may change one report. */
+/* Takes a position that the board has reported. A standing axis whose position differs in two
+ * reports in a row has moved, for example because somebody has used the buttons of the board. A
+ * single different report may be noise. */
 static void on_position(gpointer data, double units, gint64 asked_us, gint64 answered_us) {
     Axis *axis = data;
     struct gcode_axis *priv = axis->device.priv;
@@ -160,8 +162,8 @@ static gboolean turn(Axis *axis, double target_deg, double speed_deg_s, GError *
     if (fabs(units) * (double)FLT_EPSILON > priv->tolerance_deg * scale)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° is further than the board can count to within tolerance_deg" ERROR_ADVICE
-            "home it again",
+            "at %g° the numbers of the board are coarser than tolerance_deg" ERROR_ADVICE
+            "home the axis again",
             target_deg);
     if (!with_subject(axis, gcode_client_move(priv->client, units, speed_deg_s * scale, error),
                       error))

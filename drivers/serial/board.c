@@ -214,7 +214,7 @@ static void board_unref(GcodeBoard *board) {
 void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n) {
     if (board->fd < 0)
         return;
-    /* A port that takes nothing is found by the deadline of the answer. */
+    /* If the port takes nothing, the deadline of the answer shows it. */
     if (write(board->fd, bytes, n) != (gssize)n)
         g_debug("%s: %s", board->link.port, g_strerror(errno));
 }
@@ -274,7 +274,8 @@ void gcode_board_moved(GcodeBoard *board, const double *at, int n) {
     }
 }
 
-/* A position has three decimals, and noise may have changed one report. */
+/* Number of equal positions in a row that show that an axis stands. A position has only three
+ * decimals, and noise may change one report. */
 #define N_STILL 3
 
 void gcode_board_check_still(GcodeBoard *board) {
@@ -330,11 +331,11 @@ GError *gcode_board_silence(const GcodeBoard *board, double ms) {
                                 "press its reset button or switch it off and on, then home it",
                                 board->link.port);
     if (board->phase == GREETING && board->n_noise > 0)
-        return device_error_new(DEVICE_ERROR_PROTOCOL, NULL,
-                                "%s: the board does not speak %s: %d lines that are not, and no "
-                                "answer within %g ms" ERROR_ADVICE "check baud and dialect",
-                                board->link.port, gcode_dialects[board->link.dialect],
-                                board->n_noise, ms);
+        return device_error_new(
+            DEVICE_ERROR_PROTOCOL, NULL,
+            "%s: the board does not speak %s: within %g ms it sent %d other lines and no "
+            "answer" ERROR_ADVICE "check baud and dialect",
+            board->link.port, gcode_dialects[board->link.dialect], ms, board->n_noise);
     return device_error_new(
         DEVICE_ERROR_TIMEOUT, NULL,
         "%s: the board has not answered for %g ms" ERROR_ADVICE "check its power, %s",
@@ -384,7 +385,7 @@ static void read_input(GcodeBoard *board) {
     }
 }
 
-/* Starts what was requested first. */
+/* Begins to stop the board if a client requests that, and otherwise starts a request that waits. */
 static void next_request(GcodeBoard *board) {
     gboolean stops = FALSE;
     for (guint i = 0; i < board->clients->len; i++)
@@ -410,7 +411,7 @@ static gboolean waits(const GcodeBoard *board, const GcodeClient *client) {
            !(client->request == HOME_ALL && board->active && board->active->request == HOME_ALL);
 }
 
-/* Does what is due, without calling back. */
+/* Does what is due, without calling ended() or lost() of a client. */
 static void tick(GcodeBoard *board) {
     if (board->phase == READY)
         next_request(board);
@@ -423,7 +424,7 @@ static void tick(GcodeBoard *board) {
     }
 }
 
-/* The time in which this program could not run counts for no deadline. */
+/* Moves all deadlines by the time in which this program could not run. */
 static void forgive(GcodeBoard *board, gint64 late_us) {
     gint64 *times[] = {&board->heard_us, &board->stage_us, &board->until_us, &board->same_us};
     if (late_us < MIN_LATE_US)
@@ -496,7 +497,8 @@ static gboolean connect_port(GcodeBoard *board, GError **error) {
     return TRUE;
 }
 
-/* Works without the main loop until the phase changes, or a stop of the client ends. */
+/* Works without the main loop until the phase changes, until the stop of the client stops has ended
+ * (unless stops is NULL), or until until_us. */
 static void work(GcodeBoard *board, enum phase phase, const GcodeClient *stops, gint64 until_us) {
     while (board->phase == phase && (!stops || stops->stops) &&
            clock_now_us(board->clock) < until_us) {
@@ -607,7 +609,8 @@ const char *gcode_client_firmware(const GcodeClient *client) {
     return client->board->firmware;
 }
 
-/* What an earlier request or stop of the client ends with is no longer relevant. */
+/* Begins a request of the client. Drops the result of an earlier request or stop, which is no
+ * longer relevant. */
 static void begin_request(GcodeClient *client, enum request request) {
     client->request = request;
     client->stops = client->has_ended = FALSE;

@@ -2,9 +2,9 @@
  * A controller for several axes that speaks G-code on a serial port: GRBL 1.1, FluidNC, grblHAL or
  * Marlin. All sections that name the port share the board and its connection.
  *
- * A board carries out one motion after another. The requests of its axes therefore take turns: a
- * request that waits is told so, and only the motion under way is known to the board. A program
- * that dies leaves at most one motion behind.
+ * A board carries out one motion after another. The requests of its axes therefore take turns. An
+ * axis whose request waits is told so. The board knows only the motion under way, so a program that
+ * dies leaves at most one motion behind.
  *
  * A stop brakes the motion under way, whichever axis it belongs to. The stop of an axis that stands
  * while another axis moves is confirmed by the positions that the board reports.
@@ -87,14 +87,14 @@ GcodeClient *gcode_client_new(const struct gcode_link *link, int letter, double 
 void gcode_client_free(GcodeClient *client); /* NULL is ignored */
 
 void gcode_client_limits(const GcodeClient *client, struct gcode_limits *ret);
-/* Returns whether the board has fewer axes. */
+/* Returns whether the board lacks the axis of the client. */
 gboolean gcode_client_is_missing(const GcodeClient *client);
 /* Returns whether another axis homes the whole board now. */
 gboolean gcode_client_is_dragged(const GcodeClient *client);
 const char *gcode_client_firmware(const GcodeClient *client);
 
 /* Starts a motion to a position. It ends when the board has reported that the axis stands. The
- * caller compares the position that at() has got last. */
+ * caller then compares the last position that at() was given with the target. */
 gboolean gcode_client_move(GcodeClient *client, double units, double units_s, GError **error);
 
 enum gcode_homing {
@@ -107,15 +107,16 @@ enum gcode_homing {
  * the request ends. */
 gboolean gcode_client_home(GcodeClient *client, enum gcode_homing homing, GError **error);
 
-/* Stops the axis and forgets its request. brake_s is the longest time that it takes to brake. It
- * ends with an error if the axis is watched and its position is lost. */
+/* Stops the axis and forgets its request. brake_s is the longest time that the axis takes to brake.
+ * The stop ends with an error if the axis is watched and its position is lost. */
 gboolean gcode_client_stop(GcodeClient *client, double brake_s, GError **error);
 
-/* Stops the axis and waits until it stands, answer_ms four times at most. Only for close() of a
- * device. */
+/* Stops the axis and waits until it stands, at most 4 answer_ms + boot_ms + 1.5 brake_s. Only for
+ * close() of a device. */
 void gcode_client_stop_now(GcodeClient *client, double brake_s);
 
-/* Sets whether the position of the axis is known and must stay so. */
+/* Sets whether the axis is watched: its position is known, and lost() is called if it becomes
+ * unknown. */
 void gcode_client_watch(GcodeClient *client, gboolean watched);
 
 /* Calls lost() soon, if the axis is watched. Takes ownership of error. */

@@ -1,4 +1,5 @@
-/* Shared by board.c, which has the connection and the requests, and by the dialects. */
+/* What board.c, which has the connection and the requests, shares with the dialects (grbl.c,
+ * marlin.c). */
 #pragma once
 
 #include "board.h"
@@ -12,7 +13,7 @@ enum phase {
     GREETING, /* the port is open; the board has not answered yet */
     READY,
     RUNNING,  /* the request of board->active is under way */
-    STOPPING, /* for all clients that have stops */
+    STOPPING, /* the board stops, for all clients whose stops is TRUE */
 };
 
 enum request { NO_REQUEST, MOVE, HOME_ALL, HOME_AXIS, HOME_HERE };
@@ -46,7 +47,8 @@ struct dialect {
     void (*start)(GcodeBoard *board);
     /* Begins to stop all motion. */
     void (*stop)(GcodeBoard *board);
-    /* Bytes of lines that may be unanswered, and whether only one line may be. */
+    /* window: maximum number of bytes of unanswered lines. one_line: no more than one line may be
+     * unanswered. */
     int window;
     gboolean one_line;
 };
@@ -85,7 +87,7 @@ struct GcodeBoard {
     /* The position that was reported last; n_at is 0 if none is known. */
     int n_at;
     double at[GCODE_MAX_AXES];
-    gint64 asked_us; /* time of the question that has no answer yet, or of the last one */
+    gint64 asked_us; /* time of the last question; asked is TRUE until its answer comes */
     gboolean asked;
     struct gcode_limits limits[GCODE_MAX_AXES];
     char firmware[64];
@@ -93,7 +95,7 @@ struct GcodeBoard {
     /* The rest is used by the dialects. */
     int stage;                 /* of the phase */
     gint64 stage_us, until_us; /* beginning and deadline of the stage */
-    int n_final;               /* final reports of a request */
+    int n_final;               /* number of reports so far that show the end of a motion */
 
     /* GRBL */
     int n_wco; /* number of offsets that are known */
@@ -108,19 +110,20 @@ struct GcodeBoard {
     int n_resets;                  /* number of Ctrl-X of the stage */
     int n_owed;                    /* number of Ctrl-X without a banner yet */
     char other[16];                /* name of the state that was reported last and is not known */
-    int n_other;                   /* number of reports with it in a row */
+    int n_other;                   /* number of reports with this state in a row */
 
     /* Marlin */
     int token;                    /* number of the last command "L" */
-    gboolean synced, echoed;      /* the "ok" after its echo has come; its echo has come */
+    gboolean echoed;              /* the echo of that "L" has come */
+    gboolean synced;              /* the "ok" after that echo has come */
     int n_line;                   /* number of the last line */
     GQueue history;               /* of char *: the last lines, up to number n_line */
     int resends;                  /* number of the line that the board wants again; 0: none */
     gboolean nudged;              /* an empty line was sent after the line that has no answer */
     gboolean killed;              /* the board has halted itself, until it is reset */
     double steps[GCODE_MAX_AXES]; /* where the motors were in the last report */
-    int n_steps_same;             /* number of reports in a row with it */
-    gint64 same_us;               /* time of the first of them */
+    int n_steps_same;             /* number of reports in a row with these steps */
+    gint64 same_us;               /* time of the first of these reports */
 };
 
 /* Closes the port. The next request to home or to stop opens it again, which resets most boards. */

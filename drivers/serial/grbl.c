@@ -17,13 +17,14 @@
 #include <math.h>
 #include <string.h>
 
-#define WINDOW    127
-#define ASK_MS    100  /* time between two questions while the board boots */
-#define WATCH_MS  250  /* time between two questions to a board that stands */
-#define HOLD_MS   1000 /* time that a feed hold may take in addition to the braking */
-#define N_FINAL   2    /* equal reports that show where a motion has ended */
-#define N_OTHER   4
-#define SAME      0.0015 /* units; positions are reported with three decimals */
+#define WINDOW   127
+#define ASK_MS   100  /* time between two questions while the board boots */
+#define WATCH_MS 250  /* time between two questions to a board that stands */
+#define HOLD_MS  1000 /* time that a feed hold may take in addition to the braking */
+#define N_FINAL  2    /* equal reports that show where a motion has ended */
+#define N_OTHER  4
+/* Positions that differ by less are the same. They are reported in units with three decimals. */
+#define SAME      0.0015
 #define MOVE_LINE "G21G90G94G53G1%c%.4fF%.4f"
 
 enum stage {
@@ -149,15 +150,16 @@ static void alarmed(GcodeBoard *board) {
     lose(board, DEVICE_ERROR_STALLED, words);
 }
 
-/* A name that is no state may be a damaged one. Returns whether it was reported several times in a
- * row. */
+/* Returns whether an unknown state was reported N_OTHER times in a row. A name that comes less
+ * often may be a damaged one. */
 static gboolean is_other_state(GcodeBoard *board, const struct gcode_report *report) {
     board->n_other = strcmp(board->other, report->name) == 0 ? board->n_other + 1 : 1;
     g_strlcpy(board->other, report->name, sizeof board->other);
     return board->n_other >= N_OTHER;
 }
 
-/* The state ends the request: something other than this program acts on the board. */
+/* Ends the request with an error if the state shows that something other than this program acts on
+ * the board. Returns whether it does. */
 static gboolean is_disturbed(GcodeBoard *board, const struct gcode_report *report) {
     g_autofree char *words = NULL;
     if (report->state != GCODE_OTHER)
@@ -243,7 +245,7 @@ static void check_request(GcodeBoard *board, const struct gcode_report *report) 
         ask(board);
 }
 
-/* A position that is not the same after the reset was lost. So was that of a board that was reset
+/* Reports the positions as lost if they are not the same after the reset, or if the board was reset
  * while it moved. */
 static void check_kept(GcodeBoard *board, gboolean moved) {
     gboolean same = board->held && board->n_at > 0;
@@ -288,7 +290,8 @@ static void check_standing(GcodeBoard *board, const struct gcode_report *report)
         alarmed(board);
 }
 
-/* Converts to machine positions. Returns FALSE if the offset is not known yet. */
+/* Converts the positions of a report to machine coordinates. Returns FALSE if they are work
+ * coordinates whose offset is not known yet. */
 static gboolean read_position(GcodeBoard *board, const struct gcode_report *report, double *ret) {
     if (report->n_wco > 0) {
         board->n_wco = report->n_wco;

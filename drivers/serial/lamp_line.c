@@ -20,7 +20,8 @@ char *lamp_line_request(int number, enum lamp_request request, int index, int le
     return g_strdup_printf("\n%s*%04x\n", body, lamp_line_crc(body, strlen(body)));
 }
 
-/* Parses exactly so many hexadecimal digits in lower case. Returns −1 if there are others. */
+/* Parses the given number of hexadecimal digits in lower case. Returns −1 if one of the characters
+ * is not such a digit. */
 static int read_hex(const char *at, int digits) {
     int value = 0;
     for (int i = 0; i < digits; i++) {

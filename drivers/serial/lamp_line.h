@@ -26,12 +26,12 @@ enum lamp_answer_kind {
     LAMP_ANSWER_SET,
     LAMP_ANSWER_ERROR, /* the board has refused the request, for example because it has no such
                         * lamp */
-    LAMP_ANSWER_RESET, /* the board has started; answers no request, its number is 0 */
+    LAMP_ANSWER_RESET, /* the board has started; this line answers no request */
 };
 
 struct lamp_answer {
     enum lamp_answer_kind kind;
-    int number;      /* of the request, 1 to 65535 */
+    int number;      /* of the request, 1 to 65535; 0 for LAMP_ANSWER_RESET */
     int watchdog_ms; /* the lamps go off when no request has come for this time; above 0 */
     int n;           /* number of lamps, 1 to LAMP_LINE_MAX_LAMPS */
     guint8 levels[LAMP_LINE_MAX_LAMPS]; /* 0: off */

@@ -60,8 +60,9 @@ struct serial_lamps {
     int number;      /* of the last request */
     int n, watchdog_ms;
     gint64 fed_us;
-    enum lamp_state states[LAMP_LINE_MAX_LAMPS]; /* confirmed, and no command was made since */
-    GError *lost;                                /* to be reported */
+    /* as the answer to the last command has confirmed it */
+    enum lamp_state states[LAMP_LINE_MAX_LAMPS];
+    GError *lost; /* to be reported */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct serial_lamps, name)
@@ -185,12 +186,13 @@ static void send(struct serial_lamps *lamps, struct request *request) {
     request->n_sent++;
     request->due_us = now + (gint64)(lamps->answer_ms * 1000);
     lamps->fed_us = now;
-    /* A port that takes nothing is found by the deadline of the answer. */
+    /* If the port takes nothing, the deadline of the answer shows it. */
     if (write(lamps->fd, line, strlen(line)) != (gssize)strlen(line))
         g_debug("%s: %s", lamps->port, g_strerror(errno));
 }
 
-/* A request is sent if no request of its rank or above is under way. */
+/* Returns the rank of a request. A request is sent if no request of its rank or above is under
+ * way. */
 static int rank(const struct request *request) {
     return request->what == LAMP_OFF ? 2 : is_off(request) ? 1 : 0;
 }
@@ -297,7 +299,7 @@ static GError *check_answer(const struct serial_lamps *lamps, const struct reque
     return NULL;
 }
 
-/* Loses the lamps if a lamp without a command has another level than it had. */
+/* Reports the lamps as lost if the level of a lamp has changed without a command. */
 static void check_others(struct serial_lamps *lamps, const struct lamp_answer *answer) {
     for (int i = 0; i < lamps->n; i++) {
         const enum lamp_state state = lamps->states[i];
@@ -320,8 +322,8 @@ static gboolean is_last(const struct serial_lamps *lamps, const struct request *
     return FALSE;
 }
 
-/* Takes the answer to a request. Earlier requests to the same lamps end first: an "off" with the
- * same result, an "on" without an answer. */
+/* Takes the answer to a request. Earlier requests to the same lamps end first. An earlier "off" has
+ * the result of a later "off". Any other earlier request ends as not answered. */
 static void take_answer(struct serial_lamps *lamps, struct request *request,
                         const struct lamp_answer *answer) {
     g_autoptr(GError) error = check_answer(lamps, request, answer);
@@ -490,7 +492,7 @@ static gboolean ask(struct serial_lamps *lamps, enum lamp_request what, GError *
         if (lamps->fd < 0 && !request->ended)
             end(lamps, request,
                 device_error_new(DEVICE_ERROR_DISCONNECTED, lamps->bank->device.who,
-                                 "%s: the port is closed", lamps->port));
+                                 "%s: the port was closed before the answer came", lamps->port));
     }
     g_queue_remove(&lamps->requests, request);
     const gboolean ok = !request->error;

@@ -24,7 +24,7 @@
 #define BUSY_MS   2500 /* longer than the time between two lines that say that Marlin is busy */
 #define STILL_MS  300  /* longer than Marlin may plan before a motion begins */
 #define N_HISTORY 8
-#define NEAR      0.02 /* units between Count and target at the end of a move */
+#define NEAR      0.02 /* largest distance from Count to the target at the end of a move, in units */
 
 enum stage {
     ASKING,   /* the echo of "L" is due */
@@ -62,7 +62,8 @@ static gboolean send_again(GcodeBoard *board, int number) {
     return TRUE;
 }
 
-/* Sends a line that has no number, before all others. */
+/* Sends "L" with a new number at once, in a line without a line number. Drops the lines that
+ * wait. */
 static void send_token(GcodeBoard *board) {
     g_autofree char *line = g_strdup_printf("\nL%d\n", ++board->token);
     gcode_board_forget_lines(board);
@@ -140,7 +141,8 @@ static void fail_request(GcodeBoard *board, const char *text) {
                                                     board->link.port, text));
 }
 
-/* Compares the motors with their last report. Returns the number of reports without a change. */
+/* Compares the positions of the motors with their last report. Returns the number of reports in a
+ * row without a change. */
 static int count_same(GcodeBoard *board, const struct gcode_answer *answer) {
     gboolean same = board->n_steps_same > 0;
     for (int i = 0; i < GCODE_MAX_AXES; i++) {
@@ -153,8 +155,8 @@ static int count_same(GcodeBoard *board, const struct gcode_answer *answer) {
     return board->n_steps_same;
 }
 
-/* Takes where the motors are, if the board has told the steps of a unit, else where the axes are
- * sent. */
+/* Takes the positions of the motors if the board has reported its steps per unit, and otherwise the
+ * positions to which the axes were sent. */
 static void take_position(GcodeBoard *board, const struct gcode_answer *answer) {
     double at[GCODE_MAX_AXES] = {0};
     int n = 0;
@@ -223,11 +225,12 @@ static void take_ok(GcodeBoard *board) {
         board->resends = 0;
         if (!send_again(board, number) && board->phase == RUNNING)
             gcode_board_end_request(
-                board, device_error_new(
-                           DEVICE_ERROR_PROTOCOL, NULL,
-                           "%s: the board wants line %d again, and the last one is %d" ERROR_ADVICE
-                           "check the cable, then home it",
-                           board->link.port, number, board->n_line));
+                board,
+                device_error_new(
+                    DEVICE_ERROR_PROTOCOL, NULL,
+                    "%s: the board requests line %d again, but the last line was %d" ERROR_ADVICE
+                    "check the cable, then home it",
+                    board->link.port, number, board->n_line));
     } else if (gcode_board_answered(board)) {
         take_end_of_line(board);
     }

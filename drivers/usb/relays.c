@@ -34,7 +34,7 @@ struct board {
     UsbDevice *usb; /* NULL if it is unplugged */
     int n;
     GList *jobs;  /* jobs that have not ended */
-    GList *users; /* struct usb_relays of the open devices on it */
+    GList *users; /* struct usb_relays of the open devices on the board */
 };
 
 /* State of a lamp bank or a laser: its relays on a board. */
@@ -93,7 +93,8 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     if (!error && !job->error && n != REPORT_SIZE)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
-            "the board answered %d bytes of %d; it is not a relay board that this driver knows",
+            "the board answered %d bytes of %d, so it is not a relay board that this driver "
+            "knows" ERROR_ADVICE "use another relay board",
             (int)n, REPORT_SIZE);
     else if (!error && !job->error && wrong)
         job->error = device_error_new(
@@ -175,7 +176,8 @@ static gboolean board_connect(struct board *board, GError **error) {
     if (board->n >= 1 && board->n <= MAX_RELAYS)
         return TRUE;
     device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                     "the board calls itself \"%s\", which does not give its number of relays",
+                     "the board calls itself \"%s\", not USBRelay1 to USBRelay8" ERROR_ADVICE
+                     "use another relay board",
                      usb_product(board->usb));
     g_clear_pointer(&board->usb, usb_close);
     return FALSE;
@@ -221,7 +223,8 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         g_free(job);
         return FALSE;
     }
-    /* Some requests may be under way despite the error. The end of the last one reports it. */
+    /* Some requests may be under way despite the error. The end of the last request reports the
+     * error. */
     board->jobs = g_list_append(board->jobs, job);
     return TRUE;
 }
@@ -305,9 +308,11 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
     if (*n == 0)
         *n = board->n - relays->first + 1;
     if (*n < 1 || relays->first + *n - 1 > board->n)
-        config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
-                         "its relay %d does not exist, because the USB relay board has %d relays",
-                         relays->first + MAX(*n, 1) - 1, board->n);
+        config_set_error(
+            error, CONFIG_ERROR_VALUE, device->section, NULL,
+            "relay %d does not exist, because the USB relay board has %d relays; correct relay, "
+            "or first_relay and n_lamps",
+            relays->first + MAX(*n, 1) - 1, board->n);
     else if (board_off_now(board, mask_of(relays->first, *n), error)) {
         board->users = g_list_append(board->users, relays);
         return board;

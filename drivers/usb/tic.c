@@ -138,15 +138,16 @@ static const guint16 products[] = {0x00b3 /* T825 */, 0x00b5 /* T834 */, 0x00bd 
 
 /* Texts of the bits of the error status, from bit 0 on. */
 static const char *const error_texts[] = {
-    "it was de-energized",
+    "it was de-energized" ERROR_ADVICE "check what de-energized it",
     "its motor driver reports an error" ERROR_ADVICE "check motor, wiring and temperature",
     "its motor supply is too low" ERROR_ADVICE "check the power supply",
-    "its kill switch is active",
-    "its required input is invalid",
-    "it reports a serial error",
-    "its command timeout stopped it, because no command came for too long",
-    "a safe start violation: something else halted it",
-    "its ERR line is held high by another device",
+    "its kill switch is active" ERROR_ADVICE "release the kill switch",
+    "its required input is invalid" ERROR_ADVICE "check its control mode with ticgui",
+    "it reports a serial error" ERROR_ADVICE "check what else is connected to it",
+    "its command timeout stopped it, because no command came for too long" ERROR_ADVICE
+    "check whether this computer is overloaded",
+    "a safe start violation: something else halted it" ERROR_ADVICE "check what else controls it",
+    "its ERR line is held high by another device" ERROR_ADVICE "check that device",
 };
 
 /* A command timeout sets both errors. The next reset of the timeout clears

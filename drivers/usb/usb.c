@@ -63,7 +63,8 @@ static GError *library_error(UsbDevice *usb, int code) {
         {LIBUSB_ERROR_PIPE, DEVICE_ERROR_PROTOCOL,
          "refused a request (stall)" ERROR_ADVICE "check that its firmware is the maker's"},
         {LIBUSB_ERROR_BUSY, DEVICE_ERROR_BUSY,
-         "another program or another section of the rig file uses it"},
+         "another program or another section of the rig file uses it" ERROR_ADVICE
+         "end that program, or correct that section"},
         {LIBUSB_ERROR_ACCESS, DEVICE_ERROR_UNSUPPORTED,
          "may not be opened by this user" ERROR_ADVICE "install etc/udev/60-mesorig.rules"},
     };

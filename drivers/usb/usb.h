@@ -19,7 +19,7 @@ struct usb_match {
     const char *who; /* the beginning of every error message, such as "axis turntable" */
     guint16 vendor;
     const guint16 *products; /* product ids; the last is 0 */
-    /* The name of the product must begin with it; NULL allows any name. */
+    /* text with which the name of the product must begin; NULL allows any name */
     const char *product_prefix;
     guint8 interface_class; /* the first interface of this class is claimed */
     const char *serial;

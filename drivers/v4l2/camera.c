@@ -38,7 +38,7 @@ struct v4l2_camera {
     struct video_stream stream;
     struct video_load *load;
     struct camera_settings settings; /* exposure_us is 0 before the first configuration */
-    /* frames whose exposure began earlier may have older settings */
+    /* frames whose exposure began before this time may have older settings */
     gint64 settled_us;
     guint64 shot;
     gint64 earliest_us; /* earliest start of the exposure of the wanted frame */
@@ -180,10 +180,12 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
         if (!monotonic)
             camera_report_fault(
                 camera,
-                device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
-                                 "%s does not stamp its frames with the monotonic clock, so that "
-                                 "frames exposed before and after a trigger cannot be told apart",
-                                 v4l2->node.path));
+                device_error_new(
+                    DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                    "%s does not stamp its frames with the monotonic clock, so that "
+                    "frames exposed before and after a trigger cannot be told apart" ERROR_ADVICE
+                    "use another camera",
+                    v4l2->node.path));
         else if (frame)
             camera_report_frame(camera, g_steal_pointer(&frame));
         else

@@ -55,7 +55,7 @@ static gboolean load_check_link(const char *link, const struct video_load *new, 
         "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
         "of %.0f Mbit/s carries" ERROR_ADVICE
         "lower frame_rate, choose a format of fewer bytes or smaller frames, or "
-        "plug some into another controller",
+        "plug some of these cameras into another controller",
         who->str, new->who, sum, most, name, speed);
 }
 

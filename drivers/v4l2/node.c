@@ -34,7 +34,7 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
         {ENXIO, DEVICE_ERROR_DISCONNECTED, gone},
         {ENOENT, DEVICE_ERROR_DISCONNECTED,
          "there is no such device" ERROR_ADVICE "check its path and its cable"},
-        {EBUSY, DEVICE_ERROR_BUSY, "another program uses it"},
+        {EBUSY, DEVICE_ERROR_BUSY, "another program uses it" ERROR_ADVICE "end that program"},
         {EACCES, DEVICE_ERROR_UNSUPPORTED, closed},
         {EPERM, DEVICE_ERROR_UNSUPPORTED, closed},
         {ENOSPC, DEVICE_ERROR_UNSUPPORTED,

@@ -120,7 +120,7 @@ static void control_stolen(struct eye *eye, gconstpointer unused) {
     eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "no other program uses it");
     g_assert_false(camera_is_armed(eye->camera));
     eye_expect_lost(eye, DEVICE_ERROR_BUSY,
-                    "camera eye: another program controls it; end that program");
+                    "camera eye: another program controls the camera; end that program");
     virtual_gige_steal(eye->device, FALSE);
     eye_recover(eye, 2);
 }
@@ -133,7 +133,7 @@ static void power_lost(struct eye *eye, gconstpointer unused) {
     virtual_gige_restart(eye->device, 300);
     conformance_wait(eye->clock, &eye->n_ended, n + 1, 10);
     g_assert_cmpint(eye->last, ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "control of it was lost");
+    eye_assert_said(eye, DEVICE_ERROR_DISCONNECTED, "control of the camera was lost");
     eye_recover(eye, 2);
     virtual_gige_state(eye->device, &state);
     g_assert_cmpint(state.exposure_us, ==, 1000);
@@ -177,7 +177,7 @@ TEST(in_use) {
     g_assert_false(eye_open(&eye, "", &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
     g_assert_cmpstr(error->message, ==,
-                    "camera eye: another program controls it; end that program");
+                    "camera eye: another program controls the camera; end that program");
     g_clear_error(&error);
     eye_end(&eye, NULL);
 }

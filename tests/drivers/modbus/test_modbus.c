@@ -259,7 +259,7 @@ TEST(bad_configuration) {
         {"start = 2=1", "start = 2=65536", CONFIG_ERROR_VALUE, "start: \"2=65536\""},
         {"start = 2=1", "start = 0xffff=1,2", CONFIG_ERROR_VALUE, "start: \"0xffff=1,2\""},
         {"start = 2=1", "start = 0x=1", CONFIG_ERROR_VALUE, "start: \"0x=1\""},
-        {"start = 2=1", "start = ", CONFIG_ERROR_VALUE, "start: is empty"},
+        {"start = 2=1", "start = ", CONFIG_ERROR_VALUE, "start: must not be empty"},
         {"start = 2=1", "", CONFIG_ERROR_MISSING, "start: must be given"},
         {"stop = 2=3", "stop = 2=1;2=1;2=1;2=1;2=1;2=1;2=1", CONFIG_ERROR_VALUE,
          "stop: has more than 6 writes"},
@@ -299,7 +299,7 @@ TEST(no_such_bus) {
     refuse_bus("tcp:[::1", DEVICE_ERROR_DISCONNECTED, "is not a Modbus line");
     refuse_bus(virtual_modbus_bus(tcp), DEVICE_ERROR_TIMEOUT,
                "unit 9, writing holding register 100 (0x0064): no answer within 60 ms (2 tries)");
-    refuse_bus(virtual_modbus_bus(rtu), DEVICE_ERROR_TIMEOUT, "check its power, its address");
+    refuse_bus(virtual_modbus_bus(rtu), DEVICE_ERROR_TIMEOUT, "check the power and the address");
 }
 
 static void other_settings(struct bench *bench, gconstpointer unused) {

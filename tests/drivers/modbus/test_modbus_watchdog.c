@@ -228,9 +228,11 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
                  "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.3\n"
                  "watchdog_scale = 10\n",
                  CONFIG_ERROR, CONFIG_ERROR_VALUE, "watchdog_after_s: 0.3 s is too short");
-    open_refused(bench, "coil = 9\nwatchdog_register = 6\nwatchdog_scale = 100000\n", CONFIG_ERROR,
-                 CONFIG_ERROR_VALUE,
-                 "watchdog_scale: 3 s × 100000 is not a number from 1 to 65535");
+    open_refused(
+        bench, "coil = 9\nwatchdog_register = 6\nwatchdog_scale = 100000\n", CONFIG_ERROR,
+        CONFIG_ERROR_VALUE,
+        "watchdog_scale: watchdog_after_s × watchdog_scale, 3 × 100000, is not a number from "
+        "1 to 65535");
     open_refused(bench, "coil = 9\nwatchdog_register = 6\npulse_coil = 0x209\n", CONFIG_ERROR,
                  CONFIG_ERROR_VALUE, "pulse_coil: is given together with watchdog_register");
     bench_open_bank(bench, "n = 2\n");
@@ -245,7 +247,8 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
     bench_open_laser(bench, watchdog_keys[1]);
     bench_fail(bench, .deaf = TRUE);
     laser_set(bench->laser, TRUE, NULL);
-    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL, "wrote 10, but coil 9 reads as off");
+    bench_expect_error(bench, DEVICE_ERROR_PROTOCOL,
+                       "the time 10 was written, but coil 9 reads as off");
 }
 
 /* Left on by a program that could not reach it any more: a section whose watchdog is wrong switches
@@ -259,7 +262,8 @@ static void watchdog_dark_first(struct bench *bench, gconstpointer unused) {
     g_assert_true(bench_state(bench).coils[9]);
     bench_fail(bench, 0);
     open_refused(bench, "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.1\n", CONFIG_ERROR,
-                 CONFIG_ERROR_VALUE, "watchdog_scale: 0.1 s × 1 is not a number from 1 to 65535");
+                 CONFIG_ERROR_VALUE,
+                 "watchdog_scale: watchdog_after_s × watchdog_scale, 0.1 × 1, is not a number");
     g_assert_false(bench_state(bench).coils[9]);
 }
 

@@ -157,7 +157,7 @@ static const struct fault {
     {"lies", DEVICE_ERROR_STALLED, "it stands at 31.000° instead of 30.000°"},
     {"no-number", DEVICE_ERROR_PROTOCOL, "did not answer the number “deg”"},
     {"far", DEVICE_ERROR_PROTOCOL, "answered deg = 1e+300, which is out of range"},
-    {"no-switch", DEVICE_ERROR_STALLED, "homing ended without its reference"},
+    {"no-switch", DEVICE_ERROR_STALLED, "homing ended at "},
 };
 
 static void run_fault(gconstpointer data) {

@@ -145,9 +145,10 @@ static const struct fault {
     {"outside", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
     {"elsewhere", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "not the name of a file in its folder"},
     {"no-file", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
-    {"pipe", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "that is not a file of at most"},
+    {"pipe", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "that is not a regular file of at most"},
     {"link", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "wrote no picture “2.pgm”"},
-    {"long", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL, "that is not a file of at most 1120 bytes"},
+    {"long", CAMERA_FAULT, DEVICE_ERROR_PROTOCOL,
+     "that is not a regular file of at most 1120 bytes"},
 };
 
 static void run_fault(gconstpointer data) {
@@ -216,7 +217,7 @@ TEST(gain) {
     begin(&bench, folder);
     g_assert_false(camera_configure(bench.camera, &settings, &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED);
-    assert_has(error->message, "has no gain; use gain_db = 0");
+    assert_has(error->message, "cannot set a gain of 6 dB; use gain_db = 0");
     end(&bench);
 }
 

@@ -643,7 +643,7 @@ TEST(relays__wrong_relay) {
     g_assert_null(open_laser(clock, "relay = 3\n", &error));
     conformance_expect_error(
         &error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-        "its relay 3 does not exist, because the USB relay board has 2 relays");
+        "relay 3 does not exist, because the USB relay board has 2 relays; correct relay, or");
     g_assert_null(open_bank(clock, "serial = OTHER\n", &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "SMALL");
     virtual_relays_stick(relays, 0x3);
