@@ -493,6 +493,7 @@ gboolean devices_any_unsafe(const struct devices *devices) {
 
 /* Answer of a device to devices_secure(). */
 struct answer {
+    const char *who; /* name of the device; not owned */
     gboolean done;
     GError *error;
 };
@@ -532,6 +533,7 @@ static void secure_axis(Axis *axis, struct securing *securing) {
     if (!axis)
         return;
     struct answer *answer = &securing->answers[securing->n++];
+    answer->who = axis->device.who;
     axis_listen(axis, on_axis_stopped, answer);
     if (!axis_halt(axis, &error))
         take_answer(answer, error);
@@ -540,6 +542,7 @@ static void secure_axis(Axis *axis, struct securing *securing) {
 static void secure_laser(Laser *laser, struct securing *securing) {
     g_autoptr(GError) error = NULL;
     struct answer *answer = &securing->answers[securing->n++];
+    answer->who = laser->device.who;
     laser_listen(laser, on_laser_off, answer);
     if (!laser_set(laser, FALSE, &error))
         take_answer(answer, error);
@@ -548,6 +551,7 @@ static void secure_laser(Laser *laser, struct securing *securing) {
 static void secure_bank(LampBank *bank, struct securing *securing) {
     g_autoptr(GError) error = NULL;
     struct answer *answer = &securing->answers[securing->n++];
+    answer->who = bank->device.who;
     lamps_listen(bank, on_lamps_off, answer);
     if (!lamps_all_off(bank, &error))
         take_answer(answer, error);
@@ -602,10 +606,10 @@ gboolean devices_secure(struct devices *devices, GError **error) {
     for (int i = 0; i < securing.n; i++) {
         struct answer *answer = &securing.answers[i];
         if (!answer->done)
-            device_error_set(
-                &answer->error, DEVICE_ERROR_TIMEOUT, NULL,
-                "a device has not confirmed its safe state within %d s; switch the rig off by hand",
-                SECURE_MS / 1000);
+            device_error_set(&answer->error, DEVICE_ERROR_TIMEOUT, answer->who,
+                             "has not confirmed its safe state within %d s" ERROR_ADVICE
+                             "switch the rig off by hand",
+                             SECURE_MS / 1000);
         collect(&collected, answer->error);
     }
     if (collected)

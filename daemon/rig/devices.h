@@ -72,8 +72,8 @@ struct devices {
     Axis *sweeps[RIG_MAX_LASERS]; /* the sweep axis of each laser */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
-    /* stands for all interlocks of the rig and guards the lasers; NULL if the rig has no
-     * interlock */
+    /* an interlock that stands for all interlocks of the rig and guards the lasers; NULL if the rig
+     * has no interlock */
     Interlock *guard;
     /* The rig file as it was read, except that lamps whose positions are in another file are
      * written as sections [lamp NAME]. */
@@ -117,15 +117,15 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
-/* Returns whether every device is simulated, whether the rig's clock is real or virtual. */
+/* Returns whether every device is simulated. The rig's clock may be real or virtual. */
 gboolean devices_are_simulated(const struct devices *devices);
 
 /* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Every device is
- * commanded, even if others fail. Does not wait for their answers. Returns FALSE with all errors as
- * one if a device could not be commanded. */
+ * commanded, even if others fail. Does not wait for their answers. If devices could not be
+ * commanded, returns FALSE with one error that has the messages of all of them. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
 /* Returns the present result of devices_make_safe() as a(sss), floating: for each laser, lamp bank

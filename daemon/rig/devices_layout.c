@@ -79,7 +79,7 @@ static gboolean read_rig(struct layout *layout, Mistakes *mistakes) {
 
     if (!section || section->name)
         return layout->has_all_sections
-                   ? config_lacks(mistakes, layout->config, "there is no section [rig]")
+                   ? config_lacks(mistakes, layout->config, "there is no section [rig]; add it")
                    : FALSE;
     if (!options_read(&(struct option_target){devices_rig_options, &fields}, 1, section, NULL,
                       mistakes))
@@ -88,7 +88,8 @@ static gboolean read_rig(struct layout *layout, Mistakes *mistakes) {
     if (ok)
         g_strlcpy(layout->geometry.id, fields.id, sizeof layout->geometry.id);
     else
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "id", "must be 1 to %d bytes long",
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "id",
+                       "has %zu bytes, but must have 1 to %d", strlen(fields.id),
                        (int)sizeof layout->geometry.id - 1);
     if (layout->arc && fields.arc_radius_mm == 0)
         ok = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "arc_radius_mm",
@@ -179,14 +180,15 @@ static gboolean take_stop(const struct config_section *section, const char *key,
 
     if (strlen(name) >= RIG_NAME)
         return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                              "the name of its stop, %s, has more than %d bytes: give it a shorter "
-                              "name",
+                              "the name of a stop, %s, has more than %d bytes: give the section a "
+                              "shorter name",
                               name, RIG_NAME - 1);
     g_strlcpy(to, name, RIG_NAME);
-    return position_mm.z > 0 || config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                                               "at %g° it would be below the turntable's top; "
-                                               "check the direction of the axis in [rig]",
-                                               deg);
+    return position_mm.z > 0 ||
+           config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                          "the stop at %g° would be below the turntable's top; "
+                          "correct the angle, or the direction of the axis in [rig]",
+                          deg);
 }
 
 /* Makes a camera of the geometry for each stop, from index i on. Camera i must have the position
@@ -441,12 +443,12 @@ static gboolean wire_mount(struct layout *layout, int i, const char *name, Mista
     }
     if (unit < 0 && !layout->has_all_sections)
         return FALSE;
-    return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
-                          unit >= 0
-                              ? "\"%s\" is itself a mount; name the laser that is mounted there"
-                              : "there is no section [laser %s] before this one; name the laser "
-                                "that is mounted here, and put its section first",
-                          name);
+    return config_mistake(
+        mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
+        unit >= 0 ? "\"%s\" is itself only a mount position; name the laser that is mounted there"
+                  : "there is no section [laser %s] before this one; name the laser "
+                    "that is mounted here, and put its section first",
+        name);
 }
 
 static gboolean read_laser(struct layout *layout, const struct config_section *section,
@@ -589,7 +591,8 @@ static gboolean uses(const struct layout *layout, const struct config_section *a
     return axis == layout->turntable || axis == layout->arc;
 }
 
-/* Returns whether the section of a bank has a key that places lamps, even if it has a mistake. */
+/* Returns whether the section of any bank has a key that places lamps. The value of the key may
+ * have a mistake. */
 static gboolean places_lamps(const struct layout *layout) {
     for (int i = 0; i < layout->n_banks; i++)
         if (lamp_places_key(layout->banks[i].section))
@@ -621,7 +624,8 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
                            "this axis is not used: it is neither turntable nor arc, no laser names "
                            "it as its sweep, and it is not an [axis arm] with cameras that have "
-                           "arm_deg or an [axis probe] with lamps that have probe_deg");
+                           "arm_deg or an [axis probe] with lamps that have probe_deg; correct its "
+                           "name, or remove the section");
         /* A real device cannot keep up with virtual time. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))

@@ -42,11 +42,11 @@ struct layout {
 /* A key of [axis NAME] that is read here and not by the driver. It sets park_deg in struct Axis. */
 #define LAYOUT_PARK_KEY "park_deg"
 
-/* Reads a rig file. text is its content if the file is not to be read, or NULL. Checks everything
- * that can be checked without a device, including the options of drivers. If checks_drivers is
- * TRUE, drivers also check whether their options fit each other, and check other files that the
- * options name, and conflicts between sections are found. Needed if the devices are to be opened.
- * The error lists all mistakes of the file. */
+/* Reads a rig file. text is the content of the file, or NULL to read the file at path. Checks
+ * everything that can be checked without a device, including the options of drivers. If
+ * checks_drivers is TRUE, also finds options of one driver that do not fit each other, mistakes in
+ * files that the options name, and conflicts between sections. It must be TRUE if the devices are
+ * to be opened. The error lists all mistakes of the file. */
 gboolean layout_read(struct layout *layout, const char *path, const char *text,
                      gboolean checks_drivers, GError **error);
 void layout_clear(struct layout *layout);

@@ -33,8 +33,8 @@ struct Guardian {
     gint64 started_us;
     gint64 answered_us; /* time of the guardian's last answer; 0 if there was none */
     gint64 asked_us;    /* time when guardian_answers() last waited */
-    /* time of the last check, and sum of the time without an answer, at most LOOK_US for each
-     * check */
+    /* looked_us: time of the last check. silent_us: time without an answer, of which each check
+     * adds at most LOOK_US. */
     gint64 looked_us, silent_us;
     char *refusal; /* reason that the guardian sent instead of its first answer */
 };
@@ -137,9 +137,10 @@ static gboolean do_start(Guardian *guardian, GError **error) {
     int fds[2];
 
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) < 0) {
-        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(errno),
-                    "no guardian for %s: cannot make a pair of sockets: %s", guardian->rig_path,
-                    g_strerror(errno));
+        g_set_error(
+            error, G_FILE_ERROR, g_file_error_from_errno(errno),
+            "%s: its guardian cannot be started, because no pair of sockets can be made: %s",
+            guardian->rig_path, g_strerror(errno));
         return FALSE;
     }
     const gboolean started = g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, prepare_child,

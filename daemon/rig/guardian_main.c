@@ -15,7 +15,8 @@
 #include <unistd.h>
 
 #define HANG_US                                                                                    \
-    (4500 * 1000)   /* silence that counts as a hang; all lights are then off within five seconds */
+    (4500 * 1000)   /* silence that counts as a hang; all lights are off within 5 s of the last    \
+                       heartbeat */
 #define LOOK_MS 250 /* time between two looks at the clock */
 #define LOOK_US (2 * LOOK_MS * 1000) /* maximum silence that one look adds */
 #define END_MS  5000                 /* time limit for a killed daemon to end */
@@ -51,7 +52,7 @@ static int silence_wait_ms(const struct guarding *guarding) {
     return guarding->pause ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
 }
 
-/* Answers the daemon: with a refusal if refusal is not NULL, otherwise to its heartbeat. */
+/* Sends the refusal to the daemon or, if refusal is NULL, the answer to a heartbeat. */
 static void answer(const char *refusal) {
     const struct answer answer = {g_get_monotonic_time()};
     g_autoptr(GByteArray) packet = g_byte_array_new();

@@ -13,7 +13,7 @@
 #define MAX_THETA_DEG   89.9
 #define MIN_DISTANCE_MM 1.0
 #define MAX_DISTANCE_MM 1e5
-/* Lengths of x y z in a list up to this one are those of unit vectors, and not millimetres. */
+/* If x y z in a list has at most this length, it is a unit vector, and not millimetres. */
 #define UNIT_LENGTH 1.5
 /* Consecutive azimuths of the spiral differ by this angle, the golden angle π (3 − √5). */
 #define GOLDEN_DEG 137.50776405003785
@@ -45,8 +45,9 @@ static void add(GArray *lamps, const struct bank_fields *fields, double theta_de
     g_array_append_val(lamps, lamp);
 }
 
-/* A spiral whose lamps have equal parts of the zone between two polar angles: lamp i of n, counted
- * from 0, has cos θ = cos θ₀ − (i + ½)/n (cos θ₀ − cos θ₁) and φ = i times the golden angle. */
+/* Adds a spiral whose lamps have equal parts of the zone between θ₀ = theta_from_deg and θ₁ =
+ * theta_to_deg. Lamp i of n, counted from 0, has cos θ = cos θ₀ − (i + ½)/n (cos θ₀ − cos θ₁) and φ
+ * = i times the golden angle. */
 static gboolean add_spiral(GArray *lamps, const struct bank_fields *fields,
                            const struct config_section *section, Mistakes *mistakes) {
     const double top = cos(fields->theta_from_deg / DEG), rim = cos(fields->theta_to_deg / DEG);
@@ -213,12 +214,14 @@ static gboolean find_columns(const TextTable *table, double distance_mm, struct 
     const gboolean angles = ret->theta >= 0 && ret->phi >= 0;
     const gboolean any_angle = ret->theta >= 0 || ret->phi >= 0 || ret->distance >= 0;
     if (!(point && !any_angle) && !(angles && !any_point))
-        return data_error_fail(text_table_path(table), 0, error,
-                               "needs the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and "
-                               "distance_mm");
+        return data_error_fail(
+            text_table_path(table), 0, error,
+            "the table must have the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and "
+            "distance_mm, and not columns of both kinds");
     return point || ret->distance >= 0 || distance_mm > 0 ||
            data_error_fail(text_table_path(table), 0, error,
-                           "needs a column distance_mm, or distance_mm in the section of the bank");
+                           "the table has no column distance_mm; add it, or give distance_mm in "
+                           "the section of the bank");
 }
 
 static gboolean within(const TextTable *table, int row, const char *name, double value, double min,
@@ -270,7 +273,10 @@ static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, cons
             return FALSE;
     if (c->v[0] >= 0) {
         if (isnan(v[0]) || isnan(v[1]) || isnan(v[2]))
-            return data_error_fail(path, line, error, "x_mm, y_mm or z_mm is empty");
+            return data_error_fail(path, line, error, "%s is empty; give x_mm, y_mm and z_mm",
+                                   isnan(v[0])   ? "x_mm"
+                                   : isnan(v[1]) ? "y_mm"
+                                                 : "z_mm");
         if (!set_vector(&lamp, v, 0, path, line, error))
             return FALSE;
     } else if (!text_table_number(table, row, c->theta, NAN, &lamp.theta_deg, error) ||
@@ -384,7 +390,7 @@ static gboolean number_lamps(GArray *lamps, const struct bank_fields *fields,
             continue;
         if (g_snprintf(lamp->name, RIG_NAME, "%s_%0*u", section->name, digits, i + 1) >= RIG_NAME)
             return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                                  "the names of its lamps have more than %d bytes: give the "
+                                  "the names of its lamps would have more than %d bytes: give the "
                                   "section a shorter name",
                                   RIG_NAME - 1);
     }

@@ -1,7 +1,6 @@
-/*
- * The lamps of a bank whose positions are one key of the section [lamps NAME]: rings, a spiral over
- * a part of the hemisphere, an arc, or a file. Every lamp gets the values that a section [lamp
- * NAME] would have.
+/* The lamps of a bank whose positions are given by one key of the section [lamps NAME]: rings, a
+ * spiral over a part of the hemisphere, an arc, or a file. Every lamp gets the values that a
+ * section [lamp NAME] would have.
  *
  * Lamps are numbered from 1 in the order in which they are described. Their names are the name of
  * the bank and this number, with at least two digits: dome_01, dome_02, …
@@ -21,9 +20,10 @@ struct bank_fields {
 
 struct lamp_place {
     char name[RIG_NAME];
-    char bank[RIG_NAME]; /* of a table with this column: the bank of the lamp; otherwise empty */
-    int line;            /* of the table */
-    int index;           /* number in the bank, from 0 */
+    /* bank of the lamp in the column bank of a table; empty if there is none */
+    char bank[RIG_NAME];
+    int line;  /* line of the lamp in the table */
+    int index; /* number in the bank, from 0 */
     double theta_deg, phi_deg, distance_mm, exponent, intensity;
 };
 
@@ -42,8 +42,8 @@ GArray *lamp_places_new(const struct bank_fields *fields, const struct config_se
  * a table (base/text_table.h) with the columns x_mm, y_mm and z_mm, or theta_deg, phi_deg and
  * distance_mm. The columns name, bank, index, exponent and intensity are optional.
  *
- * otherwise has the values of what the file does not say. If its distance_mm is 0, the lengths of
- * x y z in a list are millimetres; otherwise x y z is only a direction, and a table need not have
- * distance_mm. Names and indices that the file does not say are left empty and −1. Returns an array
- * of 1 to RIG_MAX_LAMPS struct lamp_place, or NULL with DATA_ERROR_INVALID, file and line. */
+ * otherwise has the values that the file does not give. If its distance_mm is 0, x y z in a list
+ * are millimetres. If it is above 0, x y z is only a direction, and a table need not have
+ * distance_mm. A name that the file does not give is empty, and such an index is −1. Returns an
+ * array of 1 to RIG_MAX_LAMPS struct lamp_place, or NULL with DATA_ERROR_INVALID, file and line. */
 GArray *lamp_places_read(const char *path, const struct lamp_place *otherwise, GError **error);

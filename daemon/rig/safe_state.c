@@ -167,8 +167,8 @@ static void note_problems(const struct job *job, struct repaired *repaired) {
     }
 }
 
-/* Adds a heading or a key. It is on the same line as in the rig file, so that errors of drivers
- * name the right line. *at is the present line. */
+/* Adds a heading or a key, in the line that it has in the rig file, so that errors of drivers name
+ * the right line. *at is the number of the present line of the text. */
 static void add_line(struct repaired *repaired, int *at, int line, const char *key,
                      const char *value) {
     const int target =
@@ -306,9 +306,9 @@ static void note_other(pid_t other, gboolean axis, GString *notes) {
     if (other == 0)
         return;
     g_autofree char *process = lock_process(other);
-    g_autofree char *note =
-        g_strdup_printf("%s has it open, and may %s again: end it, or use “mesorig safe”", process,
-                        axis ? "move it" : "switch it on");
+    g_autofree char *note = g_strdup_printf(
+        "%s has the device open, and may %s again: end that process, or use “mesorig safe”",
+        process, axis ? "move it" : "switch it on");
     add_words(notes, note);
 }
 

@@ -32,8 +32,8 @@ enum safe_try {
     SAFE_TRY_AGAIN, /* the attempt failed; another attempt may succeed */
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
-    /* no attempt can succeed, because the section of the device is wrong or names perhaps another
-     * device; or the device is left to the process that has it open */
+    /* No attempt can succeed, because the section of the device is wrong, or may name another
+     * device. Also if the device is left to the process that has it open. */
     SAFE_TRY_NEVER,
 };
 

@@ -223,7 +223,8 @@ static void begin_process(SafeWork *work, struct line *line) {
         close(fds[1]);
         return;
     }
-    tell(work, "no process for %s: %s", line->name, g_strerror(errno));
+    tell(work, "the process for the devices at %s cannot be started: %s", line->name,
+         g_strerror(errno));
     if (piped) {
         close(fds[0]);
         close(fds[1]);

@@ -162,7 +162,8 @@ static void test_after_an_end(struct fixture *fixture, gconstpointer unused) {
 /* Somebody asks for the safe state of a rig that a daemon has: boards are switched off. */
 static void test_operator(struct fixture *fixture, gconstpointer unused) {
     g_autofree char *note = g_strdup_printf(
-        " (process %d) has it open, and may switch it on again: end it, or use “mesorig safe”",
+        " (process %d) has the device open, and may switch it on again: end that process, or use "
+        "“mesorig safe”",
         fixture->pid);
     g_autofree char *line = g_strdup_printf(" (process %d) uses it; use", fixture->pid);
     light_up(fixture);
