@@ -6,8 +6,8 @@
 #include "capture_session.h"
 
 struct capture_bytes {
-    /* Of the stored frames by kind (enum session_shot_kind) and camera: as they are on disk (sum),
-     * and as the plan expected them (planned). */
+    /* Bytes of the stored frames of each kind (enum session_shot_kind) and camera: sum is their
+     * size on disk, and planned the size that the plan expected. */
     struct {
         double sum, planned;
     } of[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
@@ -34,8 +34,9 @@ void capture_bytes_begin(struct capture_bytes *bytes, const struct capture_sessi
 
 /* Counts the frames of a shot that was committed. n_committed is the number of shots that this run
  * has committed, including this one. is_last is TRUE for the last shot of the run. Updates the
- * estimate after some of the shots only, because that takes long. Adds an event when the expected
- * size of the whole session differs by more than a twentieth from the size in the last event. */
+ * estimate after some of the shots only, because an update takes long. Adds an event when the
+ * expected size of the whole session differs by more than a twentieth from the size in the last
+ * event. */
 void capture_bytes_add(struct capture_bytes *bytes, const struct capture_session *session,
                        const struct session_shot *shot, const struct session_frame *frames, int n,
                        guint n_committed, gboolean is_last);

@@ -90,11 +90,11 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
         gboolean device = shot->kind == SHOT_DARK || (shot->device >= 0 && shot->device < n);
         if (device && shot->cameras != 0 && shot->cameras >> rig->n_cameras == 0)
             continue;
+        const char *missing = device ? "a camera" : shot->kind == SHOT_SWEEP ? "a laser" : "a lamp";
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
                     "%s: shot %" G_GINT64_FORMAT
-                    " needs a camera, lamp or laser that rig %s does not have; use the rig file of "
-                    "the session",
-                    path, shot->id, rig->id);
+                    " needs %s that rig %s does not have; use the rig file of the session",
+                    path, shot->id, missing, rig->id);
         return FALSE;
     }
     return TRUE;
@@ -157,7 +157,7 @@ char *capture_check_options(Session *session, const struct devices *devices) {
         n > SHOWN_CHANGES ? g_strdup_printf(", and %u more", n - SHOWN_CHANGES) : g_strdup("");
     return g_strdup_printf(
         "The rig file has changed since the session was begun: %s%s. Frames from "
-        "before and after may not fit together.",
+        "before and after the change may not fit together.",
         list, more);
 }
 
@@ -185,10 +185,11 @@ char *capture_check_devices(Session *session, const struct devices *devices) {
     }
     if (changes->len == 0)
         return NULL;
-    return g_strdup_printf("Other devices answer than when the session was begun: %s. Frames from "
-                           "before and after may not fit together: put the earlier device "
-                           "back, or begin a new session.",
-                           changes->str);
+    return g_strdup_printf(
+        "Other devices answer than when the session was begun: %s. Frames from "
+        "before and after the change may not fit together: put the earlier device "
+        "back, or begin a new session.",
+        changes->str);
 }
 
 char *capture_check_calibration(Session *session, const struct devices *devices) {
@@ -204,5 +205,6 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
         return NULL;
     return g_strdup(
         "The rig's geometry or calibration is not the one the session was begun with; frames from "
-        "before and after may not fit together. Processing uses the calibration of the beginning.");
+        "before and after the change may not fit together. Processing uses the calibration of the "
+        "beginning.");
 }

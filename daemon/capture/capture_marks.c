@@ -2,8 +2,8 @@
 
 #include "session/outputs.h"
 
-/* The maximum error of a calibration in a picture, in pixels, and the minimum rotation that counts
- * as a movement, in degrees. */
+/* The maximum error of a calibration at a mark in a picture, in pixels, and the minimum rotation
+ * that counts as a movement, in degrees. */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
 #define WINDOW        8          /* number of shots that are evaluated together */
@@ -64,7 +64,7 @@ static void report_first_check(struct capture_marks *marks, const struct capture
 }
 
 /* Returns the marks that were seen in this shot and in the last few shots. One shot of a camera
- * with few pixels is not enough evidence, so they are evaluated together. */
+ * with few pixels is not enough evidence, so these shots are evaluated together. */
 static GArray *add_to_window(struct capture_marks *marks, GArray *seen) {
     if (!marks->window)
         marks->window = g_queue_new();
@@ -116,7 +116,8 @@ char *capture_marks_check(struct capture_marks *marks, const struct capture_sess
     capture_marks_forget(marks);
     return g_strdup_printf(
         "Something has moved since the rig was calibrated: %s. The last %u shots may be affected. "
-        "Put it back or calibrate again. If you continue, the capture uses it as it is.",
+        "Put it back, or calibrate the rig again. If you continue, the capture uses the rig as it "
+        "is.",
         what, MAX(before, 1) + 1);
 }
 

@@ -53,8 +53,11 @@ extern const struct sequencer_hooks capture_sequencer_hooks;
 /* Starts taking the remaining shots, from the main loop. */
 void capture_begin_soon(Capture *capture);
 
-/* These functions drop the frames in flight, and change and store the state. The rig must be safe,
- * or must already be going into the safe state. */
+/* capture_pause_for() drops the frames in flight, stores the reason and pauses.
+ * capture_come_to_rest() ends a run: it stops the session's clock and stores the totals and the
+ * state. For both, the rig must be safe, or must already be going into the safe state.
+ * capture_set_state() changes and stores only the state, and capture_drop_flights() drops only the
+ * frames in flight. */
 void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
                        const char *reason);
 void capture_come_to_rest(Capture *capture, enum capture_state state);

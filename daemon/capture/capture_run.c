@@ -12,7 +12,7 @@
 /* Maximum part of the pixels of a picture that may be saturated in the shortest exposure without a
  * warning. */
 #define SATURATED_PART 0.001
-/* Maximum mean of a dark frame above black, as a part of full scale. */
+/* Maximum mean of a dark frame above black, as a part of full scale, without a warning. */
 #define DARK_PART 0.05
 
 static gboolean notify_changed(gpointer data) {
@@ -303,10 +303,10 @@ static void on_result(const struct intake_result *result, gpointer data) {
     }
     if (result->laser_seen) {
         const char *laser = capture->session.devices->geometry.lasers[result->shot->device].name;
-        g_autofree char *reason =
-            g_strdup_printf("laser %s stays on: camera %s still saw it after it was switched off. "
-                            "Cut its power, check its relay, then continue.",
-                            laser, capture->session.devices->geometry.cameras[camera].name);
+        g_autofree char *reason = g_strdup_printf(
+            "laser %s stays on: camera %s still saw its light after it was switched "
+            "off. Cut the power of the laser, check its relay, then continue.",
+            laser, capture->session.devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_RIG, laser, reason);
         return;
     }

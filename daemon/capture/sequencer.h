@@ -19,7 +19,7 @@ struct sequencer_hooks {
     gboolean (*may_trigger)(gpointer data);
     /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come in the
      * order of the shots for each camera, except frames that are taken again in another turn of the
-     * turntable. Borrowed during the call. */
+     * turntable. taken is valid during the call. */
     void (*frame)(const struct taken_frame *taken, gpointer data);
     /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
      * the repetition if the picture was saturated, otherwise 0. */

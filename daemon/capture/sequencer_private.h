@@ -1,5 +1,5 @@
-/* Shared by sequencer.c, which takes pictures while the turntable stands, and sequencer_pass.c,
- * which takes the pictures of a pass (plan/passes.h). */
+/* What sequencer.c, which takes pictures while the turntable stands, and sequencer_pass.c, which
+ * takes the pictures of a pass (plan/passes.h), use of each other. */
 #pragma once
 
 #include "sequencer.h"

@@ -128,7 +128,7 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
          * stopped it at the drive's own panel. */
         g_autoptr(GError) stalled = NULL;
         device_error_set(&stalled, DEVICE_ERROR_STALLED, axis->device.who,
-                         "it was stopped on its way to %g°", track->target_deg);
+                         "it stopped on its way to %g° without a command", track->target_deg);
         axis_fault(track, stalled);
     }
 }

@@ -112,7 +112,7 @@ static const struct fault faults[] = {
     {"lamp-dies", "[lamps bank] fault_dead = lamp30; [lamps bank] fault_dead_after = 2", "lamp30",
      "gives no light", "Check the lamp, its fuse and its relay", FALSE},
     {"laser-stays-on", "[laser laser30] fault_stays_on = yes", "laser30", "stays on",
-     "Cut its power, check its relay", TRUE},
+     "Cut the power of the laser, check its relay", TRUE},
     {"laser-is-deaf", "[laser laser60] fault_deaf = 1000", "laser60",
      "THE RIG COULD NOT BE MADE SAFE: laser laser60: did not answer to \"off\"",
      "it may still shine: cut its power by hand", TRUE},

@@ -12,9 +12,9 @@
 /* Frames of a sweep are handed over in batches, because waking a worker costs more than its work.
  */
 #define BATCH 8
-/* The laser is on if LASER_PIXELS pixels are above the threshold. It is also on if MIN_LASER_PIXELS
- * pixels that the line lit in the middle of the sweep are above half the threshold, and these are
- * at least half of the pixels that the line lit there. */
+/* After a sweep, the laser counts as still lit if LASER_PIXELS pixels are above the threshold. It
+ * also does if at least half of the pixels that the line lit in the middle of the sweep, and at
+ * least MIN_LASER_PIXELS of them, are above half the threshold. */
 #define LASER_PIXELS     4
 #define MIN_LASER_PIXELS 2
 /* Nice values of the threads. The main loop, which moves axes and triggers cameras, has the highest

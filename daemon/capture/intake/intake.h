@@ -15,7 +15,7 @@
  *   mesorig.exposures_us (string): "500;2000;8000". The first is shorter than planned if too many
  *     pixels were saturated.
  *   mesorig.dark_dn (double): mean dark level at the longest exposure
- *   mesorig.saturated (int): number of pixels
+ *   mesorig.saturated (int): number of pixels that are saturated in every exposure
  *   mesorig.unit (string)
  *
  * SHOT_LAMP has one part "radiance" with the channel "Y" (half): the mosaic as it lies on the

@@ -134,8 +134,8 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
     g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
     if (g_mkdir(folder, 0777) != 0 && errno != EEXIST) {
         const int code = errno;
-        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code), "%s: %s", folder,
-                    g_strerror(code));
+        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code),
+                    "the folder %s for raw frames cannot be made: %s", folder, g_strerror(code));
         return FALSE;
     }
     /* Frames of a sweep are not compressed, because they arrive faster than they can be
@@ -179,8 +179,9 @@ float *intake_read_dark(const char *directory, const struct session_shot *shot,
         pixels = g_memdup2(plane, (gsize)part->width * part->height * sizeof(float));
     else
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
-                    "%s: part %s is not a dark frame of %d × %d pixels", path, name, format->width,
-                    format->height);
+                    "%s: part %s is not a dark frame of %d × %d pixels, as this camera takes them; "
+                    "remove the file and resume the session, which takes the shot again",
+                    path, name, format->width, format->height);
     exr_part_free(part);
     return pixels;
 }

@@ -24,10 +24,10 @@ struct radiance_stats {
 
 /* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
  * pixel at the exposure of frame i. The exposures of a pixel are weighted by their length.
- * Exposures that are saturated according to the merged value, and not according to their own noisy
- * value, are left out, so that noise causes no bias. The curvature of the sensor is corrected
- * first: a signal of x DN is read as x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is 0 for a
- * linear sensor. ret has width × height values. */
+ * Saturated exposures are left out. Whether an exposure is saturated is decided by the merged value
+ * instead of its own noisy value, so that noise causes no bias. The curvature of the sensor is
+ * corrected first: a signal of x DN is read as x·(1 − bend_per_dn·x) DN above dark; bend_per_dn is
+ * 0 for a linear sensor. ret has width × height values. */
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 

@@ -60,10 +60,9 @@ TEST(rig) {
          "32"},
         {{{"[camera cam60]", "height = 64"}, {0}}, "with 32 × 64 now"},
         {{{"[camera cam30]", NULL}, {0}}, "camera 0 was cam30"},
-        {{{"[camera cam60]", NULL}, {0}}, "needs a camera, lamp or laser that rig small does not"},
-        {{{"[lamp lamp60]", NULL}, {0}}, "needs a camera, lamp or laser"},
-        {{{"[laser laser60]", NULL}, {"[axis sweep60]", NULL}, {0}},
-         "needs a camera, lamp or laser"},
+        {{{"[camera cam60]", NULL}, {0}}, "needs a camera that rig small does not"},
+        {{{"[lamp lamp60]", NULL}, {0}}, "needs a lamp that"},
+        {{{"[laser laser60]", NULL}, {"[axis sweep60]", NULL}, {0}}, "needs a laser that"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         struct run *run = run_new(NULL);
