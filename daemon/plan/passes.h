@@ -7,11 +7,11 @@
  * shot. If stopping at each angle is quicker, the shots are not in a pass, and their pass number
  * is 0.
  *
- * A point at the sample's corner, at the distance r from the axis, moves by ω r t during an
- * exposure of t. The pose of a frame is known to within ω r 2 δ. Here δ is the maximum error of the
- * times of frames and of the table's positions, both together. The speed ω is chosen so that
- * neither length exceeds [capture] blur_texels of a texel. It is at most the maximum speed of the
- * table.
+ * At the speed ω of the table, a point at the sample's corner, at the distance r from the axis,
+ * moves by ω r t during an exposure of t. The pose of a frame is known to within ω r 2 δ. Here δ is
+ * the maximum error of the times of frames and of the table's positions, both together. ω is chosen
+ * so that neither length exceeds [capture] blur_texels of a texel. It is at most the maximum speed
+ * of the table.
  *
  * Passes depend only on the session file, the rig's nominal geometry, its timing and the given
  * shots. They do not depend on which shots are already taken. A session that is resumed therefore

@@ -255,12 +255,12 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
         .turn_udeg = turn->udeg, .azimuth = azimuth, .probe_udeg = probe, .state = SHOT_PLANNED};
 
     if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
-        g_set_error(
-            error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-            "the light arc cannot turn to %g°, which the turntable at %g° needs: its limits "
-            "are %g° to %g°. Leave out directions, or change the limits in the rig file",
-            (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
-            b->timing->arc.max_deg);
+        g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                    "the light arc cannot turn to %g°, which is needed with the turntable at %g°: "
+                    "min_deg and max_deg of [axis arc] are %g° and %g°. Leave out directions, or "
+                    "change min_deg and max_deg in the rig file",
+                    (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG,
+                    b->timing->arc.min_deg, b->timing->arc.max_deg);
         return FALSE;
     }
     guint32 blocked =

@@ -12,9 +12,8 @@
  * the probe is taken with the probe at its first stop. An axis that the rig does not have stands
  * at 0, and its struct rig_timing has the limits 0 to 0.
  *
- * Fixed lamps give all lights of all views only if their arrangement looks the
- * same from all angles of the turntable that the views need. Shots under a light that no lamp gives
- * are skipped.
+ * Fixed lamps give all lights of all views only if their arrangement looks the same from all angles
+ * of the turntable that the views need. Shots under a light that no lamp gives are skipped.
  *
  * All axes move together. All orders make the same exposures and differ only in the moves. The
  * planner chooses the order with the shortest predicted time.

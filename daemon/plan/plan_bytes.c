@@ -35,7 +35,7 @@
 
 struct packing {              /* disk space of a compressed part */
     double surroundings, lit; /* bytes per pixel */
-    double table;             /* bytes of a block */
+    double table;             /* bytes of the table of codes of a block */
     double bit; /* bytes per pixel that are saved for each bit of the camera below NOISE_BITS */
 };
 static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},

@@ -216,11 +216,12 @@ static gboolean check_axis(const struct candidates *candidates, const struct can
     if (!c->axis || c->axis->wraps ||
         (c->axis_deg >= c->axis->min_deg && c->axis_deg <= c->axis->max_deg))
         return TRUE;
-    plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, candidates->section, NULL,
-                   "[axis %s] cannot turn to %g°, the stop of %s %s: its limits are %g° to %g°. "
-                   "Change the rings, or the stops or the limits in the rig file",
-                   c->on_arm ? "arm" : "probe", c->axis_deg, candidates->kind, c->name,
-                   c->axis->min_deg, c->axis->max_deg);
+    plan_set_error(
+        error, PLAN_ERROR_LIMITS, candidates->conf, candidates->section, NULL,
+        "[axis %s] cannot turn to %g°, the stop of %s %s: its min_deg and max_deg are %g° and %g°. "
+        "Change the rings in the session file, or the stops, min_deg or max_deg in the rig file",
+        c->on_arm ? "arm" : "probe", c->axis_deg, candidates->kind, c->name, c->axis->min_deg,
+        c->axis->max_deg);
     return FALSE;
 }
 
@@ -259,12 +260,13 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         return FALSE;
     }
     if (limits && !plan_axis_reach(limits, udeg, &udeg)) {
-        plan_set_error(error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
-                       "the turntable cannot turn to %g°, from where %s would see theta %g° phi "
-                       "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig "
-                       "file",
-                       (double)udeg / UDEG, candidate->name, theta_deg, phi_deg, limits->min_deg,
-                       limits->max_deg);
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, candidates->conf, "views", NULL,
+            "the turntable cannot turn to %g°, where %s would see the sample from theta %g° phi "
+            "%g°: min_deg and max_deg of [axis turntable] are %g° and %g°. Change the rings in the "
+            "session file, or min_deg and max_deg in the rig file",
+            (double)udeg / UDEG, candidate->name, theta_deg, phi_deg, limits->min_deg,
+            limits->max_deg);
         return FALSE;
     }
     if (!check_axis(candidates, candidate, error))
@@ -308,7 +310,9 @@ static gboolean add_devices(const struct plan_build *b, const struct candidates 
             continue;
         }
         plan_set_error(error, candidates->missing, candidates->conf, candidates->section, "devices",
-                       "there is no [%s %s] in the rig file", candidates->kind, *name);
+                       "there is no [%s %s] in the rig file; name a device of the rig file, or "
+                       "write devices = all",
+                       candidates->kind, *name);
         return FALSE;
     }
     for (int i = 0; i < candidates->n; i++) {
@@ -320,8 +324,10 @@ static gboolean add_devices(const struct plan_build *b, const struct candidates 
     }
     if (directions->len > 0)
         return TRUE;
-    plan_set_error(error, candidates->missing, candidates->conf, candidates->section, "devices",
-                   "there is no %s in the rig file", candidates->kind);
+    plan_set_error(
+        error, candidates->missing, candidates->conf, candidates->section, "devices",
+        "there is no %s in the rig file; add a section [%s NAME] there, or leave out [%s] here",
+        candidates->kind, candidates->kind, candidates->section);
     return FALSE;
 }
 

@@ -41,7 +41,7 @@ static void note_auto(const struct session_conf *conf, GPtrArray *notes) {
     if (bounds->len)
         g_ptr_array_add(notes, g_strdup_printf("time and space are upper bounds: \"auto\" is taken "
                                                "as %s (µs); [capture] auto_longest_us, %g, is the "
-                                               "longest that it may choose",
+                                               "longest that auto may choose",
                                                bounds->str, conf->auto_longest_us));
 }
 

@@ -1,8 +1,9 @@
-/* Shared by the parts of the planner. plan_directions.c finds the angles of the axes that show each
- * direction. plan.c makes the shots at these angles. plan_blocked.c keeps the arc out of the
- * pictures. plan_tour.c orders poses, plan_order.c shots, and plan_search.c improves both.
- * plan_time.c predicts time, plan_bytes.c disk space. plan_notes.c describes changes of the plan to
- * the user. */
+/* Declarations that the parts of the planner share. plan_directions.c finds the angles of the axes
+ * that show each direction. plan.c makes the shots at these angles. plan_blocked.c keeps the arc
+ * out of the pictures. plan_lamps.c and plan_sweeps.c choose the shots of the first round.
+ * plan_tour.c orders poses, plan_order.c shots, and plan_search.c improves both. plan_left.c orders
+ * the shots that a session under way still has to take. plan_time.c predicts time, plan_bytes.c
+ * disk space. plan_notes.c describes changes of the plan to the user. */
 #pragma once
 
 #include "plan.h"

@@ -350,8 +350,9 @@ static gboolean read_rings(const struct config_section *section, const struct op
                        "give either preset, rings or devices%s",
                        has_preset || has_rings ? ", and only one of them" : "");
     else if (has_devices && fields.offset_deg != 0)
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_deg",
-                       "turns rings only: the devices' positions are fixed; leave it out");
+        config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "offset_deg",
+            "turns only rings, and the positions of devices are fixed; leave offset_deg out");
     else if (has_devices) {
         *ret_devices = g_steal_pointer(&fields.devices);
         ok = TRUE;
@@ -396,9 +397,11 @@ static gboolean take_name(const struct config_section *section, struct fields *f
 
     if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
         !g_utf8_validate(name, -1, NULL)) {
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "name",
-                       "must be 1 to 100 bytes of UTF-8 that can be part of a file's name, without "
-                       "'/' and without '.' at the beginning");
+        config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "name",
+            "\"%s\" must be 1 to 100 bytes of UTF-8, without "
+            "'/' and without '.' at the beginning, because it is a part of a file's name",
+            name);
         return FALSE;
     }
     f->conf.name = g_steal_pointer(&f->name);
@@ -436,8 +439,8 @@ static gboolean take_sample(const struct config_section *section, struct fields 
             f->flat_radius_mm, hole->values[0], hole->values[1]);
     if (f->flat_mm > grid->reference_mm)
         return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "flat_mm",
-                              "%g mm is above reference_mm, which is %g; give at most that",
-                              f->flat_mm, grid->reference_mm);
+                              "%g mm is above reference_mm, which is %g; give at most %g",
+                              f->flat_mm, grid->reference_mm, grid->reference_mm);
     f->conf.reference = (struct laser_reference){.plane_mm = f->flat_mm,
                                                  .plane_error_mm = f->flat_error_mm,
                                                  .hole_mm = {hole->values[0], hole->values[1]},
@@ -499,10 +502,10 @@ static gboolean take_capture(const struct config_section *section, struct fields
         return good;
     if (conf->is_auto[AUTO_LASER])
         return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "laser_short_us",
-                              "must be 0, or 1 or more");
+                              "%g must be 0, or at least 1", conf->laser_short_us);
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "laser_short_us",
-                          "must be 0, or from 1 to less than laser_exposure_us, which is %g",
-                          conf->laser_exposure_us);
+                          "%g must be 0, or from 1 to less than laser_exposure_us, which is %g",
+                          conf->laser_short_us, conf->laser_exposure_us);
 }
 
 static void read_directions(struct session_conf *conf, const Config *config, gboolean all_sections,
@@ -512,7 +515,7 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
     const struct config_section *lasers = config_find(config, "lasers", NULL);
 
     if (!views && all_sections)
-        config_lacks(mistakes, config, "there is no section [views]");
+        config_lacks(mistakes, config, "there is no section [views]; add it");
     struct ring_fields fields = {0}, of_lights = {0};
     read_rings(views, ring_options, conf->views, &conf->n_views, &conf->views_of, NULL, mistakes);
     read_rings(lights, light_options, conf->lights, &conf->n_lights, &conf->lights_of, &of_lights,
@@ -528,7 +531,9 @@ static void read_directions(struct session_conf *conf, const Config *config, gbo
     conf->laser_gain_pct = fields.gain_pct;
     conf->laser_line_mm = fields.line_mm;
     if (!lights && !lasers && all_sections)
-        config_lacks(mistakes, config, "there is neither [lights] nor [lasers]: nothing to take");
+        config_lacks(mistakes, config,
+                     "there is neither [lights] nor [lasers], so there is nothing to capture; add "
+                     "one of them");
 }
 
 /* Reads a section into f by its option table, and calls take() if it has no mistakes. also lists
@@ -542,7 +547,7 @@ static void read_section(const Config *config, const char *class_name, const str
     const struct config_section *section = config_find(config, class_name, NULL);
 
     if (!section && all_sections)
-        config_lacks(mistakes, config, "there is no section [%s]", class_name);
+        config_lacks(mistakes, config, "there is no section [%s]; add it", class_name);
     if (section && options_read(&(struct option_target){options, f}, 1, section, also, mistakes)) {
         take(section, f, mistakes);
         options_clear(options, f);

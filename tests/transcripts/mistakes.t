@@ -72,7 +72,7 @@ Sessions:
   mesorig: session.conf:20: [lasers]: no laser stands at elevation 45° (within 0.5°); there are: 30° (laser30), 60° (laser60). Change the rings in the session file, or the rig file
   [1]
   $ plan session.conf '[views]'
-  mesorig: session.conf: there is no section [views]
+  mesorig: session.conf: there is no section [views]; add it
   [1]
   $ plan session.conf '[sample]' 'texels = 100000'
   mesorig: session.conf:7: [sample] texels: 100000 is out of range: 0 to 8192

@@ -53,9 +53,9 @@ Files that cannot be read:
   $ mesorig plan "$SMALL/rig.conf" bad_session.conf
   mesorig: bad_session.conf: 4 mistakes:
   bad_session.conf:5: [views] rings: "99:x" is not theta:count or theta:count:offset with theta from 0 to 89 degrees, count from 1 to 720 (1 at theta 0), offset from -360 to 360
-  bad_session.conf: there is no section [sample]
-  bad_session.conf: there is neither [lights] nor [lasers]: nothing to take
-  bad_session.conf: there is no section [capture]
+  bad_session.conf: there is no section [sample]; add it
+  bad_session.conf: there is neither [lights] nor [lasers], so there is nothing to capture; add one of them
+  bad_session.conf: there is no section [capture]; add it
   [1]
   $ mesorig plan binary.conf "$SMALL/session.conf"
   mesorig: binary.conf:1: this line is not text in UTF-8

@@ -232,10 +232,11 @@ static gboolean load_rounds(struct rounds *rounds, GError **error) {
     if (!rounds_load(rounds, error))
         return FALSE;
     return rounds->n > 0 ||
-           data_error_fail(session_path(rounds->session), 0, error,
-                           "its value %s1 is missing, which names the shots of the first round; "
-                           "begin a new session",
-                           rounds->key);
+           data_error_fail(
+               session_path(rounds->session), 0, error,
+               "the session's value %s1, which names the shots of the first round, is missing; "
+               "begin a new session",
+               rounds->key);
 }
 
 /* Examines the frames that earlier runs have stored. */

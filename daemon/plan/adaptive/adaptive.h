@@ -8,9 +8,9 @@
  * session is planned. Every frame is examined when it is committed (selection/coverage_view.h,
  * lamps.h). At the end of a round:
  *
- * - Sweeps: at each turntable angle, the sweep that is expected to add most to the knowledge of its
- *   cameras joins the next round, and so does the next best one, if they add at least [lasers]
- *   gain_pct. When no sweep does, the remaining sweeps are left out for good.
+ * - Sweeps: at each turntable angle, up to two sweeps join the next round. These are the sweeps
+ *   that are expected to add most to the knowledge of their cameras, if each adds at least
+ *   [lasers] gain_pct. When no sweep adds so much, the remaining sweeps are left out for good.
  * - Lamps: the pictures that are not taken are predicted (selection/prediction.h). The shots
  *   that lower the expected error most for their time join the next round. When the error is
  *   expected to be below [lights] error_pct, or [lights] budget_min is used up, the remaining shots

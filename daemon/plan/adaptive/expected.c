@@ -115,8 +115,9 @@ static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *
     int taken;
     g_autofree float *known = lamps_table(earlier, &taken);
     if (taken == 0)
-        return data_error_fail(session_path(earlier->setup.session), 0, error,
-                               "it has no picture under a lamp: name a session that was captured");
+        return data_error_fail(
+            session_path(earlier->setup.session), 0, error,
+            "the session has no picture under a lamp; name a session that was captured");
     g_autofree float *table = g_new(float, (gsize)rows *(gsize)n_pairs);
     g_autofree int *groups = g_new(int, n_pairs);
     for (int pair = 0; pair < n_pairs; pair++) {

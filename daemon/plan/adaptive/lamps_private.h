@@ -1,5 +1,5 @@
-/* Shared by lamps.c, which chooses shots while a session is captured, and expected.c, which
- * predicts the result of a session before it begins. */
+/* Declarations that two files share: lamps.c, which chooses shots while a session is captured, and
+ * expected.c, which predicts the result of a session before it begins. */
 #pragma once
 
 #include "lamps.h"

@@ -22,9 +22,11 @@ static gboolean load_one(struct rounds *rounds, const char *text, GError **error
     for (char **word = words; *text && *word; word++) {
         guint64 number;
         if (!g_ascii_string_to_unsigned(*word, 10, 1, rounds->shots->len, &number, NULL))
-            return data_error_fail(session_path(rounds->session), 0, error,
-                                   "its value %s%d names the shot “%s”; it has shots 1 to %u",
-                                   rounds->key, rounds->n, *word, rounds->shots->len);
+            return data_error_fail(
+                session_path(rounds->session), 0, error,
+                "the session's value %s%d names the shot “%s”, but the session has the shots 1 to "
+                "%u: session.db is damaged; begin a new session",
+                rounds->key, rounds->n, *word, rounds->shots->len);
         rounds->of[number - 1] = rounds->n;
     }
     return TRUE;

@@ -332,7 +332,7 @@ TEST(expected) {
     g_assert_null(expected_curve(&run->conf, &run->devices->geometry, &run->devices->timing, plan,
                                  run->session, NULL, &error));
     g_assert_nonnull(error);
-    g_assert_nonnull(strstr(error->message, "it has no picture under a lamp"));
+    g_assert_nonnull(strstr(error->message, "the session has no picture under a lamp"));
     run_free(run);
 }
 
