@@ -222,7 +222,7 @@ TEST(bad) {
                    "poses.csv:1: the column “exposure” is not known; did you mean “exposure_ms”?");
     assert_refused(dir, HEAD "a.exr,cam30\n",
                    "poses.csv:2: this line has 2 fields, but the header line has 7");
-    assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");
+    assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a field begins with a double quote");
     assert_refused(dir, HEAD "\n#\na.exr,cam31,lamp30,,0,0,\n",
                    "poses.csv:4: camera “cam31” is not in");
     assert_refused(dir, HEAD "a.exr,cam30,lamp31,,0,0,\n", "poses.csv:2: lamp “lamp31” is not in");
