@@ -84,7 +84,7 @@ static void another_size(struct eye *eye, gconstpointer unused) {
     struct virtual_camera_faults faults = {.odd = 1};
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL, "its frame is 318 × 240 of format");
+    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL, "its frame has 318 × 240 pixels of the format");
     eye_recover(eye, 1);
 }
 

@@ -138,7 +138,7 @@ TEST(incomplete) {
         {{.stunted = 1}, "some of its data was lost"},
         {{.tailless = 1}, " s after the trigger (exposure 1000 µs)"},
         {{.headless = 1}, " s after the trigger (exposure 1000 µs)"},
-        {{.odd = 1}, "its frame is 318 × 240 of format"},
+        {{.odd = 1}, "its frame has 318 × 240 pixels of the format"},
         {{.old = 1}, "before its trigger, and no frame after that"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)

@@ -104,7 +104,7 @@ static void unheard_for_long(struct bench *bench, gconstpointer unused) {
     gint64 from = g_get_monotonic_time();
     bench_fail(bench, .silent = -1);
     bench_expect_error(bench, DEVICE_ERROR_TIMEOUT,
-                       "no answer within 60 ms (2 tries); check its power");
+                       "no answer within 60 ms (2 tries); check the power");
     g_assert_cmpint(bench->at_us - from, >, 380000);
     bench_fail(bench, 0);
     conformance_pass(bench->clock, 0.5);
