@@ -13,9 +13,9 @@ extern const struct command exchange_import_btf, exchange_import_pictures, excha
     exchange_import_merl, exchange_import_utia;
 
 /* The kinds of export, commands of `mesorig export`. */
-extern const struct command exchange_btf, exchange_points, exchange_height, exchange_normals,
-    exchange_web, exchange_maps, exchange_gltf, exchange_materialx, exchange_blender, exchange_bsdf,
-    exchange_merl, exchange_ptm, exchange_relight;
+extern const struct command exchange_btf, exchange_points, exchange_mesh, exchange_height,
+    exchange_normals, exchange_web, exchange_maps, exchange_gltf, exchange_materialx,
+    exchange_blender, exchange_bsdf, exchange_merl, exchange_ptm, exchange_relight;
 
 /* The format that an export writes. */
 struct exchange_format {

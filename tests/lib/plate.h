@@ -4,6 +4,7 @@
 
 #include "mdf/mdf_table.h"
 
+#define PLATE_RINGS  5
 #define PLATE_TEXELS 32
 #define PLATE_TILE   25.0
 #define PLATE_TOP    1.0 /* of the plate */
@@ -17,4 +18,7 @@
 double plate_depth(double x, double dx);
 /* Returns dx of a ray. The angles are those of the view, from which the ray comes. */
 double plate_slant(double theta_deg, double phi_deg);
-struct mdf_table *plate_table(void);
+/* Has 1 to 5 rings of twelve views, 15° apart. */
+struct mdf_table *plate_table(int rings);
+/* Writes the table in the form in which processing writes it. */
+void plate_write(const char *path, int rings);

@@ -157,27 +157,13 @@ TEST(waves) {
     mesorig_material_close(m);
 }
 
-static void write_plate(const char *path) {
-    g_autoptr(MdfTable) table = plate_table();
-    g_autoptr(ExrFile) file = exr_file_new();
-    const int n = table->width * table->height;
-    for (int k = 0; k < table->n_views; k++) {
-        const double theta_deg = (double)table->theta_deg[k];
-        struct exr_part *part = mdf_file_add_view(file, k, table->width, table->height, theta_deg,
-                                                  (double)table->phi_deg[k], table->texel_mm);
-        for (int i = 0; i < n; i++)
-            part->planes[0][i] = (float)((double)table->depth_mm[k * n + i] / cos(theta_deg * DEG));
-    }
-    g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
-}
-
 static mesorig_material *plate_material(const char *folder) {
     g_autofree char *path = g_build_filename(folder, "plate.exr", NULL);
     g_autofree char *mdf = g_build_filename(folder, "plate_mdf.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     struct mesorig_error error = {0};
     material_fixture_write(path, codecs_find("ward"), btf, "");
-    write_plate(mdf);
+    plate_write(mdf, PLATE_RINGS);
     mesorig_material *m = mesorig_material_open(path, mdf, &error);
     g_assert_cmpstr(error.text, ==, "");
     return m;

@@ -55,7 +55,7 @@ static double mean_error(const struct mdf_shell *s, double theta_deg) {
 }
 
 TEST(plate) {
-    g_autoptr(MdfTable) table = plate_table();
+    g_autoptr(MdfTable) table = plate_table(PLATE_RINGS);
     g_autoptr(MdfShell) shell = mdf_shell_new(table);
     g_assert_cmpfloat(shell->width_mm, ==, PLATE_TILE);
     g_assert_cmpfloat(shell->depth_mm, ==, PLATE_FLOOR);
@@ -73,7 +73,7 @@ TEST(plate) {
 /* The space under the plate is free near its edges, where rays of flat views go, and a ray that
  * enters there meets the floor. */
 TEST(overhang) {
-    g_autoptr(MdfTable) table = plate_table();
+    g_autoptr(MdfTable) table = plate_table(PLATE_RINGS);
     g_autoptr(MdfShell) shell = mdf_shell_new(table);
     const double under = g_at(shell, PLATE_LEFT + 1.2, 12.0, 3.0),
                  within = g_at(shell, 12.0, 12.0, 1.1);
@@ -86,7 +86,7 @@ TEST(overhang) {
 
 /* Distances that no laser saw say nothing, and views that were not measured are not used. */
 TEST(unseen) {
-    g_autoptr(MdfTable) table = plate_table();
+    g_autoptr(MdfTable) table = plate_table(PLATE_RINGS);
     g_autoptr(MdfShell) before = mdf_shell_new(table);
     const gsize n = (gsize)PLATE_TEXELS * PLATE_TEXELS * table->n_views;
     table->seen = g_malloc(n);

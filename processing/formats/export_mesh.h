@@ -1,0 +1,22 @@
+/* Exports the structure measured by an MDF as a closed mesh with overhangs (mdf_mesh.h), for
+ * modelling programs and printers. Any thread. */
+#pragma once
+
+#include "export.h"
+
+enum export_mesh_form {
+    EXPORT_MESH_PLY, /* binary */
+    EXPORT_MESH_OBJ,
+    EXPORT_MESH_GLB, /* glTF 2.0: metres, y upwards; the others have mm of the sample frame, with z
+                        from the turntable's top */
+};
+
+struct export_mesh_result {
+    int n_views;
+    guint n_vertices, n_triangles;
+};
+
+/* Writes the mesh of one tile of products/mdf.exr of a session. Vertices have normals, and texture
+ * coordinates on the texels of the session: u along columns, v as each format has it. */
+gboolean export_mesh(const char *session, const char *file, enum export_mesh_form form,
+                     struct export_mesh_result *ret, GError **error);
