@@ -144,9 +144,9 @@ static double level_of(const struct mdf_shell *shell, const struct mdf_table *t)
             double unused[3];
             if (t->seen != NULL && !t->seen[view * n + k])
                 continue;
-            const double g = shell_ray_value(
-                shell, (k % (gsize)t->width + 0.5) / t->width + depth * dx,
-                (k / (gsize)t->width + 0.5) / t->height + depth * dy, depth, unused);
+            const int column = (int)(k % (gsize)t->width), row = (int)(k / (gsize)t->width);
+            const double g = shell_ray_value(shell, (column + 0.5) / t->width + depth * dx,
+                                             (row + 0.5) / t->height + depth * dy, depth, unused);
             g_array_append_val(values, g);
         }
     }

@@ -164,6 +164,7 @@ static const struct writer {
     {"export merl", ".binary", "NONE -o OUT"},
     {"export normals", ".exr", "NONE -o OUT"},
     {"export points", ".ply", "NONE -o OUT"},
+    {"export mesh", ".ply", "NONE -o OUT"},
     {"export ptm", ".ptm", "NONE -o OUT"},
     {"export relight", "", "NONE -o OUT"},
     {"export web", ".html", "NONE -o OUT"},

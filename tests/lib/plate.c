@@ -34,10 +34,10 @@ struct mdf_table *plate_table(int rings) {
         phi[k] = 30.0F * (float)(k % ROUND);
     }
     struct mdf_table *t =
-        mdf_table_new(PLATE_TEXELS, PLATE_TEXELS, n_views, PLATE_TILE / PLATE_TEXELS, theta, phi);
+        mdf_table_new(PLATE_TEXELS, PLATE_ROWS, n_views, PLATE_TILE / PLATE_TEXELS, theta, phi);
     t->deepest_mm = PLATE_FLOOR;
-    for (int k = 0; k < n_views * PLATE_TEXELS * PLATE_TEXELS; k++) {
-        const int view = k / (PLATE_TEXELS * PLATE_TEXELS);
+    for (int k = 0; k < n_views * PLATE_ROWS * PLATE_TEXELS; k++) {
+        const int view = k / (PLATE_ROWS * PLATE_TEXELS);
         const double x = (k % PLATE_TEXELS + 0.5) * PLATE_TILE / PLATE_TEXELS;
         const double dx = plate_slant((double)theta[view], (double)phi[view]);
         t->depth_mm[k] = (float)plate_depth(x, dx);

@@ -5,8 +5,10 @@
 #include "mdf/mdf_table.h"
 
 #define PLATE_RINGS  5
-#define PLATE_TEXELS 32
-#define PLATE_TILE   25.0
+#define PLATE_TEXELS 32 /* along x */
+#define PLATE_ROWS   8
+#define PLATE_TILE   25.0 /* size along x */
+#define PLATE_HEIGHT (PLATE_TILE * PLATE_ROWS / PLATE_TEXELS)
 #define PLATE_TOP    1.0 /* of the plate */
 #define PLATE_BOTTOM 2.0
 #define PLATE_FLOOR  4.0

@@ -208,7 +208,7 @@ TEST(march) {
     TEMPORARY_FOLDER(folder);
     mesorig_material *m = plate_material(folder);
     /* A tile is 10 units wide, so that 1 mm is 0.4. The ray goes level along the plate. */
-    struct mesorig_surface mesh[2] = {{.tile = {10, 10}}, {.tile = {10, 10}}};
+    struct mesorig_surface mesh[2] = {{.tile = {10, 2.5F}}, {.tile = {10, 2.5F}}};
     const float uv[] = {0.5F, 0.5F, 0.5F, 0.5F}, view[] = {0, 3, 4, 0, 3, 4};
     const float limits[] = {INFINITY, 0.4F};
     float distance[2];

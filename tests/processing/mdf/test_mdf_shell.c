@@ -60,7 +60,7 @@ TEST(plate) {
     g_assert_cmpfloat(shell->width_mm, ==, PLATE_TILE);
     g_assert_cmpfloat(shell->depth_mm, ==, PLATE_FLOOR);
     g_assert_cmpint(shell->width * shell->height * shell->depth, <=,
-                    table->n_views * PLATE_TEXELS * PLATE_TEXELS);
+                    table->n_views * PLATE_ROWS * PLATE_TEXELS);
     g_assert_cmpfloat(shell->top_mm, >, 0.3);
     g_assert_cmpfloat(shell->top_mm, <, PLATE_TOP);
     for (double theta = 22.0; theta < 70.0; theta += 15.0) {
@@ -88,7 +88,7 @@ TEST(overhang) {
 TEST(unseen) {
     g_autoptr(MdfTable) table = plate_table(PLATE_RINGS);
     g_autoptr(MdfShell) before = mdf_shell_new(table);
-    const gsize n = (gsize)PLATE_TEXELS * PLATE_TEXELS * table->n_views;
+    const gsize n = (gsize)PLATE_ROWS * PLATE_TEXELS * table->n_views;
     table->seen = g_malloc(n);
     memset(table->seen, 1, n);
     for (gsize k = 0; k < n; k += 7) {
@@ -100,7 +100,7 @@ TEST(unseen) {
     table->n_measured = table->n_views - 12;
     g_autoptr(MdfTable) measured = mdf_table_copy_measured(table);
     g_assert_cmpint(measured->n_views, ==, table->n_views - 12);
-    for (gsize k = n - (gsize)12 * PLATE_TEXELS * PLATE_TEXELS; k < n; k++)
+    for (gsize k = n - (gsize)12 * PLATE_ROWS * PLATE_TEXELS; k < n; k++)
         table->depth_mm[k] = (float)(0.2 * PLATE_TOP);
     g_autoptr(MdfShell) fewer = mdf_shell_new(table), alone = mdf_shell_new(measured);
     g_assert_cmpint(fewer->depth, ==, alone->depth);
