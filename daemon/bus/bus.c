@@ -64,9 +64,10 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
         const Laser *laser = bus->rig.devices->lasers[i];
         if (rig_laser_unit(&bus->rig.devices->timing, i) == i && !laser->driver->simulated &&
             laser->watchdog_s == 0)
-            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
-                      "stops or the line is cut: give it one, or wire an interlock relay; see "
-                      "\"Watchdogs of devices\" in docs/operate/safety.md",
+            g_warning("laser %s: no watchdog is set up for its device (%s), so the laser stays on "
+                      "if this computer stops or the line to the device is cut: set up the "
+                      "watchdog if the device has one, otherwise wire an interlock relay; see "
+                      "“Watchdogs of devices” in docs/operate/safety.md",
                       laser->device.name, laser->device.info->name);
     }
     bus_rig_hold_clock(&bus->rig, TRUE);
@@ -83,12 +84,12 @@ gboolean bus_can_close(Bus *bus, GError **error) {
     g_autoptr(GError) unsafe = NULL;
     if (!bus->rig.guardian || bus->rig.is_safe || bus_end(bus, &unsafe))
         return TRUE;
-    bus_unattended_stop(bus->unattended,
-                        "the rig could not be closed, because a device did not confirm");
+    bus_unattended_stop(bus->unattended, "the rig could not be closed, because a device did not "
+                                         "confirm that it is off or stands still");
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
                 "the rig stays open, because not every device has confirmed that it is off or "
-                "stands still (%s): the command is repeated until it does; look at the device, and "
-                "cut its power if it does not obey",
+                "stands still (%s): mesorigd repeats the commands; look at that device, cut its "
+                "power if it stays on or moves, then close the rig again",
                 unsafe->message);
     return FALSE;
 }
@@ -127,17 +128,17 @@ void bus_close_rig(Bus *bus) {
 }
 
 /* Ends all operations, switches every light off and stops every axis. A device that does not
- * confirm appears in the property Unsafe. Without a rig, it only ends calls about which polkit has
- * not answered yet. */
+ * confirm appears in the property Unsafe. If no rig is open, only ends the calls about which polkit
+ * has not answered yet. */
 static void make_safe(gpointer data) {
     Bus *bus = data;
     g_autoptr(GError) error = NULL;
-    bus_authority_stop(&bus->authority, "SafeState ended it before it began");
+    bus_authority_stop(&bus->authority, "SafeState ended this call before it began");
     if (!bus->rig.devices)
         return;
     bus_unattended_stop(bus->unattended, "SafeState was called");
     bus_jobs_stop_begin(&bus->jobs, "SafeState ended the operation that was about to begin");
-    bus_hands_stop(&bus->hands, "SafeState ended it");
+    bus_hands_stop(&bus->hands, "SafeState ended this call");
     bus_rig_hold_clock(&bus->rig, FALSE);
     if (bus->run.capture)
         capture_abort(bus->run.capture);

@@ -54,9 +54,9 @@ void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
 /* Starts a server for clients of the same user. The kernel tells the server the user of each client
  * (D-Bus authentication EXTERNAL). address is "unix:path=…"; a stale socket at that path is
- * replaced. The rig is shown on every connection. Commands of the same user find the daemon by
- * bus_client.h. A client is refused if too few descriptors would be left for devices and files, or
- * if its process has too many connections. */
+ * replaced. The rig is shown on every connection. Commands of the same user find the daemon in the
+ * folder that bus_client.h describes. A client is refused if too few descriptors would be left for
+ * devices and files, or if its process has too many connections. */
 typedef struct BusServer BusServer;
 BusServer *bus_serve(Bus *bus, const char *address, GError **error);
 

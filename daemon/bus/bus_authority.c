@@ -11,8 +11,8 @@
 /* Largest number of questions that wait for polkit, for all clients. */
 #define MAX_QUESTIONS 64
 
-/* Times to wait for polkit's answer: without and with a dialog in which the user types a
- * password. */
+/* Time to wait for polkit's answer: ANSWER_S, or INTERACTION_S if polkit may show a dialog in which
+ * the user types a password. */
 #define ANSWER_S      25
 #define INTERACTION_S 120
 
@@ -154,8 +154,9 @@ static gboolean question_late(gpointer data) {
     question->deadline = 0;
     question_stop(question->authority, question,
                   g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                              "polkit has not answered in time whether you may do this (%s): try "
-                              "again, and see systemctl status polkit",
+                              "polkit has not answered in time whether you may call %s (action "
+                              "%s): try again; if that does not help, see systemctl status polkit",
+                              g_dbus_method_invocation_get_method_name(question->invocation),
                               question->action));
     return G_SOURCE_REMOVE;
 }
@@ -189,13 +190,14 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
     const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
     if (answer && !allowed)
         error = g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                            "you are not allowed to call %s (%s): an administrator can allow it in "
-                            "/etc/polkit-1/rules.d; “mesorig safe” is always allowed",
+                            "you are not allowed to call %s: an administrator can allow the action "
+                            "%s in /etc/polkit-1/rules.d; “mesorig safe” is always allowed",
                             g_dbus_method_invocation_get_method_name(question->invocation),
                             question->action);
     else if (!answer)
-        g_prefix_error(&error,
-                       "polkit does not answer whether you may do this (%s): ", question->action);
+        g_prefix_error(&error, "polkit cannot be asked whether you may call %s (action %s): ",
+                       g_dbus_method_invocation_get_method_name(question->invocation),
+                       question->action);
     question_end(question, allowed, error);
 }
 
@@ -240,7 +242,8 @@ static void on_credentials(GObject *source, GAsyncResult *result, gpointer data)
     g_autoptr(GVariant) credentials = answer ? g_variant_get_child_value(answer, 0) : NULL;
     if (credentials && !g_variant_lookup(credentials, "UnixUserID", "u", &caller->uid))
         g_set_error_literal(&error, BUS_ERROR, BUS_ERROR_DENIED,
-                            "the bus does not know which user has called");
+                            "the message bus does not know which user has made this call, so "
+                            "polkit cannot be asked whether it is allowed");
     if (error || !question->authority) {
         question_end(question, FALSE, error);
         return;
@@ -275,9 +278,10 @@ static void authority_method_call(GDBusConnection *connection, const char *sende
         only_switches_off(invocation))
         pass_on(invocation);
     else if (authority->questions->len >= MAX_QUESTIONS)
-        g_dbus_method_invocation_return_error(
-            invocation, BUS_ERROR, BUS_ERROR_LIMIT,
-            "%d calls wait for polkit, which is the maximum: try again", MAX_QUESTIONS);
+        g_dbus_method_invocation_return_error(invocation, BUS_ERROR, BUS_ERROR_LIMIT,
+                                              "%d calls of all clients wait for polkit's answer, "
+                                              "which is the maximum: try again later",
+                                              MAX_QUESTIONS);
     else
         ask(authority, invocation);
 }

@@ -20,8 +20,8 @@ static guint caller_rights(const struct bus_caller *caller, const struct stat *i
 static gboolean caller_denied(const char *folder, const struct stat *info, const char *what,
                               GError **error) {
     g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
-                "you may not %s %s (its mode is %04o): choose another folder, or have its rights "
-                "changed",
+                "you may not %s %s (mode %04o): choose another folder, or have the rights of this "
+                "one changed",
                 what, folder, (guint)info->st_mode & 07777);
     return FALSE;
 }
@@ -37,12 +37,14 @@ gboolean bus_caller_may_write(const struct bus_caller *caller, const char *direc
         nearest = parent;
     }
     if (!real || stat(real, &info) != 0) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s cannot be examined: %s", nearest,
-                    g_strerror(errno));
+        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
+                    "your rights in %s are not known: %s; choose another directory for the session",
+                    nearest, g_strerror(errno));
         return FALSE;
     }
     if (!S_ISDIR(info.st_mode)) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s is not a folder", real);
+        g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
+                    "%s is not a folder: choose another directory for the session", real);
         return FALSE;
     }
     if ((caller_rights(caller, &info) & 3) != 3)
@@ -52,8 +54,10 @@ gboolean bus_caller_may_write(const struct bus_caller *caller, const char *direc
         g_free(real);
         real = parent;
         if (stat(real, &info) != 0) {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s cannot be examined: %s", real,
-                        g_strerror(errno));
+            g_set_error(
+                error, BUS_ERROR, BUS_ERROR_DENIED,
+                "your rights in %s are not known: %s; choose another directory for the session",
+                real, g_strerror(errno));
             return FALSE;
         }
         if (!(caller_rights(caller, &info) & 1))

@@ -28,8 +28,9 @@ char *bus_client_make_folder(GError **error) {
     char *folder = g_build_filename(bus_client_folder(), "mesorig-XXXXXX", NULL);
     if (g_mkdtemp_full(folder, 0700))
         return folder;
-    g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "cannot make a folder in %s: %s",
-                bus_client_folder(), g_strerror(errno));
+    g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                "cannot make a folder for the socket of mesorigd in %s: %s", bus_client_folder(),
+                g_strerror(errno));
     g_free(folder);
     return NULL;
 }
@@ -46,8 +47,10 @@ char *bus_client_announce(const char *address, GError **error) {
     g_return_val_if_fail(g_str_has_prefix(address, UNIX_PATH), NULL);
     g_autofree char *path = g_uri_unescape_string(address + strlen(UNIX_PATH), NULL);
     if (!path) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT, "%s is not an address",
-                    address);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+            "“%s” is not an address: every %% in it must be followed by two hexadecimal digits",
+            address);
         return NULL;
     }
     g_autofree char *own = g_path_get_dirname(path);
@@ -98,7 +101,7 @@ static void on_cancelled(GCancellable *caller, gpointer stop) {
     g_cancellable_cancel(stop);
 }
 
-/* Returns an error to be shown instead of GLib's error why, which names neither the address nor a
+/* Returns the error that is shown instead of why. GLib's error why names neither the address nor a
  * remedy. */
 static GError *explain(const struct attempt *attempt, const GError *why) {
     const char *address = attempt->address;

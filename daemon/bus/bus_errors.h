@@ -9,8 +9,8 @@ enum bus_error {
     BUS_ERROR_BUSY,       /* another operation is under way; the message says what to do first */
     BUS_ERROR_NO_RIG,     /* no rig is open */
     BUS_ERROR_NO_SESSION, /* nothing is being captured */
-    BUS_ERROR_BAD_PATH,   /* not an absolute path */
-    BUS_ERROR_UNKNOWN,    /* there is no camera or option of that name */
+    BUS_ERROR_BAD_PATH,   /* a path is not absolute */
+    BUS_ERROR_UNKNOWN,    /* there is no device or option of that name */
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
     BUS_ERROR_FAILED,     /* any error whose domain has no name on the bus */
     /* A limit of time, memory or waiting calls was reached; the message says which. */

@@ -17,8 +17,8 @@
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device in use by hand. A call waits for its answer, the device gives light, or it is being
- * switched off or stopped. */
+/* A device in use by hand: a call waits for the device, the device gives light, or the device is
+ * being switched off or stopped. */
 struct hand {
     struct bus_hands *hands;
     enum hand_kind kind;
@@ -86,7 +86,7 @@ void bus_hands_watch(struct bus_hands *hands, gboolean watch) {
             interlock_unlisten(hands->rig->devices->interlocks[i], hands->interlocks[i]);
 }
 
-/* Releases the device. */
+/* Ends the use of the device and frees hand. */
 static void hand_drop(struct hand *hand) {
     struct bus_hands *hands = hand->hands;
     hand_listen(hand, FALSE);
@@ -107,8 +107,8 @@ static void hand_drop(struct hand *hand) {
     bus_rig_show_devices(hands->rig);
 }
 
-/* Answers the call. The call of an axis gets the angle of the axis. Calls done instead if the axis
- * is being parked. */
+/* Answers the call. The answer to MoveAxis and HomeAxis is the angle of the axis. If
+ * bus_hands_park() uses the axis, calls its callback instead. */
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->hands->rig->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
@@ -143,7 +143,7 @@ static void hand_on_warm(gpointer data) {
     hand_answer(hand);
 }
 
-/* Called when a lamp or laser has been switched on or off, or with the error if it has not
+/* Called when a lamp or laser has confirmed that it is on or off, and with an error if it has not
  * obeyed. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->hands->rig->devices->clock;
@@ -161,8 +161,8 @@ static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, cons
     }
 }
 
-/* Listener of a bank. A bank has only one listener, so it serves all lamps of the bank that are in
- * use. index is −1 if all lamps of the bank are meant. */
+/* Listener of a bank. A bank has only one listener, so this function serves all lamps of the bank
+ * that are in use. index is −1 if all lamps of the bank are meant. */
 static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                          gpointer data) {
     struct bus_hands *hands = data;
@@ -182,7 +182,8 @@ static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error,
     g_autoptr(GError) stopped = NULL;
     if (event == AXIS_STOPPED)
         device_error_set(&stopped, DEVICE_ERROR_STALLED, axis->device.who,
-                         "it was stopped at %g°" ERROR_ADVICE "check what has stopped it",
+                         "the axis was stopped at %g° before its target" ERROR_ADVICE
+                         "find out who or what stopped it, then move it again",
                          axis_position_deg(axis));
     if (event == AXIS_HOMED && hand->parked && isfinite(axis->park_deg)) {
         if (axis_move(axis, axis->park_deg, &stopped))
@@ -213,8 +214,9 @@ static void hand_answer_picture(struct hand *hand, const Frame *frame) {
     } else {
         if (!error)
             g_set_error(&error, BUS_ERROR, BUS_ERROR_LIMIT,
-                        "there is no memory for a picture of %d × %d pixels", frame->width,
-                        frame->height);
+                        "mesorigd has no memory for a picture of %d × %d pixels: end other "
+                        "programs on its computer",
+                        frame->width, frame->height);
         hand_fail(hand, error);
     }
     if (file)
@@ -281,8 +283,9 @@ static gboolean on_lease_over(gpointer data) {
     struct hand *hand = data;
     hand->lease = 0;
     bus_rig_report(hand->hands->rig, "info", hand->name,
-                   "its lease has ended, so it is switched off");
-    hand_end(hand, "its lease ended before its light was stable: call Renew while it warms up");
+                   "the lease of this light has ended, so the light is switched off");
+    hand_end(hand, "the lease ended before the light was stable: call Renew while the light warms "
+                   "up, or give a longer lease");
     return G_SOURCE_REMOVE;
 }
 
@@ -295,9 +298,9 @@ static gboolean check_lease(double for_s, GError **error) {
     if (for_s > 0 && for_s <= BUS_MAX_LEASE_S)
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                "a light may be on for more than 0 s and at most %d s, not for %g s: call Renew "
-                "before that time is over",
-                BUS_MAX_LEASE_S, for_s);
+                "the lease of %g s is out of range: give more than 0 s and at most %d s, and call "
+                "Renew before the lease ends",
+                for_s, BUS_MAX_LEASE_S);
     return FALSE;
 }
 
@@ -379,7 +382,8 @@ static GError *check_hand(struct bus_hands *hands, GDBusMethodInvocation *invoca
         return error;
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
-                           "another client has %s on: try again when it is off", like->name);
+                           "another client has switched %s on: try again when it is off",
+                           like->name);
     /* A call that switches off may end a call that switches on and is not answered yet. It may also
      * wait for a light that is already being switched off, if no other call waits for that. */
     const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
@@ -421,8 +425,8 @@ static struct hand *hand_take(struct bus_hands *hands, GDBusMethodInvocation *in
     if (!hand) {
         hand = hand_new(hands, invocation, &like);
     } else if (like.off_asked) {
-        g_autoptr(GError) ended =
-            g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "a later call has switched it off");
+        g_autoptr(GError) ended = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED,
+                                                      "a later call has switched the light off");
         hand_fail(hand, ended);
         clock_cancel(hands->rig->devices->clock, &hand->warming);
         g_clear_handle_id(&hand->lease, g_source_remove);
@@ -491,8 +495,8 @@ void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, 
         hand_refused(hand, error);
 }
 
-/* Switches a lamp or laser. If the client has already switched it on, only its lease begins
- * again. */
+/* Switches a lamp or laser on or off. If the light is to be switched on, and is already on and
+ * stable, only its lease begins again. */
 static void set_light(struct bus_hands *hands, GDBusMethodInvocation *invocation, struct hand like,
                       gboolean on, double for_s) {
     GError *error = NULL;

@@ -37,8 +37,8 @@ void bus_hands_move(struct bus_hands *hands, GDBusMethodInvocation *invocation, 
 void bus_hands_home(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *axis);
 
 /* Restarts the leases of all lamps and lasers that the caller has switched on, for for_s seconds.
- * *ret_n is the number of these lights. The error is BUS_ERROR_NO_RIG or BUS_ERROR_BUSY if no rig
- * is open or it is being closed, and BUS_ERROR_LIMIT if for_s is out of range. */
+ * *ret_n is the number of these lights. The error is BUS_ERROR_NO_RIG if no rig is open,
+ * BUS_ERROR_BUSY if the rig is being closed, and BUS_ERROR_LIMIT if for_s is out of range. */
 gboolean bus_hands_renew(struct bus_hands *hands, GDBusMethodInvocation *invocation, double for_s,
                          guint *ret_n, GError **error);
 
@@ -49,8 +49,8 @@ typedef void (*BusParked)(gpointer data, const GError *error);
 gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpointer data,
                         GError **error);
 
-/* Starts (watch is TRUE) or stops to listen to the interlocks of the rig. Call it after the rig was
- * opened and before it is closed. */
+/* If watch is TRUE, starts listening to the interlocks of the rig, otherwise stops. Call it with
+ * TRUE after the rig was opened, and with FALSE before the rig is closed. */
 void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
 /* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,

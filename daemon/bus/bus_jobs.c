@@ -65,13 +65,13 @@ gboolean bus_jobs_need_free(const struct bus_jobs *jobs, GError **error) {
     const char *captured = jobs->rig->captured, *beginning = bus_jobs_beginning(jobs);
     if (captured)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "%s is being captured (%s) on this rig: wait for its end; if it is yours, "
-                    "“mesorig abort %s” ends it",
+                    "the session %s is being captured on this rig (state: %s): wait until it ends; "
+                    "if it is your session, “mesorig abort %s” ends it",
                     captured, bus_rig1_get_state(jobs->rig->object), captured);
     else if (beginning)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "%s is about to begin on this rig: wait for its end; if it is yours, “mesorig "
-                    "abort” ends it",
+                    "the session %s is about to begin on this rig: wait until it ends; if it is "
+                    "your session, “mesorig abort” ends it",
                     beginning);
     return !captured && !beginning;
 }
@@ -146,9 +146,10 @@ gboolean bus_jobs_may_check(const struct bus_jobs *jobs, GDBusMethodInvocation *
     }
     if (!own && n < MAX_CHECKS)
         return TRUE;
-    g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                own ? "a session is being checked for you: wait for its answer"
-                    : "%d sessions are being checked for others: try again when one is done",
-                n);
+    g_set_error(
+        error, BUS_ERROR, BUS_ERROR_BUSY,
+        own ? "an earlier call of yours is still checking a session: wait for its answer"
+            : "%d sessions are being checked, which is the maximum: try again when one is done",
+        n);
     return FALSE;
 }

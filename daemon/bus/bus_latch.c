@@ -145,7 +145,8 @@ void bus_latch_close(struct bus_latch *latch) {
     bus_latch_unref(latch);
 }
 
-/* Answers every call when all devices have answered, and a call that has waited for ANSWER_US. */
+/* If all devices have answered, answers every waiting call. Otherwise answers only the calls that
+ * have waited for ANSWER_US. */
 static gboolean on_look(gpointer data) {
     struct bus_latch *latch = data;
     enum device_safety safety;
@@ -218,7 +219,8 @@ static gboolean on_asked(gpointer data) {
         bus_rig1_set_latched(latch->rig->object, TRUE);
         if (!again)
             bus_rig_report(latch->rig, "warning", "safe state",
-                           "all lights are off and all axes stand still until “mesorig release”");
+                           "SafeState was called: lights are switched off, axes are stopped, and "
+                           "nothing may switch on or move until “mesorig release”");
     }
     start_looking(latch);
     return G_SOURCE_REMOVE;

@@ -37,8 +37,8 @@ gboolean bus_latch_is_set(struct bus_latch *latch);
 gboolean bus_latch_need_released(struct bus_latch *latch, GError **error);
 
 /* Returns whether a call may begin. The error is BUS_ERROR_LATCHED if the latch is set, and
- * BUS_ERROR_CANCELLED if SafeState came after the call and Release came since. Any thread may call
- * it. */
+ * BUS_ERROR_CANCELLED if SafeState arrived after the call, and Release has ended the latch since
+ * then. Any thread may call it. */
 gboolean bus_latch_allows(struct bus_latch *latch, GDBusMethodInvocation *invocation,
                           GError **error);
 

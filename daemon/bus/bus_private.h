@@ -46,9 +46,9 @@ gboolean bus_need_absolute(const char *path, GError **error);
  * main loop. */
 gboolean bus_can_close(Bus *bus, GError **error);
 
-/* Closes the rig. Devices that have not confirmed are left to the guardian and are not closed.
- * Closing them would wait for their answers, and the guardian could not use the lines meanwhile. If
- * a device has not confirmed, the program must end after this. */
+/* Closes the rig. Devices that have not confirmed that they are off or stand still are left to the
+ * guardian and are not closed. Closing them would wait for their answers, and the guardian could
+ * not use the lines meanwhile. If a device has not confirmed, the program must end after this. */
 void bus_close_rig(Bus *bus);
 
 /* Each function does the work of the method of the same name in a child process, and answers the

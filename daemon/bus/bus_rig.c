@@ -18,7 +18,8 @@ void bus_rig_clear(struct bus_rig *rig) {
 
 gboolean bus_rig_need_open(const struct bus_rig *rig, GError **error) {
     if (rig->ending) {
-        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is being closed", rig->path);
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "the rig %s is being closed: call OpenRig again afterwards", rig->path);
         return FALSE;
     }
     if (!rig->devices)

@@ -1,7 +1,7 @@
 /*
  * The rig that is open, and who uses it. Owned by the Bus; its parts borrow it. bus.c opens and
- * closes the rig. All parts may read the members and call the functions; a member that another part
- * sets says so. All functions belong to the main loop's thread.
+ * closes the rig. All parts may read the members and call the functions; the comment of a member
+ * says if another part sets it. All functions belong to the main loop's thread.
  */
 #pragma once
 

@@ -40,7 +40,8 @@ struct bus_run {
 gboolean bus_run_need(const struct bus_run *run, GError **error);
 
 /* Captures into a session directory that a job has made, or that a job has examined if resumed is
- * TRUE. warning may be NULL. Ends all use of devices by hand. */
+ * TRUE. warning is the answer of PREPARER_EXAMINE, or NULL for none. If process is TRUE, the
+ * session is processed during the capture. Ends all use of devices by hand. */
 gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resumed,
                        const char *warning, gboolean process, GError **error);
 

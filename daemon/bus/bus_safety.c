@@ -62,8 +62,8 @@ gboolean bus_safety_need(struct bus_rig *rig, GError **error) {
     if (!g_hash_table_iter_next(&iter, &who, &why))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "%s has not confirmed that it is off or stands still; the command is repeated "
-                "until it does (%s): look at the device, and cut its power if it does not obey",
+                "%s has not confirmed that it is off or stands still (%s): mesorigd repeats the "
+                "command; look at the device, and cut its power if it does not obey",
                 (const char *)who, (const char *)why);
     return FALSE;
 }

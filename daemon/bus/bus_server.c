@@ -33,8 +33,8 @@ struct BusServer {
     char *path, *guid, *announced;
     GDBusAuthObserver *observer;
     GSocket *socket;
-    /* Sources of the main loop: waiting is ready when a client connects, again is a timer that
-     * waits for clients again after an error. 0 if not running. */
+    /* Sources of the main loop, 0 if not running. `waiting` is called when a client connects.
+     * `again` is a timer that starts `waiting` again after a client could not be accepted. */
     guint waiting, again;
     GList *clients; /* of struct client */
     gint64 said_us; /* when the log last reported that a client was refused; 0 if never */
@@ -175,7 +175,9 @@ static gboolean has_room(BusServer *server, pid_t pid) {
         joining += client->thread != NULL;
     }
     if (of_process >= MAX_CLIENTS) {
-        say(server, "process %d has %d connections: no more of its connections are accepted",
+        say(server,
+            "process %d has %d connections, which is the maximum: no more of its connections are "
+            "accepted",
             (int)pid, of_process);
         return FALSE;
     }
@@ -184,7 +186,8 @@ static gboolean has_room(BusServer *server, pid_t pid) {
     if (count_free_files(most) >= most / RESERVED_PART + joining * JOIN_FILES)
         return TRUE;
     say(server,
-        "%u clients are connected, and few more files can be opened: no more clients are accepted",
+        "%u clients are connected, and few more files can be opened, so no more clients are "
+        "accepted: end clients, or raise the limit of open files (LimitNOFILE in mesorigd.service)",
         g_list_length(server->clients));
     return FALSE;
 }
@@ -278,7 +281,9 @@ static GSocket *listen_at(const char *path, GError **error) {
 BusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     if (!g_str_has_prefix(address, "unix:path=/") || strpbrk(address, ",;%")) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s is not an address to listen at: write unix:path=/…/NAME", address);
+                    "“%s” is not an address to listen at: write unix:path=/…/NAME, without commas, "
+                    "semicolons and percent signs",
+                    address);
         return NULL;
     }
     const char *path = address + strlen("unix:path=");

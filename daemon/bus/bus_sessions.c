@@ -148,7 +148,8 @@ static gboolean check_calibration(const char *path, const char *text, gboolean b
         return FALSE;
     if (text || g_file_test(path, G_FILE_TEST_EXISTS))
         return TRUE;
-    g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: there is no such calibration", path);
+    g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
+                "there is no calibration file %s: give the path of an existing file", path);
     return FALSE;
 }
 
@@ -188,7 +189,8 @@ static char *kept_text(const char *path, const char *given, GError **error) {
         return g_strdup("");
     g_autofree char *text = given ? g_strdup(given) : input_file_read_text(path, MAX_TEXT, error);
     if (text && !g_utf8_validate(text, -1, NULL)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "%s is not UTF-8", path);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "%s is not UTF-8 text: save it as UTF-8", path);
         return NULL;
     }
     return g_steal_pointer(&text);

@@ -48,8 +48,9 @@ static void on_trial_end(GObject *source, GAsyncResult *result, gpointer data) {
     g_autofree char *said = strip_said(text);
     if (code != 0 && !*said) {
         g_free(said);
-        said = g_strdup_printf("the test shots ended without an answer%s%s", error ? ": " : "",
-                               error ? error->message : "");
+        said = g_strdup_printf("“mesorig queue try”, which takes the test shots, ended without a "
+                               "message (it may take 1800 s at most)%s%s",
+                               error ? ": " : "", error ? error->message : "");
     }
     trial->func(chosen ? chosen : "", said,
                 code == 0          ? BUS_TRIAL_DONE
@@ -108,7 +109,9 @@ struct bus_trial *bus_trial_start(const char *address, const struct queue_item *
     const int input = trial_input(text);
     if (input < 0) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "there is no memory for the input of %s queue try", program);
+                    "mesorigd has no memory for the input of “%s queue try”: end other programs on "
+                    "its computer",
+                    program);
         return NULL;
     }
     g_autoptr(GSubprocessLauncher) launcher =

@@ -330,7 +330,8 @@ static void park(struct bus_unattended *at) {
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(at->rig->devices, &error))
         bus_rig_report(at->rig, "error", "queue", error->message);
-    /* 1 more than the number of axes, so that it does not become 0 before all axes have started */
+    /* Counts one more than the axes, so that n_parking does not become 0 before all axes have
+     * started. */
     at->n_parking = 1;
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(at->rig->devices, i);
@@ -350,8 +351,9 @@ static gboolean check_rig(struct bus_unattended *at, const struct queue_item *it
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
     if (strcmp(item->rig, at->rig->path) != 0)
-        why = g_strdup_printf("session %u was added for the rig %s, but %s is open", item->id,
-                              item->rig, at->rig->path);
+        why = g_strdup_printf("session %u was added for the rig %s, but %s is open: open that rig, "
+                              "or remove the session (mesorig queue remove %u)",
+                              item->id, item->rig, at->rig->path, item->id);
     else if (!bus_safety_need(at->rig, &error))
         why = g_strdup_printf("%s; then mesorig queue resume", error->message);
     if (why)
@@ -430,7 +432,7 @@ static void take_end(struct bus_unattended *at, gboolean done) {
         tell(at, "done", item, "");
     } else {
         g_autofree char *message = g_strdup_printf(
-            "it was aborted; the frames that were taken are kept: mesorig resume %s",
+            "the capture was aborted, and its frames are kept; to continue it: mesorig resume %s",
             item->directory);
         g_autofree char *why = g_strdup_printf("session %u was aborted", item->id);
         set_item(at, item, QUEUE_STOPPED, message);

@@ -134,10 +134,10 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
     else if (heard)
         report_end(child, &error);
     else
-        g_set_error(
-            &error, BUS_ERROR, BUS_ERROR_FAILED,
-            "%s failed: mesorigd's child process did not read the request or gave no answer",
-            doing[child->task]);
+        g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
+                    "%s failed: mesorigd's child process did not read the request or gave no "
+                    "answer; see mesorigd's messages, then try again",
+                    doing[child->task]);
     if (answer)
         g_task_return_pointer(task, answer, (GDestroyNotify)g_variant_unref);
     else

@@ -32,14 +32,14 @@ struct preparer_request {
     struct preparer_limits limits;
     const struct devices *devices;
     const char *session_path; /* ignored by PREPARER_EXAMINE */
-    const char *session_text; /* contents of that file; NULL if it has to be read */
+    const char *session_text; /* contents of session_path; NULL if it has to be read */
     const char *directory;    /* may be empty with PREPARER_CHECK */
     /* Path of a calibration that replaces the one that the rig file names; NULL to use the
      * latter. */
     const char *calibration;
     /* PREPARER_BEGIN: lines for session_conf_choose(); NULL if no exposure is auto. */
     const char *chosen;
-    const char *calibration_text; /* contents of that file; NULL if it has to be read */
+    const char *calibration_text; /* contents of the calibration; NULL if it has to be read */
     /* The user who must have the right to write in directory; NULL if the right is not checked. */
     const struct bus_caller *caller;
 };

@@ -6,8 +6,8 @@
 
 #include "base/file_lock.h"
 
-/* Maximum number of sessions of the list that have ended. If there are more when a session is
- * added, the oldest are removed. */
+/* Maximum number of ended sessions that the list keeps. If there are more when a session is added,
+ * the oldest are removed. */
 #define MAX_ENDED 100
 
 const char *const queue_state_names[QUEUE_STATES] = {
@@ -52,8 +52,8 @@ static void set_aside(Queue *queue, const GError *why) {
     g_ptr_array_set_size(queue->items, 0);
     g_free(queue->paused);
     queue->paused =
-        kept ? g_strdup_printf("the queue's file could not be used, and is now %s: %s", damaged,
-                               why->message)
+        kept ? g_strdup_printf("the queue's file could not be used, and was renamed to %s: %s",
+                               damaged, why->message)
              : g_strdup_printf("the queue's file cannot be used, and could not be renamed (%s): %s",
                                g_strerror(errno), why->message);
 }
@@ -99,8 +99,9 @@ struct queue_item *queue_find(const Queue *queue, guint id, GError **error) {
         if (item->id == id)
             return item;
     }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "the queue has no session %u: “mesorig queue list” shows them", id);
+    g_set_error(
+        error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+        "the queue has no session %u: “mesorig queue list” shows the numbers of its sessions", id);
     return NULL;
 }
 
@@ -144,7 +145,9 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     }
     if (queue->items->len - n_ended >= QUEUE_MAX - MAX_ENDED) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "%d sessions are in the queue, which is the maximum", QUEUE_MAX - MAX_ENDED);
+                    "%d sessions wait in the queue, which is the maximum: wait until one has "
+                    "ended, or remove one",
+                    QUEUE_MAX - MAX_ENDED);
         return FALSE;
     }
     item->id = queue->next_id++;
@@ -167,7 +170,8 @@ static gboolean is_still(const struct queue_item *item, const char *what, GError
     if (item->state == QUEUE_WAITING || item->state == QUEUE_HANDS || has_ended(item))
         return TRUE;
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                "session %u cannot be %s: it %s; “mesorig abort” ends it", item->id, what,
+                "session %u cannot be %s, because it %s: end it first with “mesorig abort”",
+                item->id, what,
                 item->state == QUEUE_BEGUN ? "is being captured" : "is about to begin");
     return FALSE;
 }
@@ -191,8 +195,9 @@ gboolean queue_move(Queue *queue, guint id, guint place, GError **error) {
         return FALSE;
     if (has_ended(item) || place < 1) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    has_ended(item) ? "session %u has ended: add it again"
-                                    : "session %u cannot be moved to place 0: places begin with 1",
+                    has_ended(item)
+                        ? "session %u cannot be moved, because it has ended: add it again"
+                        : "session %u cannot be moved to place 0: places begin with 1",
                     id);
         return FALSE;
     }

@@ -95,8 +95,17 @@ static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item
     g_autofree int *groups =
         why ? NULL : g_key_file_get_integer_list(from, group, "groups", &n, &why);
     if (why || uid > G_MAXUINT32 || n > MAX_GROUPS) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "[%s] uid, groups: %s", group,
-                    why ? why->message : "out of range");
+        if (why)
+            g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "[%s] uid or groups: %s", group,
+                        why->message);
+        else if (uid > G_MAXUINT32)
+            g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                        "[%s] uid: %" G_GUINT64_FORMAT " is larger than %u", group, uid,
+                        G_MAXUINT32);
+        else
+            g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                        "[%s] groups: %zu groups are more than the maximum of %d", group, n,
+                        MAX_GROUPS);
         return FALSE;
     }
     item->uid = (guint32)uid;
@@ -119,7 +128,8 @@ static gboolean take_state(GKeyFile *from, const char *group, struct queue_item 
             item->state = i < QUEUE_DONE ? QUEUE_WAITING : (enum queue_state)i;
             return TRUE;
         }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "[%s] state: there is no “%s”", group,
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                "[%s] state: there is no state “%s”; choose from waiting, done and stopped", group,
                 name);
     return FALSE;
 }
@@ -130,11 +140,16 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
     const guint64 id = g_str_has_prefix(group, "session ")
                            ? g_ascii_strtoull(group + strlen("session "), &end, 10)
                            : 0;
-    if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MAX) {
+    if (id < 1 || id >= queue->next_id || *end) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-            "[%s] is not [session N] with N from 1 to %u, or exceeds the maximum of %d sessions",
-            group, queue->next_id - 1, QUEUE_MAX);
+            "there is no section [%s]: sections are [queue] and [session N], with N from 1 to %u",
+            group, queue->next_id - 1);
+        return FALSE;
+    }
+    if (queue->items->len >= QUEUE_MAX) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "[%s] exceeds the maximum of %d sessions", group, QUEUE_MAX);
         return FALSE;
     }
     item->id = (guint)id;
@@ -143,16 +158,22 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
             return FALSE;
     if (!take_state(from, group, item, error) || !take_caller(from, group, item, error))
         return FALSE;
-    if (!g_path_is_absolute(item->directory) || !g_path_is_absolute(item->session_path)) {
+    const gboolean has_directory = g_path_is_absolute(item->directory);
+    if (!has_directory || !g_path_is_absolute(item->session_path)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s] “%s” or “%s” is not an absolute path", group, item->directory,
-                    item->session_path);
+                    "[%s] %s: “%s” is not an absolute path", group,
+                    has_directory ? "session_path" : "directory",
+                    has_directory ? item->session_path : item->directory);
         return FALSE;
     }
-    if (!(item->predicted_s >= 0) || item->starts < 0) {
+    if (!(item->predicted_s >= 0)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s] the predicted time, %g s, or the number of starts, %d, is below 0", group,
-                    item->predicted_s, item->starts);
+                    "[%s] predicted_s: %g is not at least 0", group, item->predicted_s);
+        return FALSE;
+    }
+    if (item->starts < 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "[%s] starts: %d is below 0", group,
+                    item->starts);
         return FALSE;
     }
     g_ptr_array_add(queue->items, g_steal_pointer(&item));
@@ -165,7 +186,7 @@ static gboolean take_text(Queue *queue, const char *text, gsize length, GError *
         return FALSE;
     if (g_key_file_get_integer(from, "queue", "version", NULL) != VERSION) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[queue] version is not %d: another version of mesorigd has written it",
+                    "[queue] version is not %d: another version of mesorigd has written this file",
                     VERSION);
         return FALSE;
     }
@@ -187,18 +208,20 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
     if (fd < 0 && errno == ENOENT)
         return -1;
     if (fd < 0 || fstat(fd, &info) != 0) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "%s", g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "the queue's file cannot be opened: %s", g_strerror(errno));
     } else if (!S_ISREG(info.st_mode)) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is %s",
-                    input_file_kind(info.st_mode));
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "the path leads to %s, not to a file", input_file_kind(info.st_mode));
     } else if (info.st_uid != geteuid() || (info.st_mode & 022)) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-            "other users could have written it: it belongs to user %u and its mode is %04o; check "
-            "its contents, then give it to the user of mesorigd alone (chown, chmod go-w)",
+            "other users could have written this file, which belongs to user %u and has mode %04o: "
+            "check its contents, then give it to the user of mesorigd alone (chown, chmod go-w)",
             info.st_uid, (guint)info.st_mode & 07777);
     } else if (info.st_size > QUEUE_MAX_BYTES) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is larger than %d MiB",
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "the file is larger than %d MiB, the maximum for a queue",
                     QUEUE_MAX_BYTES >> 20);
     } else {
         *ret_length = (gsize)info.st_size;
@@ -271,7 +294,7 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
     }
     if (!ok)
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "%s: cannot be written: %s; nothing was changed", queue->path,
+                    "%s: cannot be written: %s; the file keeps its old contents", queue->path,
                     g_strerror(errno));
     return ok;
 }

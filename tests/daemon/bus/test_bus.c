@@ -341,7 +341,8 @@ static void test_cancel(struct fixture *fixture, gconstpointer data) {
     }
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
     begin_call(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL));
-    refused(fixture, "Validate", g_variant_new("(ssa{sv})", SESSION, "", NULL), "Busy", "for you");
+    refused(fixture, "Validate", g_variant_new("(ssa{sv})", SESSION, "", NULL), "Busy",
+            "an earlier call of yours");
     tell(fixture, "SafeState", NULL);
     g_assert_null(pending); /* a check moves nothing and goes on */
     tell(fixture, "CloseRig", NULL);

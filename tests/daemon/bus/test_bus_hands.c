@@ -190,7 +190,7 @@ TEST(axes) {
     bus_peer_begin(peer->client, "MoveAxis", to("arc", 170), &moves);
     bus_peer_wait(peer, some_hands);
     axis_stop(peer->bus->rig.devices->arc, NULL);
-    bus_peer_fails(peer->client, &moves, "DeviceStalled", "it was stopped at");
+    bus_peer_fails(peer->client, &moves, "DeviceStalled", "the axis was stopped at");
     bus_peer_free(peer);
 
     peer = bus_peer_open(stalls);
@@ -320,7 +320,7 @@ TEST(lease) {
     bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2));
     bus_peer_tell(peer, "SetLamp", g_variant_new("(sbd)", "lamp30", TRUE, 1.5));
     bus_peer_wait(peer, is_all_off);
-    assert_has(peer->told->str, "info laser30: its lease has ended");
+    assert_has(peer->told->str, "info laser30: the lease of this light has ended");
 
     /* Renewed by the same call and by Renew; another client can do neither. */
     bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 1.0));
@@ -330,7 +330,7 @@ TEST(lease) {
     g_variant_get(renewed, "(u)", &n);
     g_assert_cmpuint(n, ==, 0);
     bus_peer_begin(other, "SetLaser", on("laser30"), &result);
-    bus_peer_fails(other, &result, "Busy", "another client has laser30 on");
+    bus_peer_fails(other, &result, "Busy", "another client has switched laser30 on");
     g_usleep(1100 * 1000); /* the first lease is over now */
     while (g_main_context_iteration(NULL, FALSE))
         ;
@@ -360,7 +360,7 @@ TEST(warming) {
     bus_peer_wait(peer, some_hands);
     bus_peer_begin(other, "SetLaser", off("laser30"), &darkens);
     g_variant_unref(bus_peer_end(other, &darkens, NULL, NULL));
-    bus_peer_fails(peer->client, &lights, "Cancelled", "a later call has switched it off");
+    bus_peer_fails(peer->client, &lights, "Cancelled", "a later call has switched the light off");
     g_assert_true(is_all_off(peer->bus));
     /* The lease runs while the light warms up. */
     bus_peer_begin(peer->client, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2), &lights);

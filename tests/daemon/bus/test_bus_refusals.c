@@ -30,10 +30,9 @@ TEST(options) {
                                         "{'chosen': <2.5>}", "{'session_text': <['a']>}"};
     struct bus_peer *peer = bus_peer_open(NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
-        bus_peer_refused(peer, "Validate", session(peer, "", wrong[i]), "Unknown",
-                         "does not exist or has the wrong type");
-        bus_peer_refused(peer, "Start", session(peer, peer->session, wrong[i]), "Unknown",
-                         "does not exist or has the wrong type");
+        const char *why = i == 0 ? "there is no option hurry" : "but its D-Bus type is";
+        bus_peer_refused(peer, "Validate", session(peer, "", wrong[i]), "Unknown", why);
+        bus_peer_refused(peer, "Start", session(peer, peer->session, wrong[i]), "Unknown", why);
     }
     bus_peer_refused(peer, "Validate", session(peer, "here", "@a{sv} {}"), "BadPath", "here");
     bus_peer_refused(peer, "Start",
@@ -41,7 +40,7 @@ TEST(options) {
                      "BadPath", "rig.calibration");
     bus_peer_refused(peer, "Start",
                      session(peer, peer->session, "{'calibration': <'/no/such/file'>}"), "Failed",
-                     "/no/such/file: there is no such calibration");
+                     "there is no calibration file /no/such/file");
     bus_peer_refused(peer, "Start", g_variant_new("(ssa{sv})", "session.conf", peer->session, NULL),
                      "BadPath", "session.conf");
     bus_peer_refused(
@@ -73,13 +72,13 @@ TEST(checks) {
             g_main_context_iteration(NULL, FALSE);
     }
     bus_peer_refused(peer, "Validate", session(peer, "", "@a{sv} {}"), "Busy",
-                     "sessions are being checked for others");
+                     "sessions are being checked, which is the maximum");
     g_dbus_connection_close_sync(others[0], NULL, NULL);
     bus_peer_tell(peer, "CloseRig", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(others); i++) {
         g_autoptr(GError) error = NULL;
         g_assert_null(bus_peer_end(others[i], &results[i], NULL, &error));
-        refused += strstr(error->message, "for others") != NULL;
+        refused += strstr(error->message, "which is the maximum") != NULL;
         g_object_unref(others[i]);
     }
     g_test_message("%d of %d were refused", refused, (int)G_N_ELEMENTS(others));
@@ -111,7 +110,7 @@ TEST(queue) {
     bus_peer_refused(peer, "QueueAdd", session(peer, second, "{'hurry': <true>}"), "Unknown",
                      "hurry");
     bus_peer_refused(peer, "QueueAdd", session(peer, second, "{'calibration': <'/no/such'>}"),
-                     "Failed", "there is no such calibration");
+                     "Failed", "there is no calibration file");
     bus_peer_tell(peer, "QueueAdd", session(peer, peer->session, "{'yes': <true>}"));
     bus_peer_tell(peer, "QueueAdd", session(peer, second, "{'chosen': <''>, 'process': <false>}"));
     bus_peer_refused(peer, "QueueAdd", session(peer, second, "@a{sv} {}"), "Failed", "second");
@@ -179,7 +178,8 @@ TEST(folders__subprocess) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = bus_client_make_folder(&error);
     g_assert_null(folder);
-    assert_has(error->message, "cannot make a folder in /no/such/folder");
+    assert_has(error->message,
+               "cannot make a folder for the socket of mesorigd in /no/such/folder");
     g_clear_error(&error);
     g_autofree char *announced = bus_client_announce("unix:path=/x/y/bus", &error);
     g_assert_null(announced);

@@ -165,7 +165,8 @@ static void test_one_program(struct fixture *fixture, gconstpointer unused) {
         g_assert_true(is_dropped(fixture->sockets[i]));
     g_autofree char *said = process_text(
         0, (const char *[]){BUILD_DIR "/bin/mesorig", "safe", "--address", fixture->address, NULL});
-    assert_short_log(fixture, "connections: no more of its connections are accepted");
+    assert_short_log(fixture,
+                     "connections, which is the maximum: no more of its connections are accepted");
     /* Those that have not authenticated themselves are dropped after a while. */
     for (int i = 0; i < OF_ONE - 1; i++)
         g_assert_true(is_dropped(fixture->sockets[i]));

@@ -163,7 +163,7 @@ static void test_full(struct fixture *fixture, gconstpointer data) {
     g_assert_false(queue_add(fixture->queue, new_item("c"), &error));
     g_assert_nonnull(error);
     g_assert_nonnull(strstr(error->message, fixture->path));
-    g_assert_nonnull(strstr(error->message, "nothing was changed"));
+    g_assert_nonnull(strstr(error->message, "the file keeps its old contents"));
     assert_names(fixture, "a b");
     g_assert_false(queue_remove(fixture->queue, a, NULL));
     g_assert_false(queue_move(fixture->queue, b, 1, NULL));
@@ -217,12 +217,12 @@ static void test_hostile(struct fixture *fixture, gconstpointer data) {
     g_assert_true(g_file_get_contents(fixture->path, &good, NULL, NULL));
     /* Others could have written it. */
     g_assert_cmpint(g_chmod(fixture->path, 0660), ==, 0);
-    assert_refused(fixture, "other users could have written it");
+    assert_refused(fixture, "other users could have written this file");
     if (geteuid() == 0) {
         g_assert_true(g_file_set_contents(fixture->path, good, -1, NULL));
         g_assert_cmpint(g_chmod(fixture->path, 0600), ==, 0);
         g_assert_cmpint(chown(fixture->path, 65534, 65534), ==, 0);
-        assert_refused(fixture, "it belongs to user 65534");
+        assert_refused(fixture, "which belongs to user 65534");
     }
     /* Not a file of its own. */
     g_assert_true(g_file_set_contents(outside, good, -1, NULL));
@@ -240,11 +240,11 @@ static void test_hostile(struct fixture *fixture, gconstpointer data) {
         {"[session 1]", "[session 5]", "[session 5]"},
         {"[session 1]", "[session x]", "[session x]"},
         {"[session 1]", "[else]", "[else]"},
-        {"state=waiting", "state=soon", "there is no “soon”"},
-        {"predicted_s=", "predicted_s=-", "below 0"},
+        {"state=waiting", "state=soon", "there is no state “soon”"},
+        {"predicted_s=", "predicted_s=-", "is not at least 0"},
         {"predicted_s=", "predicted_s=x", "predicted_s"},
         {"directory=/", "directory=", "not an absolute path"},
-        {"uid=", "uid=9", "uid, groups"},
+        {"uid=", "uid=9", "] uid: "},
         {"yes=true", "yes=perhaps", "yes"},
         {"\nname=", "\nnome=", "name"},
     };
