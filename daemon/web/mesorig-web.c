@@ -51,13 +51,20 @@ static char *read_token(GError **error) {
     if (!g_file_get_contents(token_path, &text, &length, error))
         return NULL;
     text[strcspn(text, "\r\n")] = '\0';
-    if (length > MAX_TOKEN || strlen(text) < MIN_TOKEN ||
+    if (length > MAX_TOKEN) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "%s has %zu bytes, and the file of a token has at most %d; make a token with: "
+                    "openssl rand -hex 24",
+                    token_path, length, MAX_TOKEN);
+        return NULL;
+    }
+    if (strlen(text) < MIN_TOKEN ||
         strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=") !=
             strlen(text)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "the first line of %s is not a token of %d to %d letters, digits and "
-                    "characters of -._~+/=; make one with: openssl rand -hex 24",
-                    token_path, MIN_TOKEN, MAX_TOKEN);
+                    "the first line of %s is not a token of at least %d letters, digits and "
+                    "characters of -._~+/=; make a token with: openssl rand -hex 24",
+                    token_path, MIN_TOKEN);
         return NULL;
     }
     return g_steal_pointer(&text);

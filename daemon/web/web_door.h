@@ -21,7 +21,7 @@
 #define WEB_DOOR_PEER_STREAMS     16
 #define WEB_DOOR_STREAMS          64
 #define WEB_DOOR_MAX_HEAD         (64 << 10) /* bytes of request line and headers */
-#define WEB_DOOR_MAX_READ         (64 << 10)
+#define WEB_DOOR_MAX_READ         (64 << 10) /* bytes of the body of a request */
 /* time limit from the connection to the end of the request */
 #define WEB_DOOR_REQUEST_S 10
 /* time limit from the end of the request to the end of the answer */

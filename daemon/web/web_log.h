@@ -1,6 +1,6 @@
-/* Writes a log line that a request of any client may cause, to standard error. Writes at most
- * WEB_LOG_LINES lines in a minute. The first line after that minute is preceded by the number of
- * lines that were left out. Belongs to the main loop's thread. */
+/* Writes a log line to standard error. For lines that requests of any client may cause: at most
+ * WEB_LOG_LINES lines are written in a minute. The first line after that minute is preceded by the
+ * number of lines that were left out. Belongs to the main loop's thread. */
 #pragma once
 
 #include <glib.h>

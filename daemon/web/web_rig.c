@@ -40,7 +40,8 @@ struct WebRig {
     BusRig1 *rig; /* NULL if no daemon answers at address */
     GDBusConnection *connection;
     char *address; /* address of the daemon's own socket; NULL if the daemon is on a bus */
-    /* reason why no daemon answers at address; NULL if one answers or none was tried yet */
+    /* reason why no daemon answers at address; NULL if a daemon answers or no connection was tried
+     * yet */
     char *away;
     gboolean connecting; /* a connection to address is being made */
     guint again_id;
@@ -211,8 +212,8 @@ static void tell(const WebRig *rig, const char *name, const char *json) {
         rig->news(name, json, rig->news_data);
 }
 
-/* Adds a sample to the progress if the number of shots done has changed. If it or the elapsed time
- * has decreased, another session has begun, and the earlier samples are dropped. */
+/* Adds a sample to the progress if the number of shots done has changed. If that number or the
+ * elapsed time has decreased, another session has begun, and the earlier samples are dropped. */
 static void take_sample(WebRig *rig) {
     const struct sample now = {bus_rig1_get_elapsed(rig->rig), bus_rig1_get_shots_done(rig->rig)};
     const guint n = rig->samples->len;
@@ -297,7 +298,7 @@ static void attach(WebRig *rig, BusRig1 *proxy) {
         g_signal_connect(rig->connection, "closed", G_CALLBACK(on_closed), rig);
 }
 
-/* Stops listening to the daemon, and drops its pictures, because later ones come from another
+/* Stops listening to the daemon, and drops its pictures, because later pictures come from another
  * daemon. */
 static void detach(WebRig *rig) {
     GHashTableIter iter;
@@ -404,8 +405,10 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
                          ? bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
                                                    BUS_NAME, BUS_PATH, NULL, error)
                          : NULL;
-    if (!proxy)
+    if (!proxy) {
+        g_prefix_error(error, "cannot connect to the %s bus: ", bus ? bus : "system");
         return NULL;
+    }
     WebRig *rig = make(NULL);
     attach(rig, proxy);
     return rig;
@@ -465,8 +468,10 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
 /* Returns the error for a call if there is no daemon at address, otherwise NULL. */
 static GError *refuse_away(const WebRig *rig) {
     return rig->rig ? NULL
-                    : g_error_new_literal(G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,
-                                          rig->away ? rig->away : "no mesorigd answers");
+                    : g_error_new_literal(
+                          G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,
+                          rig->away ? rig->away
+                                    : "no mesorigd has answered yet: try again in some seconds");
 }
 
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data) {
@@ -523,8 +528,8 @@ static gboolean encode(GVariant *answer, const char *camera, struct web_picture 
     const guint8 *rgb = g_variant_get_fixed_array(bytes, &length, 1);
     if (length != (gsize)COLOURS * width * height || length == 0) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "the daemon has sent a picture of camera %s that claims %u × %u pixels but has "
-                    "%zu bytes",
+                    "mesorigd has sent a picture of camera %s that claims %u × %u pixels but has "
+                    "%zu bytes: run mesorigd and mesorig-web of the same version",
                     camera, width, height, length);
         return FALSE;
     }
@@ -597,7 +602,8 @@ void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer
     }
     if (!has_camera(rig, name)) {
         g_autoptr(GError) unknown =
-            g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "the rig has no camera “%s”", name);
+            g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                        "the rig has no camera “%s”: /api/v1/state lists the devices", name);
         back(NULL, unknown, data);
         return;
     }

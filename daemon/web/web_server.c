@@ -198,7 +198,9 @@ static gboolean admit_token(const WebServer *server, SoupServerMessage *message)
         web_visitor_token(visitor, right);
     if (!right) {
         refuse(message, SOUP_STATUS_UNAUTHORIZED,
-               given ? "the token is wrong" : "the token is missing");
+               given
+                   ? "the token is wrong: send the first line of the file of --token-file"
+                   : "this request needs a token: send the first line of the file of --token-file");
         soup_message_headers_replace(headers, "WWW-Authenticate", "Bearer");
     }
     return right;
@@ -220,11 +222,14 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
                "the header Host is not a name of this server; start mesorig-web with --host "
                "NAME[:PORT] to add the name");
     } else if (acts ? strcmp(method, "POST") != 0 : !reads) {
-        refuse(message, SOUP_STATUS_METHOD_NOT_ALLOWED, acts ? "use POST" : "use GET");
+        refuse(message, SOUP_STATUS_METHOD_NOT_ALLOWED,
+               acts ? "this path accepts only POST" : "this path accepts only GET and HEAD");
         soup_message_headers_replace(soup_server_message_get_response_headers(message), "Allow",
                                      acts ? "POST" : "GET, HEAD");
     } else if (!is_from_here(message, origins, acts)) {
-        refuse(message, SOUP_STATUS_FORBIDDEN, "requests from pages of other sites are refused");
+        refuse(message, SOUP_STATUS_FORBIDDEN,
+               "the header Origin or Sec-Fetch-Site says that a page of another site sent this "
+               "request; open the page of this server");
     } else if (access == ACCESS_TOKEN || (access == ACCESS_SAFE && server->safe_needs_token)) {
         return admit_token(server, message);
     } else {
@@ -233,8 +238,8 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
     return FALSE;
 }
 
-/* Returns whether the request has no body, or gives the length of its body in digits and this is at
- * most MAX_BODY. */
+/* Returns whether the request has no body, or has a body of at most MAX_BODY bytes and gives this
+ * length in digits. */
 static gboolean has_small_body(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
     int n;
@@ -254,7 +259,8 @@ static void on_headers(SoupServerMessage *message, gpointer data) {
     if (has_small_body(message))
         return;
     refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE,
-           "the body of the request is too large, or the request does not give its length");
+           "a request may have a body of at most 4096 bytes, and must give its length in the "
+           "header Content-Length");
     /* libsoup reads the body before it answers. It takes a length of 2^64 − 1 as −1, and then reads
      * until the connection ends. */
     const goffset length =
@@ -292,7 +298,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
         respond_bytes(message, files[i].type, bytes);
         return;
     }
-    refuse(message, SOUP_STATUS_NOT_FOUND, "this page does not exist");
+    refuse(message, SOUP_STATUS_NOT_FOUND, "this page does not exist; the page of the rig is /");
 }
 
 static void send(struct stream *stream, const char *text) {

@@ -151,9 +151,9 @@ function degrees(value) {
   return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
 }
 
-// Returns whether a lamp or laser is known to shine. While shots are taken, it is the light of the last shot. At
-// other times, the health of a laser says whether it may shine. For lamps it is not known, because the health of
-// a bank of lamps has only the number of lamps that are on.
+// Returns whether a lamp or laser is known to shine. While shots are taken, only the light of the last shot is
+// shown as shining. At other times, the health of a laser says whether the laser may shine. For a lamp this is not
+// known, because the health of a bank of lamps contains only the number of lamps that are on.
 function shines(at) {
   if (["running", "homing", "pausing"].includes(state.state))
     return at.class === state.light_class && at.name === state.light;
@@ -263,7 +263,7 @@ function watchCamera(name) {
   return camera;
 }
 
-// Loads the latest picture of a camera, at most once in pictureInterval. Calls meanwhile share the next load.
+// Loads the latest picture of a camera, at most once in pictureInterval. Calls during the wait share the next load.
 async function loadPicture(name) {
   const camera = cameras.get(name), now = Date.now();
   if (camera.waits) return;
@@ -378,7 +378,7 @@ function away() {
 }
 
 // Opens the stream of events. A browser does not repeat a request for a stream that was refused, for instance because
-// too many are open, so it is repeated here.
+// too many streams are open. This function repeats such a request after 5 s.
 function openStream() {
   const stream = new EventSource(api + "events");
   stream.onopen = () => reload().catch(() => {});

@@ -288,7 +288,8 @@ TEST(in_browser) {
                           "document.getElementById('answer').textContent)");
     /* A wrong token, then the right one. */
     g_free(browser_value(browser, "(sessionStorage.setItem('token', 'wrong'), act('release'))"));
-    browser_wait(browser, "document.getElementById('answer').textContent == 'the token is wrong'");
+    browser_wait(browser,
+                 "document.getElementById('answer').textContent.startsWith('the token is wrong')");
     g_free(browser_value(browser, "document.getElementById('unlock').click()"));
     g_free(browser_value(browser, "(document.getElementById('token').value = '" SITE_TOKEN
                                   "', document.getElementById('token-form').requestSubmit())"));
