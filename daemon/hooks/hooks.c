@@ -28,15 +28,14 @@ static void event_free(gpointer data) {
     g_free(event);
 }
 
-/* Returns whether the file belongs to root or to the user of this program, and nobody else may
- * write it. Otherwise writes a warning to the log. */
+/* Returns whether the file or folder belongs to root or to the user of this program, and no other
+ * user may write to it. Otherwise writes a warning to the log. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;
-    g_warning(
-        "%s is not run: it belongs to user %u and its mode is %04o; let it belong to root or to "
-        "user %u, and let only its owner write it",
-        path, info->st_uid, (guint)info->st_mode & 07777, (guint)geteuid());
+    g_warning("%s is not used: it belongs to user %u and has mode %04o; make root or user %u its "
+              "owner, and let only the owner write it (chown, chmod go-w)",
+              path, info->st_uid, (guint)info->st_mode & 07777, (guint)geteuid());
     return FALSE;
 }
 

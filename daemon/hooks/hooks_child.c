@@ -8,8 +8,8 @@
 
 #define KILL_S 3
 #define CHUNK  4096
-/* Seconds to wait for further output after the program has ended. A process that it has left behind
- * may hold the pipe open. */
+/* Seconds to wait for further output after the program has ended. A process that the program has
+ * left behind may hold the pipe open. */
 #define DRAIN_S 1
 
 struct child {
@@ -83,7 +83,8 @@ static void finish_if_done(struct child *child) {
         g_cancellable_disconnect(g_task_get_cancellable(task), child->cancel_id);
     if (child->late)
         g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
-                                "%s took longer than its time limit of %g s, and was ended",
+                                "%s took longer than its time limit of %g s, and was ended; "
+                                "time_limit_s in hooks.conf sets the limit",
                                 child->name, child->time_limit_s);
     else if (g_subprocess_get_if_signaled(child->process))
         g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_FAILED, "%s ended by signal %d (%s)",
@@ -184,7 +185,8 @@ void hooks_child_run(const char *const *argv, const char *const *environ, const 
     child->line = g_string_new(NULL);
     g_task_set_task_data(task, child, child_free);
     if (child->group > 1)
-        /* parent and child both call it, so that the group exists when either continues */
+        /* parent and child both call setpgid(), so that the group exists when either of them
+         * continues */
         setpgid(child->group, child->group);
     child->limit_id = g_timeout_add((guint)(time_limit_s * 1000), on_limit, child);
     char *own_input = g_strdup(input);

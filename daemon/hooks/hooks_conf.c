@@ -5,9 +5,10 @@
 #define HOOKS(member) G_STRUCT_OFFSET(struct hooks_conf, member)
 static const struct option hooks_options[] = {
     {"folder", OPTION_PATH, .fallback = "/etc/mesorig/hooks.d", .offset = HOOKS(folder),
-     .help = "Folder of the executables that are run for every event, in the order of their names"},
+     .help = "Folder of the hooks: executables that are run for every event, in the order of their "
+             "names"},
     {"time_limit_s", OPTION_DOUBLE, "s", 0.1, 86400, "60", .offset = HOOKS(time_limit_s),
-     .help = "How long each of them may take before it is ended"},
+     .help = "Time that a hook may take before it is ended"},
     {NULL},
 };
 
@@ -22,7 +23,7 @@ static void take_section(struct hooks_conf *conf, const struct config_section *s
         options_read(&(struct option_target){hooks_options, conf}, 1, section, NULL, mistakes);
     } else {
         config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
-                       "there is no such section; this file has [hooks]");
+                       "there is no such section: [hooks] is the only section of this file");
     }
 }
 

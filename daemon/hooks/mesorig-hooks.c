@@ -38,7 +38,8 @@ struct program {
     GDBusConnection *connection;
     GCancellable *cancellable;
     guint again_id;
-    /* reason why no daemon answers at the address; NULL if one answers or none was tried yet */
+    /* reason why no daemon answers at the address; NULL if a daemon answers or no connection was
+     * tried yet */
     char *away;
     int exit_code;
 };

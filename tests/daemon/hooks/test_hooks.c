@@ -154,12 +154,12 @@ static void test_trusted(struct fixture *fixture, gconstpointer data) {
     }
     g_autofree char *log = run_check(fixture), *out = read_out(fixture);
     g_assert_cmpstr(out, ==, "own\n");
-    assert_has(log, "1-open is not run: it belongs to user ");
+    assert_has(log, "1-open is not used: it belongs to user ");
     g_assert_cmpint(g_chmod(fixture->hooks_folder, 0777), ==, 0);
     g_unlink(fixture->out);
     g_autofree char *second = run_check(fixture), *none = read_out(fixture);
     g_assert_cmpstr(none, ==, "");
-    assert_has(second, "hooks.d is not run");
+    assert_has(second, "hooks.d is not used");
 }
 
 /* Installs a hook of etc/hooks with lines for those of the same variables; ends with NULL. */
@@ -290,7 +290,7 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
         process_text(1, (const char *[]){HOOKS, "--check", "--config", fixture->conf, NULL});
     assert_has(said, "2 mistakes");
     assert_has(said, "[hooks] time_limit_s: 0 is out of range");
-    assert_has(said, "there is no such section; this file has [hooks]");
+    assert_has(said, "there is no such section: [hooks] is the only section of this file");
 }
 
 static void test_shipped(struct fixture *fixture, gconstpointer data) {
