@@ -51,9 +51,9 @@ static int fail(const GError *error) {
 
 /* Carries out --safe-state: makes the rig safe and returns an exit code. systemd also runs this as
  * ExecStopPost, with SERVICE_RESULT set, even if the service could not start because another daemon
- * has the rig open. That rig must not be switched off, which is why the role is then LOCK_GUARDIAN.
- * When run by systemd, leaves devices that are not safe afterwards to a guardian, unless one is
- * already at work. */
+ * has the rig open. That rig must not be switched off, so this process then takes the role
+ * LOCK_GUARDIAN. When run by systemd, leaves devices that are not safe afterwards to a guardian,
+ * unless one is already at work. */
 static int safe_state(const char *path) {
     const gboolean service = g_getenv("SERVICE_RESULT") != NULL;
     g_autoptr(GError) error = NULL;
@@ -156,15 +156,19 @@ static void on_name(GDBusConnection *connection, const char *name, gpointer data
 
 static void on_name_lost(GDBusConnection *connection, const char *name, gpointer data) {
     struct daemon *daemon = data;
-    if (!connection)
-        g_printerr("mesorigd: there is no %s bus, or it has gone: give --bus or --listen\n",
-                   bus_kind);
+    if (!connection && daemon->was_owner)
+        g_printerr("mesorigd: the %s bus has ended\n", bus_kind);
+    else if (!connection)
+        g_printerr(
+            "mesorigd: there is no %s bus: choose the other bus with --bus, or give --listen\n",
+            bus_kind);
     else if (!daemon->was_owner)
-        g_printerr("mesorigd: another mesorigd is on the %s bus, or its policy forbids the name "
-                   "%s to this user\n",
-                   bus_kind, BUS_NAME);
+        g_printerr("mesorigd: the name %s on the %s bus is not free: another mesorigd has it, or "
+                   "the policy of the bus forbids it to this user\n",
+                   BUS_NAME, bus_kind);
     else
-        g_printerr("mesorigd: lost the name %s on the bus\n", BUS_NAME);
+        g_printerr("mesorigd: another program has taken the name %s on the %s bus\n", BUS_NAME,
+                   bus_kind);
     quit(daemon, 1);
 }
 

@@ -75,11 +75,13 @@ TEST(warning) {
         g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", usb ? &kinds : NULL, &error);
         g_assert_no_error(error);
         g_autofree char *said = daemon_says(rig);
-        g_assert_cmpint(count(said, "has no watchdog"), ==, usb ? 2 : 0);
-        g_assert_cmpint(count(said, "laser laser30: its device (usb-relay-laser) has no watchdog"),
-                        ==, usb);
-        g_assert_cmpint(count(said, "laser laser60: its device (usb-relay-laser) has no watchdog"),
-                        ==, usb);
+        g_assert_cmpint(count(said, "no watchdog is set up"), ==, usb ? 2 : 0);
+        g_assert_cmpint(
+            count(said, "laser laser30: no watchdog is set up for its device (usb-relay-laser)"),
+            ==, usb);
+        g_assert_cmpint(
+            count(said, "laser laser60: no watchdog is set up for its device (usb-relay-laser)"),
+            ==, usb);
         g_assert_cmpint(count(said, "docs/operate/safety.md"), ==, usb ? 2 : 0);
     }
 }
