@@ -23,11 +23,13 @@ static int run(const struct call *call, GError **error) {
     struct board board;
     if (!board_option)
         return cli_usage(call->command, "no board is given: give --board");
-    if (!(margin_mm >= 0 && margin_mm <= 1000) || !(pixels_a_mm > 0 && pixels_a_mm <= 1000))
+    if (!(margin_mm >= 0 && margin_mm <= 1000))
+        return cli_usage(call->command, "--margin=%g is out of range: give 0 to 1000 mm",
+                         margin_mm);
+    if (!(pixels_a_mm > 0 && pixels_a_mm <= 1000))
         return cli_usage(call->command,
-                         "--margin=%g or --pixels=%g is out of range: --margin must be from 0 to "
-                         "1000 mm, --pixels above 0 and at most 1000 per mm",
-                         margin_mm, pixels_a_mm);
+                         "--pixels=%g is out of range: give more than 0 and at most 1000 per mm",
+                         pixels_a_mm);
     if (!board_parse(&board, board_option, &bad))
         return cli_usage(call->command, "%s", bad->message);
     const struct board_drawing drawing = {margin_mm, pixels_a_mm};

@@ -147,8 +147,9 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     part->degrees_of_freedom = degrees_of_freedom;
 }
 
-/* The calibration of lights rejects single sights. Each sight has two residuals. The number of
- * pictures of the laser part includes the rejected sweeps. */
+/* The number of used observations is, for lights, half of the degrees of freedom, because each
+ * sight has two residuals; for lasers part->pictures without the rejected sweeps, which are counted
+ * there; for the other parts part->pictures. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
     const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
@@ -256,7 +257,9 @@ static struct picture *read_exr(const char *path, GError **error) {
         rgb[c] = exr_part_plane(part, (const char *const[]){"R", "G", "B"}[c]);
     if (!rgb[0] || !rgb[1] || !rgb[2]) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
-                    "%s: its first part has neither R, G and B nor Y", path);
+                    "%s: the first part of the file has neither the channels R, G and B nor Y: "
+                    "save the picture as RGB or as grey",
+                    path);
         return NULL;
     }
     struct picture *picture = picture_new(path, sum, part->width, part->height);
@@ -327,10 +330,10 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
         picture = picture_new(frame->path, frame->sha256, part->width, part->height);
         memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
         if (!picture_balance(picture, cfa)) {
-            g_set_error(
-                error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: its colour filter “%s” is not one of mono, rggb, bggr, grbg, gbrg and rgb",
-                frame->path, cfa);
+            g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                        "%s: the colour filter “%s” is not one of mono, rggb, bggr, grbg, gbrg and "
+                        "rgb: capture or import the session again",
+                        frame->path, cfa);
             g_clear_pointer(&picture, picture_free);
         }
     }

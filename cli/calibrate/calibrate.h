@@ -96,7 +96,7 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Adds a warning with its causes if noise does not explain a residual. */
+/* Adds a warning with possible causes if a residual is larger than noise explains. */
 struct residual;
 void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual);
 
@@ -117,7 +117,7 @@ double calibrate_bend_mm(const struct rig_laser *laser, double bend_rad);
 
 /* A column of calibrate_keep(): the key of its list, and the printf() format of one double. */
 struct calibrate_column {
-    const char *key, *format; /* the format of one double */
+    const char *key, *format;
 };
 /* Keeps a table for the report in the calibration file: a list of numbers for each column. rows
  * contains double, row by row. */

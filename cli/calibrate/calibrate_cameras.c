@@ -40,7 +40,7 @@ struct job {
     struct calibrate_job base;
     struct board board;
     struct cameras_result *result;
-    enum rig_lens lens;            /* if lens_option is given */
+    enum rig_lens lens;            /* lens model of --lens; set only if lens_option is given */
     GArray *pictures;              /* of struct cameras_picture, one per frame */
     struct calibrate_video *video; /* NULL unless --images names a video */
     gboolean turns; /* a session's rig file has a turntable, or the turntable has turned */
@@ -65,7 +65,7 @@ static gboolean gather_session(struct job *job, int lay, GError **error) {
     for (guint i = 0; i < frames->len; i++) {
         struct calibrate_frame *frame = frames->pdata[i];
         job->turns |= frame->turntable_deg != 0;
-        /* One light per pose is enough. The first one is used. */
+        /* Of the frames of one pose only the first is used, because one light is enough. */
         gboolean wanted = frame->camera < job->base.calibration->rig.n_cameras;
         for (guint k = 0; wanted && k < job->pictures->len; k++) {
             const struct cameras_picture *p =
@@ -378,7 +378,9 @@ static int run(const struct call *call, GError **error) {
     struct job job = {0};
     if (!board_option)
         return cli_usage(call->command, "no board is given: give --board");
-    if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
+    if (images_option && call->n_arguments > 0)
+        return cli_usage(call->command, "give sessions, or --images DIR|VIDEO, not both");
+    if (!images_option && call->n_arguments < 1)
         return cli_usage(call->command, "give captured sessions, or --images DIR|VIDEO");
     if (images_option && azimuth_option)
         return cli_usage(call->command, "--board-azimuth is for sessions, not for --images");

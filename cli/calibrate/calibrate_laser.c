@@ -57,8 +57,8 @@ struct job {
     double worst_mm, worst_rad;
 };
 
-/* Adds the sweeps of session i. planes contains the height of the plate in mm for each session.
- * If it is NULL, the session's reference plane is the height. */
+/* Adds the sweeps of session i. planes contains the height of the plate in mm for each session. If
+ * planes is NULL, the height is that of the session's reference plane. */
 static gboolean gather_session(struct job *job, int i, const double *planes, GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = calibrate_open(&job->base, i, error);
@@ -88,8 +88,8 @@ static gboolean gather(struct job *job, GError **error) {
         ok = ok && planes[i] >= 0 && planes[i] < 1000;
     if (!ok) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "--planes %s: give one height in mm for each of the %d sessions, with ';' "
-                    "between them",
+                    "--planes %s: give one height from 0 to 1000 mm for each of the %d sessions, "
+                    "with ';' between them",
                     planes_option, n);
         return FALSE;
     }
@@ -99,7 +99,8 @@ static gboolean gather(struct job *job, GError **error) {
     if (job->base.frames->len > 0)
         return TRUE;
     g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                "%s: there are no laser sweeps in it; plan laser positions and capture it",
+                "%s: the session has no laser sweeps: give laser positions in the section [lasers] "
+                "of its session file, and capture it again",
                 job->base.sessions[0]);
     return FALSE;
 }
@@ -117,8 +118,10 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
     if (steps < 3 || !exr_part_plane(part, "peak") || part->width != camera->width ||
         part->height != camera->height) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "%s: is not a sweep of the %d × %d pixels of camera %s", frame->path,
-                    camera->width, camera->height, camera->name);
+                    "%s: the file is not a sweep of camera %s with %d × %d pixels: it has %d × %d "
+                    "pixels and %d steps; capture the session again",
+                    frame->path, camera->name, camera->width, camera->height, part->width,
+                    part->height, steps);
         return FALSE;
     }
     const struct laser_plate_sweep sweep = {
@@ -226,9 +229,8 @@ static void keep(struct job *job) {
     keep_steps(job);
 }
 
-/* Returns the standard errors of the arc. They come from the calibration of the lamps, and are
- * at least as large as the arc's own steps. If the lamps are not calibrated, 0.5° and 1 mm are
- * returned. */
+/* Returns the standard errors of the arc's axis. They come from the calibration of the lamps, but
+ * are at least 0.005° and 0.05 mm. If the lamps are not calibrated, returns 0.5° and 1 mm. */
 static struct laser_arc arc_known(const struct calibration *calibration) {
     const struct calibration_arc *arc = &calibration->arc;
     if (!arc->known || !(arc->centre_mm[0] > 0))
@@ -291,8 +293,8 @@ static void tell_laser(Record *to, const struct laser_result *found, int i) {
         g_ptr_array_add(from_prior, NULL);
         g_autofree char *list = g_strjoinv(", ", (char **)from_prior->pdata);
         record_say(to,
-                   "; not measured, and only as accurate as the axis of the arc was before: %s "
-                   "(the sheets do not depend on that)",
+                   "; these values were not measured, and are only as accurate as the earlier axis "
+                   "of the arc: %s (the accuracy of the sheets does not depend on them)",
                    list);
     }
     record_say(to, "\n");

@@ -117,9 +117,10 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
         return FALSE;
     if (!same_size(picture, camera->width, camera->height) ||
         (dark && !same_size(dark, camera->width, camera->height))) {
-        g_ptr_array_add(job->base.rejected,
-                        g_strdup_printf("%s: it does not have the %d × %d pixels of camera %s",
-                                        path, camera->width, camera->height, camera->name));
+        g_ptr_array_add(
+            job->base.rejected,
+            g_strdup_printf("%s: the photograph does not have the %d × %d pixels of camera %s",
+                            path, camera->width, camera->height, camera->name));
         return TRUE;
     }
     const struct picture *shows_board = dark ? dark : picture;
@@ -136,14 +137,15 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     g_autoptr(GArray) dots = NULL;
     if (corners && !laser_pose_fit(camera, &job->board, corners, NULL, &pose))
         g_set_error_literal(&why, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                            "its corners do not fit the board and the lens of this calibration");
+                            "the corners in the photograph do not fit the board of --board and the "
+                            "lens of the calibration");
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
         /* If the board's reflectance is not known, white print may be brighter than the line. */
         const char *advice = corners && strength && !reflectance
-                                 ? "; it shows no colour that only the laser has: take the same "
-                                   "photographs without the laser, and give --dark-images"
+                                 ? "; no colour of the photograph belongs to the laser alone: take "
+                                   "the same photographs without the laser, and give --dark-images"
                                  : "";
         g_ptr_array_add(job->base.rejected,
                         g_strdup_printf("%s: %s%s", path, why->message, advice));
@@ -171,8 +173,8 @@ static gboolean choose_laser(struct job *job, GError **error) {
             if (rig->lasers[job->laser].fixed)
                 return TRUE;
             g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                        "%s: laser %s turns with the arc, and its plane with it; calibrate it from "
-                        "sessions of plates",
+                        "%s: laser %s turns with the arc, so it has no fixed plane: calibrate this "
+                        "laser from sessions of plates",
                         calibrate_from, name);
             return FALSE;
         }
@@ -180,9 +182,10 @@ static gboolean choose_laser(struct job *job, GError **error) {
         g_autoptr(GString) known = g_string_new(NULL);
         for (int i = 0; i < rig->n_lasers; i++)
             g_string_append_printf(known, "%s%s", i ? ", " : "", rig->lasers[i].name);
-        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                    "%s: there is no laser “%s” in that rig (its lasers: %s); give --name NAME",
-                    calibrate_from, name, known->len ? known->str : "none");
+        g_set_error(
+            error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+            "%s: there is no laser “%s” in the rig of this file (which has: %s); give --name NAME",
+            calibrate_from, name, known->len ? known->str : "none");
         return FALSE;
     }
     rig->lasers[rig->n_lasers++] = (struct rig_laser){.fixed = 1};
@@ -206,18 +209,17 @@ static gboolean choose_camera(struct job *job, const char *path, GError **error)
         return TRUE;
     if (!calibration->parts[CALIBRATION_CAMERAS].done)
         g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                    "%s: its cameras are not calibrated; mesorig calibrate cameras --images does "
-                    "that",
+                    "%s: the cameras of this file are not calibrated: run mesorig calibrate "
+                    "cameras --images first",
                     calibrate_from);
     else
-        g_set_error(
-            error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-            n ? "%s: %d of its cameras take pictures of %d × %d pixels, the size of %s, so it "
-                "is not known which; give a calibration of only the camera that took the "
-                "photographs (calibrate cameras --images)"
-              : "%s: %d of its cameras have the %d × %d pixels of %s; photographs must be "
-                "whole and not scaled, of the camera that was calibrated",
-            calibrate_from, n, picture->width, picture->height, path);
+        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+                    n ? "%s: %d cameras of this file have %d × %d pixels, the size of %s, so it is "
+                        "not known which camera took the photographs: give a calibration of only "
+                        "that camera (calibrate cameras --images)"
+                      : "%s: %d cameras of this file have the %d × %d pixels of %s: give "
+                        "photographs of the camera that was calibrated, whole and not scaled",
+                    calibrate_from, n, picture->width, picture->height, path);
     return FALSE;
 }
 
@@ -317,7 +319,7 @@ static gboolean fit(struct job *job, GError **error) {
         g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
                     "%d of %u photographs show board and laser line; at least %d are needed%s%s", n,
                     n + job->base.rejected->len, LASER_PLANE_MIN,
-                    job->base.rejected->len ? "; for one, " : "",
+                    job->base.rejected->len ? "; the first was left out: " : "",
                     job->base.rejected->len ? (char *)job->base.rejected->pdata[0] : "");
         return FALSE;
     }

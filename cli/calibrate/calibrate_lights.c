@@ -82,7 +82,7 @@ static gboolean step(struct job *job, GError **error) {
                      job->base.begun_us, error);
 }
 
-/* Moves the pictures from all to the frames of the job. Of a lamp with more than MAX_A_LAMP
+/* Moves the pictures of the array all to the frames of the job. Of a lamp with more than MAX_A_LAMP
  * pictures, moves about MAX_A_LAMP of them, evenly spaced. */
 static void thin(struct job *job, GPtrArray *all) {
     int n[RIG_MAX_LAMPS] = {0}, seen[RIG_MAX_LAMPS] = {0};
@@ -128,15 +128,17 @@ static gboolean gather(struct job *job, GError **error) {
         if (frame->camera < job->rig.n_cameras && frame->lamp >= 0 &&
             frame->lamp < job->rig.n_lamps)
             continue;
+        const gboolean camera = frame->camera >= job->rig.n_cameras;
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: camera %d or lamp %d is not in the calibration, which has %d cameras and "
-                    "%d lamps, from 0 on; give a calibration of this rig with -c",
-                    frame->path, frame->camera, frame->lamp, job->rig.n_cameras, job->rig.n_lamps);
+                    "%s: the %s of this frame has the number %d, counted from 0, but the "
+                    "calibration has only %d %ss: give a calibration of this rig with -c",
+                    frame->path, camera ? "camera" : "lamp", camera ? frame->camera : frame->lamp,
+                    camera ? job->rig.n_cameras : job->rig.n_lamps, camera ? "camera" : "lamp");
         return FALSE;
     }
     if (frames->len == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: it contains no pictures under lamps; capture it first",
+                    "%s: the session contains no pictures under lamps: capture it first",
                     job->base.sessions[0]);
         return FALSE;
     }
@@ -386,9 +388,9 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
     static const char radians[] = "has its angles in radians, not in degrees";
     const struct rig *rig = &job->base.calibration->rig;
     const gboolean turntable = mistake->turntable != 1, arc = mistake->arc != 1;
-    g_autofree char *fit =
-        g_strdup_printf("the pictures show %.0f %% of what they should, and %.0f %% otherwise",
-                        100 * is, 100 * would_be);
+    g_autofree char *fit = g_strdup_printf("the pictures show %.0f %% of the shadows or highlights "
+                                           "that they should, and %.0f %% if this is corrected",
+                                           100 * is, 100 * would_be);
     g_clear_error(error);
     if (turntable || arc) {
         const char *what = turntable && arc ? "each of turntable and arc"
@@ -514,8 +516,8 @@ static gboolean find(struct calibrate_job *base, GError **error) {
     }
     /* If nothing was found, the reason of the first rejection explains the failure best. */
     if (!ok && base->rejected->len > 0)
-        g_prefix_error(&cause, "%s (and %u more like it): ", (char *)base->rejected->pdata[0],
-                       base->rejected->len - 1);
+        g_prefix_error(&cause, "%s (the first of %u observations that were left out): ",
+                       (char *)base->rejected->pdata[0], base->rejected->len);
     if (find_mistake(job, &target, &cause) || !ok) {
         g_propagate_error(error, g_steal_pointer(&cause));
         return FALSE;

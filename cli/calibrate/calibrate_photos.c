@@ -10,10 +10,10 @@
 #include <string.h>
 
 #define INSIDE 0.97 /* part of a ball's radius within which the highlight is searched for */
-/* A much brighter highlight outside of a ball, but within this part of its radius from its
- * centre, shows that the given circle is wrong. */
+/* A much brighter highlight outside of a ball, at most AROUND times the radius from the centre of
+ * the ball, shows that the given circle is wrong. */
 #define AROUND 1.3
-/* Factor by which such a highlight has more energy than the one on the ball. */
+/* Such a highlight has at least this many times the energy of the highlight on the ball. */
 #define BRIGHTER 5.0
 /* Largest part of a ball's disc that a highlight may cover: 26° around the lamp. */
 #define SPOT_SHARE 0.05
@@ -111,7 +111,7 @@ static gboolean outline(struct job *job, int i, GError **error) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "ball %d is said to be at %.1f, %.1f px with a radius of %.1f px, but the "
                     "pictures show an outline at %.1f, %.1f px with a radius of %.1f px; measure "
-                    "it again, and give --ball X,Y,R",
+                    "the circle again, and correct --ball X,Y,R",
                     i + 1, given->x_px, given->y_px, given->radius_px, seen.x_px, seen.y_px,
                     seen.radius_px);
         return FALSE;
@@ -406,10 +406,11 @@ int photos_calibrate(const struct call *call, GError **error) {
                          "no ball in the photographs is given: give --ball X,Y,R in pixels");
     for (char **text = photos_balls; *text; text++) {
         double v[3];
-        if (job.n_balls == BALL_LIGHT_MAX || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
-            return cli_usage(call->command,
-                             "--ball=%s: give X,Y,R in pixels, R at least 5; at most 16 of them",
-                             *text);
+        if (job.n_balls == BALL_LIGHT_MAX)
+            return cli_usage(call->command, "--ball=%s: more than %d balls are given", *text,
+                             BALL_LIGHT_MAX);
+        if (!calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
+            return cli_usage(call->command, "--ball=%s: give X,Y,R in pixels, R at least 5", *text);
         job.given[job.n_balls++] = (struct ball_outline){v[0], v[1], v[2]};
     }
     job.rejected = g_ptr_array_new_with_free_func(g_free);

@@ -169,8 +169,10 @@ static int run(const struct call *call, GError **error) {
     if (tile_option) {
         if (!calibrate_parse(tile_option, "x", 2, size_mm) ||
             !(MIN(size_mm[0], size_mm[1]) > 5 && MAX(size_mm[0], size_mm[1]) < 1e5))
-            return cli_usage(call->command, "--tile=%s: give its width and height in mm, as 50x50",
-                             tile_option);
+            return cli_usage(
+                call->command,
+                "--tile=%s: give the width and height of the tile in mm, such as 50x50",
+                tile_option);
         job.options.width_mm = size_mm[0];
         job.options.height_mm = size_mm[1];
     }

@@ -63,9 +63,9 @@ static void doubt_part(GPtrArray *to, const struct calibration *calibration,
         g_ptr_array_add(to, g_strdup_printf("%s: calibrated from a session that lacks shots: %s",
                                             name, lacking[i]));
     if (part->degrees_of_freedom < 1)
-        g_ptr_array_add(to, g_strdup_printf("%s: nothing was measured twice, so that its errors "
-                                            "are not known",
-                                            name));
+        g_ptr_array_add(
+            to,
+            g_strdup_printf("%s: nothing was measured twice, so the errors are not known", name));
 }
 
 static void doubt_linearity(GPtrArray *to, const struct calibration *calibration) {

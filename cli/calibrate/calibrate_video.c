@@ -54,7 +54,7 @@ static guint board_place(const struct board *board, const GArray *corners, doubl
 }
 
 /* Returns the RMS distance of the outer corners. A board that looks the same upside down may be
- * found either way round, so that the smaller distance counts. */
+ * found either way round. The smaller of the two distances therefore counts. */
 static double places_apart(const double a[8], const double b[8]) {
     double sum[2] = {0, 0};
     for (int turned = 0; turned < 2; turned++)
@@ -74,8 +74,9 @@ static double sharpness(const struct calibrate_video *video, guint i) {
     return g_array_index(video->video->frames, struct video_frame, i).sharpness;
 }
 
-/* Returns the sharpest of the frames that show the board at the same place as frame at. Frames
- * within least of a chosen frame are not considered. */
+/* Returns the sharpest of the frames that show the board at the same place as frame at, to within
+ * least pixels. Frames in which the board is within least pixels of its place in a chosen frame are
+ * not considered. */
 static guint sharpest_beside(const struct calibrate_video *video, const double *places,
                              const double *apart, guint at, double least) {
     guint best = at;
@@ -86,8 +87,9 @@ static guint sharpest_beside(const struct calibrate_video *video, const double *
     return best;
 }
 
-/* Chooses frames, the farthest from all chosen ones first. places contains 8 numbers for each kept
- * frame, corners the number of corners that it shows. */
+/* Chooses frames one by one, each time the frame whose board is farthest from the boards of all
+ * frames chosen before. places contains 8 numbers for each kept frame (board_place()), corners the
+ * number of corners that the frame shows. */
 static void choose(struct calibrate_video *video, const double *places, const guint *corners) {
     const guint n = video->video->frames->len;
     const double least = DOUBLED * video->video->width;
@@ -109,7 +111,7 @@ static void choose(struct calibrate_video *video, const double *places, const gu
     g_array_sort(video->chosen, by_frame);
 }
 
-/* kept is the index of a frame that was kept. */
+/* Returns the name "PATH#FRAME" of a frame. kept is the index of the frame in video->frames. */
 static char *frame_name(const struct calibrate_video *video, guint kept) {
     return g_strdup_printf("%s#%d", video->path,
                            g_array_index(video->video->frames, struct video_frame, kept).index);

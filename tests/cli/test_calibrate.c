@@ -65,7 +65,7 @@ TEST(capture_refuses) {
     assert_has(cut, "not a calibration file of this version");
     g_unlink(path);
     g_autofree char *gone = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_has(gone, "no such calibration");
+    assert_has(gone, "there is no calibration file");
     g_assert_false(g_file_test(directory, G_FILE_TEST_EXISTS));
 }
 

@@ -184,10 +184,10 @@ TEST(refused) {
     assert_has(one, "low.session/laser/");
     g_free(RUN(1, "the posts' shadows are not where", "calibrate", "lights", "low.session", "-t",
                "target.conf", "-o", "no.conf"));
-    g_free(RUN(1, "there are no laser sweeps in it", "calibrate", "laser", "poles.session", "-o",
+    g_free(RUN(1, "the session has no laser sweeps", "calibrate", "laser", "poles.session", "-o",
                "no.conf"));
-    g_free(RUN(1, "give one height in mm for each of the 2 sessions", "calibrate", "laser",
-               "low.session", "high.session", "--planes", "1;x", "-o", "no.conf"));
+    g_free(RUN(1, "give one height from 0 to 1000 mm for each of the 2 sessions", "calibrate",
+               "laser", "low.session", "high.session", "--planes", "1;x", "-o", "no.conf"));
     g_free(RUN(1, "two.calibration", "calibrate", "laser", "low.session", "high.session", "-c",
                "two.calibration", "-o", "no.conf")); /* is not there */
     g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",

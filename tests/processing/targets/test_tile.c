@@ -110,7 +110,7 @@ TEST(wrong_tile) {
     }
     g_autofree char *metres =
         process_mesorig(2, "calibrate radiometry %s -r 0.96 --tile 0.056x0.056 -o %s", path, found);
-    assert_has(metres, "give its width and height in mm");
+    assert_has(metres, "width and height of the tile in mm");
     put_gamma(raw);
     g_autofree char *gamma =
         process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, found);
