@@ -61,8 +61,8 @@ static GVariant *start_options(Link *link, const char *session, const char *chos
     return g_variant_dict_end(&options);
 }
 
-/* Prints how the capture has ended, and returns an exit code. With --json all states have
- * already been printed, and only an error is missing. */
+/* Prints how the capture has ended, and returns an exit code. With --json, the monitor has already
+ * printed all states, so only an error is reported here. */
 static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const char *directory,
                     GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
@@ -116,7 +116,7 @@ static int capture(const struct call *call, const char *rig, const char *session
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     if (uncalibrated)
-        monitor_leave_out(monitor, "calibration"); /* the monitor would repeat it */
+        monitor_leave_out(monitor, "calibration"); /* before_capture() has printed this warning */
     GVariant *options = start_options(link, session, chosen, error);
     const gboolean ok =
         options &&
@@ -140,7 +140,7 @@ static int capture(const struct call *call, const char *rig, const char *session
 
 static int run_capture(const struct call *call, GError **error) {
     if (!output)
-        return cli_usage(call->command, "no session to make is given: give -o DIR");
+        return cli_usage(call->command, "no session directory is given: give -o DIR");
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
     g_autofree char *session = g_canonicalize_filename(call->arguments[1], NULL);
     g_autofree char *directory = g_canonicalize_filename(output, NULL);

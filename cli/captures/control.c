@@ -86,8 +86,8 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Reports the effect of a command, its rig and its session. session is the one that is being
- * captured, or "". */
+/* Reports the effect of a command, its rig and its session. session is the directory of the session
+ * that is being captured, or "" if there is none. */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
     record_add(to, "%s{done} %s{rig} %s{session}", done, rig, session);
 }
@@ -140,8 +140,8 @@ static int run_close(const struct call *call, GError **error) {
     g_autofree char *again = link_again(link);
     if (status_is_capturing(rig)) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "the rig %s captures %s (%s): wait for its end, or end it with “mesorig abort "
-                    "%s%s”",
+                    "the rig %s is capturing the session %s (state: %s): wait until the capture "
+                    "ends, or end it with “mesorig abort %s%s”",
                     path, bus_rig1_get_session(rig), bus_rig1_get_state(rig),
                     bus_rig1_get_session(rig), again);
         return CLI_FAILED;
@@ -204,9 +204,9 @@ static int run_safe(const struct call *call, GError **error) {
         return CLI_DONE;
     }
     g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
-                "the rig %s was commanded into its safe state, but these devices did not confirm "
-                "it: %s; the daemon commands them again until they do: look at them and switch "
-                "them off by hand",
+                "the rig %s was commanded into its safe state, but these devices have not "
+                "confirmed their off or stop: %s; mesorigd repeats the commands until they do: go "
+                "to the rig, and switch these devices off by hand",
                 path, open->str);
     return CLI_FAILED;
 }

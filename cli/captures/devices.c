@@ -117,9 +117,11 @@ static int run_devices(const struct call *call, GError **error) {
     if (units_option && !parse_units(units_option, &modbus))
         return cli_usage(command, "--units=%s: give a unit from 1 to 247, or a range as 1-16",
                          units_option);
-    if (baud_option < 0 || (!modbus_option && (units_option || baud_option || parity_option)))
-        return cli_usage(
-            command, "--units, --baud and --parity describe the line of --modbus LINE: give both");
+    if (baud_option < 0)
+        return cli_usage(command, "--baud=%d: give a speed above 0, such as 115200", baud_option);
+    if (!modbus_option && (units_option || baud_option || parity_option))
+        return cli_usage(command, "--units, --baud and --parity describe the line of --modbus: "
+                                  "give --modbus LINE as well");
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;

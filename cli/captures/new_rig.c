@@ -28,8 +28,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Reads an answer into the value of a question. Returns what is wrong with it (g_free()), or NULL.
- */
+/* Reads an answer into the value of a question. Returns what is wrong with the answer (g_free()),
+ * or NULL. */
 typedef char *(*Take)(const char *text, struct new_rig *rig);
 
 static char *take_kind(const char *text, struct new_rig *rig) {
@@ -78,7 +78,7 @@ static void ask(const char *question, const char *otherwise, Take take, struct n
     }
 }
 
-/* The name of the file without its suffix, as the name of the rig. */
+/* Returns the name of the file without its suffix, which becomes the name of the rig. */
 static char *id_of(const char *path) {
     g_autofree char *name = g_path_get_basename(path);
     char *dot = strrchr(name, '.');

@@ -7,11 +7,11 @@
 const char *const new_rig_kinds[] = {"dome", "turntable", "arc", NULL};
 
 #define MAX_CAMERAS   8
-#define USB_MAX_LAMPS 8 /* of a USB relay board */
-/* A camera for which nothing else is known. */
+#define USB_MAX_LAMPS 8 /* maximum number of lamps of a USB relay board */
+/* Size in pixels that is assumed for a camera that does not report the size of its pictures. */
 #define WIDTH  1920
 #define HEIGHT 1080
-/* The width of a picture shows this width of the sample's plane. */
+/* Width of the sample's plane that a picture is assumed to show. */
 #define FIELD_MM 200.0
 
 int new_rig_lamps(enum new_rig_kind kind) {
@@ -34,7 +34,7 @@ static void append_found(GString *to, const char *heading, const struct found *d
     const char *keys = strchr(device->section, '\n');
     const char *end = strstr(device->section, "# or, ");
 
-    /* A device chooses its own name, which must not end the comment. */
+    /* A device chooses its own name. A line break in the name would end the comment. */
     g_autofree char *name = g_strdup_printf(
         "%s%s%s", device->what, *device->serial ? ", serial number " : "", device->serial);
     g_autofree char *shown = g_utf8_make_valid(name, -1);
@@ -51,7 +51,8 @@ static gboolean has_key(const struct found *device, const char *key) {
     return device && strstr(device->section, line);
 }
 
-/* Returns the number of a key in the section of a device, or otherwise if it does not have it. */
+/* Returns the value of a key in the section of a device, or `otherwise` if device is NULL or the
+ * section lacks the key. */
 static int number_of(const struct found *device, const char *key, int otherwise) {
     g_autofree char *line = g_strdup_printf("\n%s = ", key);
     const char *at = device ? strstr(device->section, line) : NULL;

@@ -12,7 +12,7 @@ enum new_rig_kind {
 };
 extern const char *const new_rig_kinds[]; /* their names, NULL-terminated */
 
-/* The bank is a board on a Modbus line, which has at most this number of lamps. */
+/* Maximum number of lamps: the bank is one board on a Modbus line. */
 #define NEW_RIG_MAX_LAMPS     64
 #define NEW_RIG_MIN_RADIUS_MM 10.0
 #define NEW_RIG_MAX_RADIUS_MM 10000.0

@@ -199,7 +199,7 @@ static int run_drivers(const struct call *call, GError **error) {
     for (gsize i = 0; devices_driver(i); i++)
         nearest_consider(&nearest, devices_driver(i)->name);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "there is no driver “%s”; %s%s%s", name,
-                nearest.name ? "did you mean “" : "“mesorig drivers” lists them",
+                nearest.name ? "did you mean “" : "“mesorig drivers” lists the drivers",
                 nearest.name ? nearest.name : "", nearest.name ? "”?" : "");
     return CLI_FAILED;
 }

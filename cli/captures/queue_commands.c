@@ -39,7 +39,7 @@ static Link *queue_link(GError **error) {
     return NULL;
 }
 
-/* Returns the directory of the session of a session file; g_free(). */
+/* Returns the session directory into which a session file is to be captured; g_free(). */
 static char *directory_for(const char *session) {
     if (output)
         return g_canonicalize_filename(output, NULL);
@@ -51,8 +51,8 @@ static char *directory_for(const char *session) {
     return g_canonicalize_filename(below, NULL);
 }
 
-/* Returns the options for adding a session or, with check, for validating it. Returns NULL with
- * an error if a file cannot be read. */
+/* Returns the options for adding a session or, if check is TRUE, for validating it. Returns NULL
+ * with an error if a file cannot be read. */
 static GVariant *add_options(Link *link, const char *session, gboolean check, GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     g_auto(GVariantDict) options;
@@ -94,9 +94,11 @@ static gboolean check_all(Link *link, const struct call *call, GError **error) {
 }
 
 static int run_add(const struct call *call, GError **error) {
-    if (output && (call->n_arguments > 1 || folder))
-        return cli_usage(call->command, "-o names the directory of a single session: give --into "
-                                        "DIR for several");
+    if (output && folder)
+        return cli_usage(call->command, "give -o or --into, not both");
+    if (output && call->n_arguments > 1)
+        return cli_usage(call->command,
+                         "-o names the directory of a single session: give --into DIR for several");
     g_autoptr(Link) link = queue_link(error);
     if (!link || (call->n_arguments > 1 && !check_all(link, call, error)))
         return CLI_FAILED;

@@ -44,9 +44,9 @@ static char *clock_text(gint64 at_s) {
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
 }
 
-/* Estimates when a session begins and ends. A session that has ended has its actual times. *at_s
- * is the time when the previous session ends. The call changes it to the time when this session
- * ends. It is 0 if that time is not known, because the queue is paused. */
+/* Estimates when a session begins and ends. For a session that has ended, returns the actual times.
+ * *at_s is the time when the previous session ends, and is set to the time when this session ends.
+ * *at_s is 0 if that time is not known, because the queue is paused. */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {
     const guint64 predicted_end = bus_rig1_get_predicted_end(rig);

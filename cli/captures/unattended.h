@@ -11,6 +11,6 @@ extern const struct command unattended_queue;
  * output. Exit code 3 means that a device has failed. */
 extern const struct command unattended_try;
 
-/* Adds the state of the queue in the daemon: values, and a text for people. With list, the text has
- * one line for each session; otherwise it has a few words. */
+/* Adds the state of the queue in the daemon: values, and a text for people. If list is TRUE, the
+ * text has one line for each session; otherwise it has a few words. */
 void unattended_tell(Record *to, BusRig1 *rig, gboolean list);

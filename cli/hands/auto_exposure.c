@@ -8,13 +8,13 @@
 
 #define FIRST_US     4000
 #define MAX_PICTURES 10 /* maximum number of pictures of one camera under one light */
-/* Parts of a camera's range, above black. */
+/* Parts of a camera's range above black that pictures must reach (auto_exposure.h). */
 #define LAMP_HIGH    0.7
 #define LAMP_LOW     0.2
 #define LAMP_MIN     0.05 /* for the dimmest picture, LAMP_LOW is wanted but this is sufficient */
 #define LINE_LOW     0.05
 #define LINE_HIGH    0.7
-#define FULL_PART    0.95 /* from here on, a picture counts as saturated */
+#define FULL_PART    0.95 /* a picture that reaches this counts as saturated */
 #define TELLING_PART 0.1  /* a picture as bright as this suffices to compute other exposures */
 #define NOTHING_PART 0.0005
 #define MAX_RATIO    (AUTO_MAX_FACTOR * AUTO_MAX_FACTOR)
@@ -256,17 +256,18 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
 }
 
 /* Returns the exposure that reaches the wanted part of the range. part_a_us is the measured part of
- * the range per microsecond. */
+ * the range per microsecond. Without light (part_a_us ≤ 0), returns ∞. */
 static double exposure_for(double wanted, double part_a_us) {
     return part_a_us > 0 ? wanted / part_a_us : INFINITY;
 }
 
 static gboolean refuse_dark(const struct choice *choice, const char *what, const char *key,
                             GError **error) {
-    plan_set_error(error, PLAN_ERROR_LIMITS, choice->trial.conf, "capture", key,
-                   "cannot be chosen: no camera sees %s at %g µs, the longest that auto_longest_us "
-                   "allows: check its power, the lens caps, and that the sample is in view",
-                   what, choice->trial.conf->auto_longest_us);
+    plan_set_error(
+        error, PLAN_ERROR_LIMITS, choice->trial.conf, "capture", key,
+        "cannot be chosen: no camera sees %s at %g µs, the longest that auto_longest_us allows: "
+        "check the power of the light, the lens caps, and that the sample is in view",
+        what, choice->trial.conf->auto_longest_us);
     return FALSE;
 }
 

@@ -45,6 +45,8 @@ struct guard {
     struct seen seen[RIG_MAX_CAMERAS];
     gboolean shines[RIG_MAX_LAMPS], tried[RIG_MAX_LAMPS];
     GArray *fiducials; /* of struct fiducial_seen */
+    /* a bit for each camera that has moved, and TURNTABLE: in the whole test, and in the last shot
+     */
     guint32 moved, moved_before;
 };
 
@@ -151,8 +153,8 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
 }
 
 /* Finds what has moved from the fiducials of one shot, which begin at index from. A bright sample
- * next to a fiducial may make it look displaced under one lamp. If there is more than one lamp, two
- * consecutive shots must therefore agree. */
+ * next to a fiducial may make the fiducial look displaced under one lamp. If there is more than one
+ * lamp, two consecutive shots must therefore agree. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)

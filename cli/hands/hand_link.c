@@ -39,7 +39,8 @@ static gboolean read_pixels(int fd, Frame *frame, GError **error) {
         const gssize n = pread(fd, (guint8 *)frame->pixels + done, size - done, (off_t)done);
         if (n <= 0) {
             g_set_error(error, G_IO_ERROR, G_IO_ERROR_PARTIAL_INPUT,
-                        "the daemon sent only %zu of the picture's %zu bytes", done, size);
+                        "mesorigd sent only %zu of the picture's %zu bytes: take the picture again",
+                        done, size);
             return FALSE;
         }
         done += (gsize)n;
@@ -68,8 +69,8 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain
     if (width < 1 || height < 1 || width > MAX_SIDE || height > MAX_SIDE || bits < 1 || bits > 16 ||
         !cfa_parse(filter, &cfa)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "the daemon sent a picture that cannot be read: %u × %u pixels of %u bits, "
-                    "colour filter %s",
+                    "mesorigd sent a picture of an unknown form (%u × %u pixels of %u bits, colour "
+                    "filter %s): run mesorig and mesorigd of the same version",
                     width, height, bits, filter);
     } else {
         frame = frame_new((int)width, (int)height);

@@ -8,10 +8,10 @@
 
 struct picture_report {
     double mean_dn, max_dn;
-    double high_dn;           /* 99th percentile */
-    double saturated;         /* part of the pixels at the end of the converter's range */
-    double dark;              /* part of the pixels less than 1/256 of the range above black */
-    double focus;             /* see below; 0 if the frame is dark */
+    double high_dn;   /* 99th percentile */
+    double saturated; /* part of the pixels that have the value 2^bits − 1 */
+    double dark;      /* part of the pixels whose value above black is below 1/256 of the range */
+    double focus;     /* see below; 0 if the frame is dark */
     guint bins[PICTURE_BINS]; /* number of pixels in equal parts of the range 0 … 2^bits − 1 */
 };
 

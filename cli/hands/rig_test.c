@@ -59,7 +59,8 @@ static void try_axis(struct trial *trial, const char *name) {
         return;
     }
     gboolean good = hand_move(trial->link, name, home + MOVE_DEG, &there, &error);
-    if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_RANGE)) { /* beyond its limits */
+    if (g_error_matches(error, DEVICE_ERROR,
+                        DEVICE_ERROR_RANGE)) { /* the target is beyond a limit of the axis */
         g_clear_error(&error);
         good = hand_move(trial->link, name, home - MOVE_DEG, &there, &error);
     }
@@ -175,15 +176,18 @@ static int run_test(const struct call *call, GError **error) {
         exposure_us = EXPOSURE_US;
     if (exposure_us < 0)
         return cli_usage(call->command,
-                         "--exposure-us=%" G_GINT64_FORMAT ": give a positive number", exposure_us);
+                         "--exposure-us=%" G_GINT64_FORMAT ": give a number of µs above 0",
+                         exposure_us);
     g_autoptr(Link) link = trial.link = hand_link(error);
     if (!link || !devices_read_geometry(bus_rig1_get_rig_path(link_rig(link)), &trial.rig, error))
         return CLI_FAILED;
     const char *session = bus_rig1_get_session(link_rig(link));
     const char *state = bus_rig1_get_state(link_rig(link));
     if (session && *session && strcmp(state, "done") != 0 && strcmp(state, "aborted") != 0) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "%s is being captured (%s): test the rig before or after", session, state);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_BUSY,
+            "the session %s is being captured (state: %s): test the rig when the capture has ended",
+            session, state);
         return CLI_FAILED;
     }
     record_begin_list(trial.to, "devices");

@@ -51,7 +51,7 @@ static Link *look_begin(const struct call *call, GError **error) {
     if (exposure_us == 0)
         exposure_us = EXPOSURE_US;
     if (exposure_us < 0) {
-        cli_usage(call->command, "--exposure-us=%" G_GINT64_FORMAT ": give a positive number",
+        cli_usage(call->command, "--exposure-us=%" G_GINT64_FORMAT ": give a number of µs above 0",
                   exposure_us);
         return NULL;
     }

@@ -41,7 +41,7 @@ A control file that a killed daemon has left:
   session    small, S
   state      done
   $ mesorig pause S
-  mesorig: no daemon captures into S at present; “mesorig resume S” continues it
+  mesorig: no daemon captures into S at present; to continue that session: mesorig resume S
   [1]
 
 Folders that are no sessions:
@@ -60,7 +60,7 @@ Folders that are no sessions:
   mesorig: .: no session there: session.db: No such file or directory
   [1]
   $ mesorig pause .
-  mesorig: no daemon captures into . at present; “mesorig resume .” continues it
+  mesorig: no daemon captures into . at present; to continue that session: mesorig resume .
   [1]
   $ mesorig compress .
   mesorig: .: no session there: session.db: No such file or directory
@@ -88,7 +88,7 @@ A BTF and an MDF are checked. Nothing is suspected of this session.
   $ mesorig check --json S
   {"holes": 0, "lower_bounds": 0, "shorter_exposures": 0, "predicted": 0, "e_r": [0.467, 0.467, 0.435, 0.435], "e_i": [0.450, 0.450, 0.452, 0.452], "texel": 36, "texel_e_r": [0.496, 0.491, 0.493, 0.490], "texel_e_i": [0.492, 0.492, 0.494, 0.492], "albedo": [0.457, 0.457, 0.458, 0.459], "largest_albedo": 0.459, "reciprocal_pairs": 0, "asymmetry": 0, "texel_asymmetry": 0, "interpolation_error": 0.106, "interpolated_views": 1, "interpolated_lights": 1, "exposures": "", "sigma_known": 0, "sigma_median": 0, "sigma_relative": 0, "sigma_large": 0, "sigma_worst": 0, "mdf_views": 4, "mdf_texels": 256, "mdf_seen": 152, "mdf_confirmed": 30, "mdf_refuted": 0, "mdf_unknown": 122, "mdf_denied_share": 0, "line_sweeps": 8, "lines_found": 0, "lines_disagree": 0, "line_width": 0, "line_scatter": 0, "suspicions": []}
   $ mesorig check S --plot plot.jpg
-  mesorig: plot.jpg: a plot's name ends in .png or .svg
+  mesorig: plot.jpg: the name of a plot must end in .png or .svg
   [1]
   $ mesorig check
   mesorig check: an argument is missing

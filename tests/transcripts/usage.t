@@ -3,7 +3,7 @@ Bad usage ends with exit code 2, and the command that was meant is named.
   $ mesorig --version
   mesorig 0.1.0
   $ mesorig develop
-  mesorig: no command “develop”; “mesorig --help” lists them
+  mesorig: no command “develop”; “mesorig --help” lists the commands
   [2]
   $ mesorig captur rig.conf
   mesorig: no command “captur”: did you mean “capture”?
@@ -12,7 +12,7 @@ Bad usage ends with exit code 2, and the command that was meant is named.
   mesorig: no command “proces”: did you mean “process”?
   [2]
   $ mesorig sing S
-  mesorig: no command “sing”; “mesorig --help” lists them
+  mesorig: no command “sing”; “mesorig --help” lists the commands
   [2]
   $ mesorig check S --strct
   mesorig check: Unknown option --strct; did you mean --strict?
@@ -51,7 +51,7 @@ Bad usage ends with exit code 2, and the command that was meant is named.
   Usage: mesorig plan RIG SESSION
   [2]
   $ mesorig capture rig.conf session.conf
-  mesorig capture: no session to make is given: give -o DIR
+  mesorig capture: no session directory is given: give -o DIR
   Usage: mesorig capture RIG SESSION -o DIR
   [2]
   $ mesorig status --bus=coach
@@ -163,12 +163,12 @@ Drivers:
   $ mesorig drivers sim-axis | grep speed_deg_s
     speed_deg_s: number, 0.001 to 100000 deg/s; default 60
   $ mesorig drivers steam
-  mesorig: there is no driver “steam”; “mesorig drivers” lists them
+  mesorig: there is no driver “steam”; “mesorig drivers” lists the drivers
   [1]
   $ mesorig drivers modbus-axs
   mesorig: there is no driver “modbus-axs”; did you mean “modbus-axis”?
   [1]
   $ mesorig drivers steam --json
-  {"error": "there is no driver “steam”; “mesorig drivers” lists them"}
+  {"error": "there is no driver “steam”; “mesorig drivers” lists the drivers"}
   [1]
   $ mesorig drivers --json | python3 -m json.tool --json-lines >/dev/null

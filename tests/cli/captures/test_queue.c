@@ -301,7 +301,7 @@ TEST(changed) {
     QUEUE(site, 0, "move", "1", "3");
     wait_for(site, "done done hands hands");
     QUEUE(site, 1, "move", "2", "1");
-    assert_has(site->run->err, "session 2 has ended: add it again");
+    assert_has(site->run->err, "session 2 cannot be moved, because it has ended: add it again");
     QUEUE(site, 1, "remove", "7");
     assert_has(site->run->err, "the queue has no session 7");
     QUEUE(site, 2, "remove", NULL);
@@ -357,7 +357,7 @@ TEST(rig_faults) {
     wait_for(site, "begun waiting paused");
     assert_has(site->run->out, "session 1 is paused by a fault: axis arc");
     QUEUE(site, 1, "remove", "1");
-    assert_has(site->run->err, "session 1 cannot be removed: it is being captured");
+    assert_has(site->run->err, "session 1 cannot be removed, because it is being captured");
     QUEUE(site, 0, "resume", NULL);
     wait_for(site, "done done empty");
     assert_whole(site, "first");
@@ -388,8 +388,9 @@ TEST(ended_by_hand) {
         QUEUE(site, 0, "add", first, second, "--into", site->run->directory);
         call_amid(site, "first", ends[i]);
         wait_for(site, "stopped waiting paused");
-        assert_has(site->run->out,
-                   "it was aborted; the frames that were taken are kept: mesorig resume ");
+        assert_has(
+            site->run->out,
+            "the capture was aborted, and its frames are kept; to continue it: mesorig resume ");
         if (i == 1) {
             QUEUE(site, 1, "resume", NULL);
             assert_has(site->run->err, "mesorig release");
@@ -450,7 +451,7 @@ TEST(damaged) {
     g_assert_cmpint(g_chmod(site->queue, 0600), ==, 0);
     daemon_start(site);
     wait_for(site, "paused");
-    assert_has(site->run->out, "the queue's file could not be used, and is now ");
+    assert_has(site->run->out, "the queue's file could not be used, and was renamed to ");
     g_assert_true(g_file_test(damaged, G_FILE_TEST_IS_REGULAR));
     add(site, first);
     QUEUE(site, 0, "resume", NULL);
