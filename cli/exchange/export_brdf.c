@@ -54,7 +54,7 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     Record *to = call->record;
     double seconds = 0;
     if (region && texel)
-        return cli_usage(command, "--region and --texel exclude each other");
+        return cli_usage(command, "give --region or --texel, not both");
     if (region && !exchange_parse_region(region, &export.options.region))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
     if (texel && !parse_texel(&export.options.region))

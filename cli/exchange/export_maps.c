@@ -78,7 +78,7 @@ static gboolean work_maps(const struct work *work, gpointer data, GError **error
                                        : maps_files_write_folder(files, output, cli_force, error);
 }
 
-/* Returns the pair of directions for which the maps have the largest error. */
+/* Returns the index (view × light) of the pair for which the maps have the largest error. */
 static int find_worst(const struct maps_errors *errors) {
     int ret = 0;
     for (int i = 1; i < errors->n_views * errors->n_lights; i++)

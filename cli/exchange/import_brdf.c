@@ -63,16 +63,17 @@ static int run(const struct call *call, enum brdf_kind kind, GError **error) {
                  .directions = directions}};
     double seconds = 0;
     if (!output)
-        return cli_usage(command, "no session to make is given: give -o DIR.session");
+        return cli_usage(command, "no session directory is given: give -o DIR.session");
     if (texels < 1 || texels > MAX_TEXELS)
         return cli_usage(command, "--texels=%d is out of range: 1 to %d", texels, MAX_TEXELS);
     if (!(texel_mm >= 0 && texel_mm <= 1000))
         return cli_usage(command, "--texel-mm=%g is out of range: 0 to 1000 mm", texel_mm);
     if (coding && strcmp(coding, "linear") != 0 && strcmp(coding, "srgb") != 0)
         return cli_usage(command, "there is no --coding=%s; choose from: linear, srgb", coding);
-    if (!(divide > 0 && divide < 1e9) || !(scale > 0 && scale < 1e9))
-        return cli_usage(command, "--divide=%g or --scale=%g is out of range: above 0, below 1e9",
-                         divide, scale);
+    if (!(divide > 0 && divide < 1e9))
+        return cli_usage(command, "--divide=%g is out of range: above 0, below 1e9", divide);
+    if (!(scale > 0 && scale < 1e9))
+        return cli_usage(command, "--scale=%g is out of range: above 0, below 1e9", scale);
     if (!cli_work_run(work_brdf, &import, &seconds, error))
         return CLI_FAILED;
     exchange_tell_import(call->record, output, &import.result, seconds);

@@ -87,7 +87,7 @@ static int run(const struct call *call, Import import, GError **error) {
         .wish = {.texel_mm = texel_mm, .directions = directions, .notes = notes}};
     double seconds = 0;
     if (!output)
-        return cli_usage(command, "no session to make is given: give -o DIR.session");
+        return cli_usage(command, "no session directory is given: give -o DIR.session");
     if (!(texel_mm >= 0 && texel_mm <= 1000))
         return cli_usage(command, "--texel-mm=%g is out of range: 0 to 1000 mm", texel_mm);
     if (region && !exchange_parse_region(region, &finished.wish.region))

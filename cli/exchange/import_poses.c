@@ -73,19 +73,20 @@ static const char *parse_grid(struct session_grid *ret) {
     char more;
     *ret =
         (struct session_grid){.width = texels, .reference_mm = reference_mm, .depth_mm = depth_mm};
-    if (!sample || sscanf(sample, "%lfx%lf%c", &ret->width_mm, &ret->height_mm, &more) != 2 ||
+    if (!sample)
+        return "no size of the sample is given: give --sample WIDTHxHEIGHT in mm";
+    if (sscanf(sample, "%lfx%lf%c", &ret->width_mm, &ret->height_mm, &more) != 2 ||
         !(ret->width_mm > 0 && ret->width_mm <= LARGEST_MM) ||
         !(ret->height_mm > 0 && ret->height_mm <= LARGEST_MM))
-        return "the size of the sample is missing or wrong: give --sample WIDTHxHEIGHT in mm, each "
-               "above 0, up to 10000";
+        return "--sample is not WIDTHxHEIGHT in mm, each above 0 and at most 10000";
     if (texels < 1 || texels > 8192)
         return "--texels is out of range: 1 to 8192";
     if (!(depth_mm >= 0))
         return "--depth is out of range: 0 mm or more";
     ret->height = (int)(ret->height_mm / ret->width_mm * texels + 0.5);
-    return ret->height >= 1 && ret->height <= 8192
-               ? NULL
-               : "--sample and --texels give a sample that is not 1 to 8192 texels high";
+    return ret->height >= 1 && ret->height <= 8192 ? NULL
+                                                   : "--sample is not 1 to 8192 texels high with "
+                                                     "the width of --texels: change --texels";
 }
 
 /* Writes the file of nominal values that -o names. Returns an exit code. */
@@ -116,7 +117,7 @@ static int run(const struct call *call, GError **error) {
                                             .target = target}};
     double seconds = 0;
     if (!output)
-        return cli_usage(command, "no session to make is given: give -o DIR.session");
+        return cli_usage(command, "no session directory is given: give -o DIR.session");
     if (template)
         return write_template(call, error);
     if (!calibration)

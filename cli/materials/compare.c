@@ -288,17 +288,20 @@ static int run_methods(const struct call *call, const struct left_out *left_out,
 
 static int run(const struct call *call, GError **error) {
     const char *a = call->arguments[0], *b = call->arguments[1];
-    if (curve_option ? b || plot_option : !b && plot_option)
-        return cli_usage(call->command,
-                         "give two materials to compare, or one session, or one session with "
-                         "--curve FILE");
+    if (curve_option && plot_option)
+        return cli_usage(call->command, "give --curve or --plot, not both");
+    if (curve_option && b)
+        return cli_usage(call->command, "--curve is for one session: give only one");
+    if (plot_option && !b)
+        return cli_usage(call->command, "--plot draws the errors between two materials: give two");
     struct left_out left_out = {-1, -1, (guint32)seed_option};
     if (b && (leave_out_option || seed_option != 1))
         return cli_usage(call->command,
                          "--leave-out and --seed need one session, whose BTF is compressed without "
                          "some directions");
     if (method_option && (b || curve_option))
-        return cli_usage(call->command, "--method needs one session, and no --curve");
+        return cli_usage(call->command,
+                         "--method needs one session, and cannot be given with --curve");
     if (leave_out_option && !left_out_parse(leave_out_option, &left_out))
         return cli_usage(call->command,
                          "--leave-out: “%s” is not a number, such as 4, views=4 or lights=4",

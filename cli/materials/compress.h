@@ -23,7 +23,7 @@ struct compress_asked {
     char *made_by; /* the command with its options, for the session's list of products */
 };
 
-/* The options of all methods, one for each name. */
+/* Returns the options of all methods, one for each name. */
 const GOptionEntry *compress_entries(void);
 
 /* Reads the options of the call. Returns FALSE on bad usage, which has then been reported. Call

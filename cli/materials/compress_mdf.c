@@ -1,4 +1,4 @@
-/* compress --method=mdf: the distances of a session in fewer bytes. */
+/* compress, with a method of mdf_codecs[]: compresses the distances (MDF) of a session. */
 #include "common/work.h"
 #include "compress.h"
 #include "session/session.h"

@@ -11,7 +11,7 @@ struct given {
     const char *name;
     enum option_type type;
     char *text;    /* NULL if not given */
-    gboolean flag; /* of OPTION_BOOL */
+    gboolean flag; /* value of an option of the type OPTION_BOOL */
 };
 
 static struct compress_method methods[MAX_METHODS];

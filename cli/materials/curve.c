@@ -52,7 +52,8 @@ static int by_series_and_size(gconstpointer a, gconstpointer b) {
     return series ? series : (p->bytes > q->bytes) - (p->bytes < q->bytes);
 }
 
-/* Leaves out each point for which a smaller one of its series is at least as good. */
+/* Leaves out each point for which a smaller point of the same series has an error that is not
+ * larger. */
 static void keep_best(GArray *points) {
     struct plot_point *list = &g_array_index(points, struct plot_point, 0);
     guint kept = 0;

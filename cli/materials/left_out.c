@@ -34,7 +34,7 @@ gboolean left_out_draw(const struct left_out *left_out, const char *path,
         return FALSE;
     }
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: it has only %d %s and %d %s, so that none can be left out; give --leave-out 0 "
+                "%s: the BTF has only %d %s and %d %s, so none can be left out; give --leave-out 0 "
                 "for the errors at the measured directions",
                 path, PLURAL((int)layout->views.n, "view"), PLURAL((int)layout->lights.n, "light"));
     return FALSE;

@@ -37,7 +37,7 @@ struct synthesis {
     OutputFile *to; /* the file that is written */
 };
 
-/* Returns the file to write. Returns NULL with an error if it is a product of the session and
+/* Returns the file to write. Returns NULL with an error if the file is a product of the session and
  * another process is making products. This is only a check, so that the user learns early. The
  * session stays free for other commands during the work, and the file has a lock of its own. */
 static char *output_path(const char *session, GError **error) {
@@ -114,7 +114,7 @@ static gboolean ask(const struct call *call, struct synthesis_options *o, int *r
         return FALSE;
     }
     if (size && sscanf(size, "%5dx%5d%c", &o->width, &o->height, &rest) != 2) {
-        cli_usage(call->command, "--size=%s: WIDTHxHEIGHT in texels is expected", size);
+        cli_usage(call->command, "--size=%s: give WIDTHxHEIGHT in texels", size);
         return FALSE;
     }
     if (seed < 0) {

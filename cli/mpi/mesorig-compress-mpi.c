@@ -135,8 +135,8 @@ static int rank_of_environment(void) {
 }
 
 /* Parses the options. Returns 2 for bad usage, otherwise 0. The first rank reports bad usage for
- * all ranks, and answers --help and --version. Both are printed in UTF-8 in any locale, even if MPI
- * does not work. */
+ * all ranks, and answers --help and --version. It prints these texts in UTF-8 in any locale, and
+ * before MPI is initialised. */
 static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context = g_option_context_new("SESSION -o FILE");
     const gboolean first = rank_of_environment() <= 0;
@@ -152,9 +152,9 @@ static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     } else if (help || version)
         ;
     else if (*argc != 2 || !output)
-        what = "one session and -o FILE are needed";
+        what = "give one session, and -o FILE";
     else if (threads < 0)
-        what = "--threads must be a number of threads, or 0";
+        what = "--threads must be 0 or more";
     else if (quantise_option &&
              (!lpca_quantise_parse(quantise_option, ret_quantise) || *ret_quantise == LPCA_PACKED))
         what = "--quantise must be float, half, 8bit or 8bit-weights";

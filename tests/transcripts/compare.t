@@ -57,7 +57,7 @@ Errors of compression at directions that it has not seen. The times, in the last
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S -m lpca --curve curve.svg
-  mesorig compare: --method needs one session, and no --curve
+  mesorig compare: --method needs one session, and cannot be given with --curve
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 

@@ -199,17 +199,17 @@ Models are compared with the BTF that they are of.
   mesorig: /no/such/folder/x.png: cannot be written: there is no folder /no/such/folder; make it first
   [1]
   $ mesorig compare S S/products/fields.exr --plot plot.jpg
-  mesorig: plot.jpg: a plot's name ends in .png or .svg
+  mesorig: plot.jpg: the name of a plot must end in .png or .svg
   [1]
   $ mesorig compare S/products/fields.exr --curve curve.svg --force
   mesorig: S/products/fields.exr: --curve needs a session directory with a BTF
   [1]
   $ mesorig compare S --plot curve.svg
-  mesorig compare: give two materials to compare, or one session, or one session with --curve FILE
+  mesorig compare: --plot draws the errors between two materials: give two
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
   $ mesorig compare S S/products/fields.exr --curve curve.svg
-  mesorig compare: give two materials to compare, or one session, or one session with --curve FILE
+  mesorig compare: --curve is for one session: give only one
   Usage: mesorig compare A B | DIR | DIR --curve FILE
   [2]
 
