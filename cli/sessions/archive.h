@@ -83,8 +83,8 @@ struct archive_device {
     char *address;
 };
 
-/* Reads a session. With verify, all frames and products are also hashed, and the files that differ
- * are listed. Reports progress in the stages "verify" and "read". */
+/* Reads a session. If verify is TRUE, all frames and products are also hashed, and the files that
+ * differ are listed. Reports progress in the stages "verify" and "read". */
 struct archive *archive_read(const char *path, gboolean verify, const struct work *work,
                              GError **error);
 void archive_free(struct archive *archive); /* NULL is ignored */

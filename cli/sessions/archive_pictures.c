@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_WIDE   512 /* maximum width, reached by averaging pixels */
+#define MAX_WIDE   512 /* maximum width of a picture in pixels, reached by averaging pixels */
 #define WIDE       160 /* minimum width of a picture in pixels, reached by repeating pixels */
 #define FRAME_WIDE 320 /* maximum width of a photograph in pixels */
 #define ELEVATIONS 3

@@ -21,7 +21,7 @@
 #define BOUNDS_WARN      0.001
 #define BOUNDS_FAIL      0.05
 #define MEASURED_WARN    0.95
-#define CALIBRATION_DAYS 30 /* default of the option in [rig] */
+#define CALIBRATION_DAYS 30 /* default of calibration_days in [rig] */
 
 static void check_free(gpointer data) {
     struct archive_check *check = data;
@@ -217,8 +217,8 @@ static void check_capture(struct archive *archive) {
     if (archive->planned == 0 && archive->clock_s > 0 && archive->predicted_s > 0)
         archive_add_check(archive,
                           verdict_of(archive->clock_s / archive->predicted_s, LATE_WARN, INFINITY),
-                          "time", "it took %.0f s, and the plan said %.0f s", archive->clock_s,
-                          archive->predicted_s);
+                          "time", "the capture took %.0f s, and the plan said %.0f s",
+                          archive->clock_s, archive->predicted_s);
     int errors = 0, warnings = 0;
     for (guint i = 0; i < archive->events->len; i++) {
         const struct session_event *event = archive->events->pdata[i];
@@ -226,7 +226,7 @@ static void check_capture(struct archive *archive) {
         warnings += g_str_equal(event->level, "warning") && !asked_to_pause(event);
     }
     archive_add_check(archive, errors + warnings ? ARCHIVE_WARNING : ARCHIVE_PASS, "events",
-                      "%d errors and %d warnings while it was captured", errors, warnings);
+                      "%d errors and %d warnings during the capture", errors, warnings);
 }
 
 static gboolean read_rows(struct archive *archive, Session *session, GError **error) {
@@ -257,8 +257,8 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
     archive->lights = length_of(session_lights(session, NULL));
     archive->lasers = length_of(session_lasers(session, NULL));
     g_autofree char *state = session_value(session, "state");
-    /* No process captures into the session, so that a session whose state is "running" was
-     * interrupted. */
+    /* No process captures into the session, so a session whose state is "running" was interrupted.
+     */
     archive->state = g_strdup(archive->planned == 0                     ? "done"
                               : !state || g_str_equal(state, "running") ? "unfinished"
                                                                         : state);
@@ -295,7 +295,8 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Reads the BTF's flags and error bars, ring by ring. Views that cannot be read are listed. */
+/* Reads the BTF's flags and error bars, ring by ring. Adds a failed check with the number of views
+ * that cannot be read, if there are any. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
     int unreadable = 0, made = 0;

@@ -141,16 +141,15 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
             p, 100 * flat, 100 * is);
     else if (least == flat)
         suspect(ret,
-                "%.3g was subtracted from all values: with it the asymmetry is %.2g %% instead of "
-                "%.2g %%. Subtract a lower black level from the pictures",
+                "%.3g of white was subtracted from all values: with it added back, the asymmetry "
+                "is %.2g %% instead of %.2g %%. Subtract a lower black level from the pictures",
                 -p, 100 * flat, 100 * is);
     else if (least == encoded)
-        suspect(
-            ret,
-            "the values look as if linear pictures had been taken for sRGB: to the power of 1/%g "
-            "the asymmetry is %.2g %% instead of %.2g %%. Pictures of 8 bits are taken for sRGB. "
-            "Give linear pictures as 16-bit PNG or TIFF, or as EXR",
-            DISPLAY, 100 * encoded, 100 * is);
+        suspect(ret,
+                "the values look as if linear pictures had been taken for sRGB: raised to the "
+                "power of 1/%g, they have an asymmetry of %.2g %% instead of %.2g %%. Pictures of "
+                "8 bits are taken for sRGB. Give linear pictures as 16-bit PNG or TIFF, or as EXR",
+                DISPLAY, 100 * encoded, 100 * is);
     else
         suspect(
             ret,

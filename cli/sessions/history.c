@@ -21,7 +21,7 @@ static const struct colour kinds[] = {[SHOT_DARK] = {0.35, 0.36, 0.40},
                                       [SHOT_SWEEP] = {0.80, 0.20, 0.27}};
 static const struct colour rest = {0.72, 0.73, 0.75};
 
-struct take { /* a picture set of one shot, with the time of its last picture */
+struct take { /* a captured shot, with the time of its last frame */
     double end_s;
     const struct session_shot *shot;
 };
@@ -40,7 +40,7 @@ static int by_time(gconstpointer a, gconstpointer b) {
 }
 
 /* Collects one take for each captured shot, with the time of its last frame, and sorts them by
- * time. Frames are sorted by shot, so that the frames of a shot are adjacent. */
+ * time. The rows of frames are sorted by shot, so the frames of a shot are adjacent. */
 static void collect_takes(struct history *h) {
     guint s = 0;
     h->takes = g_array_new(FALSE, FALSE, sizeof(struct take));

@@ -217,8 +217,8 @@ static void tell_lamps(Record *to, Session *session, const struct counts *counts
     if (counts->lamps_left_out > 0)
         record_say(to, ", %d left out", counts->lamps_left_out);
     record_say(to,
-               "; an error of %.2f{lamps_expected_error_pct} %% is expected in all pictures where "
-               "the others are predicted\n",
+               "; with the other pictures predicted, the BTF has an expected error of "
+               "%.2f{lamps_expected_error_pct} %%\n",
                g_ascii_strtod(expected, NULL));
 }
 
@@ -274,8 +274,8 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
         return FALSE;
-    /* No process captures into the session, so that a session whose state is "running" was
-     * interrupted. */
+    /* No process captures into the session, so a session whose state is "running" was interrupted.
+     */
     g_autofree char *stored = session_value(session, "state");
     const char *state = counts.planned == 0                         ? "done"
                         : !stored || g_str_equal(stored, "running") ? "unfinished"
@@ -344,8 +344,7 @@ static gboolean exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
-    /* Parts are stored one after the other, so that a truncated file lacks data of its last
-     * part. */
+    /* Parts are stored one after the other, so a truncated file lacks data of its last part. */
     const guint n = file->parts->len;
     const struct exr_part *last = file->parts->pdata[n - 1];
     struct exr_part *part = exr_read_part(path, last->name, error);
@@ -395,7 +394,8 @@ static int run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
-        return cli_usage(call->command, "--history needs a session, and %s is not one",
+        return cli_usage(call->command,
+                         "--history needs a session directory, and %s is not a directory",
                          call->arguments[0]);
     g_autoptr(OutputFile) drawing = NULL;
     if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||

@@ -74,20 +74,19 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     const int n_pictures = result->n_views * result->n_lights;
     if (result->n_left_out > 0)
         record_say(to,
-                   "%d of the BTF's %d pictures were left out by the capture: predicted from all "
-                   "others and marked, with an expected error of %.2f{:%%} of the BTF\n",
+                   "%d of the BTF's %d pictures were left out by the capture: they were predicted "
+                   "from all others and marked, with an expected error of %.2f{:%%} of the BTF\n",
                    result->n_left_out, n_pictures, result->prediction_error);
     if (result->n_predicted > result->n_left_out)
-        record_say(
-            to,
-            "%d of the BTF's %d pictures were left out by the plan: predicted from those of the "
-            "lights around them, and marked\n",
-            result->n_predicted - result->n_left_out, n_pictures);
+        record_say(to,
+                   "%d of the BTF's %d pictures were left out by the plan: they were predicted "
+                   "from the pictures of the lights around them, and marked\n",
+                   result->n_predicted - result->n_left_out, n_pictures);
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* Prints the calibration that the products were made with, and returns it. With told, the session's
- * own calibration has already been printed and is not repeated. Returns NULL on error. */
+/* Prints the calibration that the products were made with, and returns it. If told is TRUE, the
+ * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
@@ -101,7 +100,8 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    const char *calibration, *path; /* text and origin of the calibration; NULL: the session's */
+    const char *calibration,
+        *path; /* text and origin of the calibration; NULL for that of the session */
     gboolean follow, lines_in_pictures, told;
     struct pipeline_result result;
     GPtrArray *causes; /* of char *: why little was measured */
@@ -113,7 +113,8 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
     g_autofree char *imported = session ? session_value(session, "imported") : NULL;
     if (imported)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: it was imported from %s as a finished BTF; there is nothing to process",
+                    "%s: the session was imported from %s as a finished BTF, so there is nothing "
+                    "to process",
                     process->directory, imported);
     if (!session || imported)
         return FALSE;
@@ -183,7 +184,8 @@ static int run(const struct call *call, GError **error) {
     const char *directory = call->arguments[0];
     const gboolean pictures = g_strcmp0(lines_option, "pictures") == 0;
     if (lines_option && !pictures && !g_str_equal(lines_option, "peaks"))
-        return cli_usage(call->command, "--laser-lines %s: peaks or pictures is expected",
+        return cli_usage(call->command,
+                         "there is no --laser-lines=%s; choose from: peaks, pictures",
                          lines_option);
     g_autofree char *calibration =
         calibration_option ? read_calibration(directory, calibration_option, error) : NULL;

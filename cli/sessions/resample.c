@@ -151,7 +151,7 @@ static int run(const struct call *call, GError **error) {
     struct resampling resampling = {.session = call->arguments[0]};
     double seconds = 0;
     if (!output)
-        return cli_usage(call->command, "no session to make is given: give -o DIR.session");
+        return cli_usage(call->command, "no session directory is given: give -o DIR.session");
     if (directions && strcmp(directions, "own") != 0) {
         resampling.to = strcmp(directions, "81") == 0 ? btf_directions_81()
                                                       : btf_directions_read(directions, error);

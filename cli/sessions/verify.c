@@ -1,5 +1,5 @@
-/* verify: compares every file of a session with its checksum, and shows the command that repairs
- * it. */
+/* verify: compares every file of a session with its checksum, and shows the commands that repair
+ * damaged files. */
 #include "common/cli.h"
 #include "common/work.h"
 #include "session/session.h"
@@ -24,8 +24,9 @@ static int by_name(gconstpointer a, gconstpointer b) {
 
 static const char *const folders[] = {"frames", "laser", "products", "products/btf", NULL};
 
-/* Returns whether a file belongs to a session although it has no row: the database, locks,
- * unfinished work, and the raw pictures of a frame in a folder of its name. */
+/* Returns whether a file or folder belongs to a session although the database has no row for it:
+ * the database itself, locks, unfinished work, and the folder with the raw pictures of a frame,
+ * which has the name of the frame. */
 static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
     static const char *const files[] = {"session.db",   "session.db-wal",         "session.db-shm",
                                         "capture.lock", "ro-crate-metadata.json", NULL};
@@ -121,7 +122,8 @@ static void tell(Record *to, const struct verify *verify) {
     tell_damages(to, verify->products, remedies);
     for (guint i = 0; i < verify->unknown->len; i++) {
         g_autofree char *shown = g_strescape(verify->unknown->pdata[i], NULL);
-        record_say(to, "unknown   %s: the session does not list it; move it away, or leave it\n",
+        record_say(to,
+                   "unknown   %s: the session does not list this file; move it away, or leave it\n",
                    shown);
     }
     record_say(

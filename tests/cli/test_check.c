@@ -73,7 +73,7 @@ TEST(tones) {
         {"linear8", 8, FALSE, 1, 0, "linear pictures had been taken for sRGB"},
         {"srgb16", 16, TRUE, 1, 0, "sRGB pictures had been taken for linear"},
         {"black16", 16, FALSE, 0.9, 0.06, "a level of 0.06 of white is added to all values"},
-        {"taken16", 16, FALSE, 1, -0.06, "0.06 was subtracted from all values"},
+        {"taken16", 16, FALSE, 1, -0.06, "0.06 of white was subtracted from all values"},
         {"bright16", 16, FALSE, 1.4, 0, NULL},
         {"bright32", 32, FALSE, 3, 0, "is the white tile darker than --reflectance said"},
         {"short16", 16, FALSE, 0.002, 0, "less than from the blackest paint"},
