@@ -109,6 +109,6 @@ int cli_main(int argc, char **argv) {
     if (nearest.name)
         g_printerr("mesorig: no command “%s”: did you mean “%s”?\n", argv[1], nearest.name);
     else
-        g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
+        g_printerr("mesorig: no command “%s”; “mesorig --help” lists the commands\n", argv[1]);
     return CLI_USAGE;
 }

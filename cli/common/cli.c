@@ -223,8 +223,9 @@ static void check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))
         return;
-    g_printerr("mesorig: standard output could not be written%s%s; its end is missing\n",
-               errno ? ": " : "", errno ? g_strerror(errno) : "");
+    g_printerr(
+        "mesorig: standard output could not be written%s%s: the end of the output is missing\n",
+        errno ? ": " : "", errno ? g_strerror(errno) : "");
     _exit(CLI_FAILED);
 }
 

@@ -17,7 +17,7 @@ struct call {
 /* A row of the table of commands. Each command has its own file. */
 struct command {
     const char *name, *arguments, *help;
-    const char *examples;        /* for people; each line begins with two blanks */
+    const char *examples;        /* text for --help; each line begins with two blanks */
     const GOptionEntry *options; /* the options of the command, or NULL */
     const GOptionEntry *(*list_options)(
         void);        /* used instead of options: makes the table when it is needed */
@@ -26,8 +26,8 @@ struct command {
     gboolean writes;  /* the command writes a file that the user names, and has --force */
     int min, max;     /* number of positional arguments */
 
-    /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
-     * exit code is CLI_FAILED. */
+    /* Returns an exit code and fills call->record. If it sets error, cli_run() prints the error,
+     * and the exit code is CLI_FAILED. */
     int (*run)(const struct call *call, GError **error);
 
     /* Used instead of run: the command parses its own arguments. argv[0] is the name of the

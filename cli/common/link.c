@@ -74,8 +74,9 @@ Link *link_on_bus(const char *bus, GError **error) {
         if (owner)
             return may_ask(link->rig, where, error) ? g_steal_pointer(&link) : NULL;
     }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "no mesorigd is on the %s bus%s%s", bus,
-                why ? ": " : "", why ? why->message : "");
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "no mesorigd is on the %s bus%s%s; start one there: mesorigd --bus %s", bus,
+                why ? ": " : "", why ? why->message : "", bus);
     return NULL;
 }
 
@@ -100,7 +101,7 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
     g_autofree char *log = link_log(link);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
                 g_subprocess_get_identifier(link->daemon)
-                    ? "mesorigd was started, but does not answer: %s"
+                    ? "mesorigd was started, but has not answered within 15 s: %s"
                     : "mesorigd did not start: %s",
                 *log ? log : "it printed no message");
     return FALSE;

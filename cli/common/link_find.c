@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #define MAX_CONTROL   1024 /* maximum size of a control file in bytes */
-#define STALE_AFTER_S 60
+#define STALE_AFTER_S 60   /* age in seconds from which the folder of a dead daemon is removed */
 
 static const char *const buses[] = {"system", "session"};
 
@@ -89,7 +89,7 @@ static char *list(const GPtrArray *links) {
         g_string_append_printf(text, "\n  %s\n    rig %s, %s%s%s%s", link->option,
                                *rig_of(link) ? rig_of(link) : "none",
                                *session_of(link) ? "session " : "", session_of(link),
-                               *session_of(link) ? ", " : "", state ? state : "it does not answer");
+                               *session_of(link) ? ", " : "", state ? state : "no answer");
     }
     return g_string_free(text, FALSE);
 }
@@ -126,8 +126,8 @@ static char *read_control(const char *directory) {
     g_strstrip(text);
     if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
         return g_strdup(text);
-    /* Accepts only a single address of a local socket. Others may name a host, and a file to send
-     * to it. */
+    /* Accepts only a single address of a local socket. Another address could name a host, and a
+     * file whose contents are sent to that host. */
     return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
 }
 
@@ -140,9 +140,10 @@ static Link *by_directory(const char *directory, GError **error) {
             return link;
         link_free(link);
     }
-    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "no daemon captures into %s at present; “mesorig resume %s” continues it",
-                directory, directory);
+    g_set_error(
+        error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+        "no daemon captures into %s at present; to continue that session: mesorig resume %s",
+        directory, directory);
     return NULL;
 }
 
@@ -179,7 +180,7 @@ static Link *named_for(const char *directory, GError **error) {
     if (!link || !directory || g_str_equal(session_of(link), directory))
         return g_steal_pointer(&link);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "the daemon of %s does not capture into %s, but into %s; leave out that option or "
+                "the daemon of %s does not capture %s (it captures %s); leave out that option or "
                 "the directory",
                 link->option, directory, *session_of(link) ? session_of(link) : "nothing");
     return NULL;
@@ -237,7 +238,7 @@ Link *link_find_free(const char *rig_path, GError **error) {
     else if (!link)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                     "no mesorigd has the rig %s open, and none is free to open it; start one: "
-                    "mesorigd --listen unix:path=/tmp/NAME --rig %s. There are:%s",
+                    "mesorigd --listen unix:path=/tmp/NAME --rig %s. The running daemons are:%s",
                     rig_path, rig_path, text);
     return link;
 }

@@ -29,7 +29,7 @@ struct Monitor {
     char *prompt;   /* the last printed prompt; empty if there is none */
     guint enter_id; /* source that waits for the Enter key */
     gint64 begun_us, json_us;
-    gint64 frames_before; /* start of the interval for frames per second */
+    gint64 frames_before; /* number of frames when monitor_run() began */
     guint signal_ids[3], check_id;
 };
 
@@ -145,7 +145,7 @@ static gboolean confirm(Monitor *monitor) {
     if (bus_rig1_call_continue_sync(link_rig(monitor->link), NULL, &error))
         return TRUE;
     g_dbus_error_strip_remote_error(error);
-    progress_line(monitor->progress, "cannot go on: %s", error->message);
+    progress_line(monitor->progress, "the capture cannot continue: %s", error->message);
     return FALSE;
 }
 
@@ -193,8 +193,9 @@ static void check(Monitor *monitor) {
         return;
     }
     const char *state = bus_rig1_get_state(rig);
-    /* Another property may change between the event of a fault and the state that follows it.
-     * "running" therefore ends the fault only if another state was shown in between. */
+    /* The daemon sends the event of a fault before the new state, and another property may change
+     * in between. "running" therefore ends the fault only if another state was shown since the
+     * fault. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
     show(monitor);
@@ -256,10 +257,10 @@ static gboolean check_idle(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* With control, the first Ctrl-C pauses after the shot under way, and the second aborts
- * immediately. Without control, Ctrl-C ends the watching. Changes that the daemon sent before its
- * answer may still be queued, even the change to "running". An idle source therefore reads the
- * state after them. */
+/* If monitor->control is TRUE, the first Ctrl-C pauses after the shot under way, and the second
+ * aborts immediately. Otherwise Ctrl-C ends the watching. Changes that the daemon sent before its
+ * answer to Pause may still be queued, even the change to "running". An idle source therefore reads
+ * the state after these changes. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;

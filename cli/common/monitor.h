@@ -1,4 +1,4 @@
-/* Follows the activity of a daemon until it ends, and shows it. */
+/* Shows the progress of a capture of a daemon until the capture ends. */
 #pragma once
 
 #include "link.h"
@@ -15,8 +15,8 @@ enum monitor_end {
 
 typedef struct Monitor Monitor;
 
-/* With control, Ctrl-C pauses the capture; otherwise it only ends the watching. Borrows link. To be
- * created before a capture is started, so that no event is missed. */
+/* If control is TRUE, Ctrl-C pauses the capture; otherwise Ctrl-C only ends the watching. Borrows
+ * link. To be created before a capture is started, so that no event is missed. */
 Monitor *monitor_new(Link *link, gboolean control);
 void monitor_free(Monitor *monitor);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
@@ -36,8 +36,9 @@ enum monitor_answer {
 /* Sets who answers when the rig asks for a manual step. The default is ANSWER_ELSEWHERE. */
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
 
-/* Runs the main loop. With patient, a fault does not end it, since somebody may fix the fault and
- * continue the capture. */
+/* Runs the main loop until the capture ends, or is paused by a fault or by Ctrl-C. If patient is
+ * TRUE, a fault does not end the loop, because somebody may repair the rig and continue the
+ * capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 
 /* Returns the reason for the pause; owned by the monitor. */

@@ -9,12 +9,13 @@
 #include <unistd.h>
 
 #define ASK_WAIT_MS 200
-/* Size of a terminal's cell if the terminal does not report it, for the size of a sixel picture. */
+/* Size in pixels that a cell of the terminal is assumed to have. It gives the size of a sixel
+ * picture. */
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 
-/* Asks the terminal for its primary device attributes (DA1). An answer such as "ESC [ ? 6 2 ; 4 ; …
- * c" contains 4 if the terminal can show sixels. */
+/* Asks the terminal for its primary device attributes (DA1). Returns whether the answer, such as
+ * "ESC [ ? 6 2 ; 4 ; … c", contains the number 4: the terminal can then show sixels. */
 static gboolean has_sixels(int fd) {
     struct termios before, raw;
     char answer[128] = "";

@@ -10,7 +10,7 @@ static gboolean is_svg(const char *path) {
 cairo_t *plot_new(const char *path, GError **error) {
     if (!is_svg(path) && !g_str_has_suffix(path, ".png")) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s: a plot's name ends in .png or .svg", path);
+                    "%s: the name of a plot must end in .png or .svg", path);
         return NULL;
     }
     cairo_surface_t *surface =
@@ -45,8 +45,8 @@ void plot_ink(cairo_t *cr) {
     cairo_set_source_rgb(cr, 0.13, 0.14, 0.16);
 }
 
-/* The colours of Okabe and Ito, without yellow, which is not visible on white, and with darker
- * ones. */
+/* The colours of Okabe and Ito, without yellow, which is not visible on white. Darker colours were
+ * added. */
 void plot_colour(cairo_t *cr, int i) {
     static const double colours[][3] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
                                         {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},

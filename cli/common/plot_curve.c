@@ -71,7 +71,7 @@ static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, doubl
 struct series {
     const struct plot_point *points; /* in order of size */
     int n, colour;
-    double x, y; /* position of the smallest point */
+    double x, y; /* position of the point of the smallest size */
     double name; /* height of the base line of the series' name */
 };
 
@@ -107,7 +107,8 @@ static int by_height(gconstpointer a, gconstpointer b) {
     return (p->x < q->x) - (p->x > q->x);
 }
 
-/* Names are placed in the order of their points, one below the other, so that few lines cross. */
+/* Places the names of the series one below the other, in the order of the heights of their points,
+ * so that few lines from a name to its point cross. */
 static void place_names(GArray *list) {
     g_array_sort(list, by_height);
     for (guint i = 0; i < list->len; i++) {

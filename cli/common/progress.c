@@ -122,8 +122,8 @@ void progress_show(Progress *progress, double fraction, const char *text, gboole
         draw(progress, fraction, text);
         return;
     }
-    /* If the output is not a terminal, prints a line for each stage of a second or more, then one
-     * every ten seconds. */
+    /* If the output is not a terminal, prints the first line when a second has passed, and a
+     * further line after each stage and every ten seconds. */
     if (progress->begun_us == 0)
         progress->begun_us = now_us;
     const gboolean first = progress->shown_us == 0;

@@ -18,7 +18,7 @@ void progress_end(Progress *progress);
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
 /* Sets the text that is drawn above the bar from the next drawing on, on terminals only. The text
- * consists of whole lines, none longer than the width of the terminal. */
+ * consists of whole lines, none longer than the width of the terminal. lines is their number. */
 void progress_set_above(Progress *progress, const char *text, int lines);
 
 /* Prints a line to standard output, above the bar. Not printed with --json. */

@@ -44,8 +44,8 @@ void record_variant(Record *to, const char *key, GVariant *value); /* takes a fl
 /* Adds each entry of a value of type "a{sv}" under its own key. */
 void record_variants(Record *to, GVariant *values);
 
-/* Add an array of char *. record_say_strings() also appends a line for each to the text, which
- * begins with before. */
+/* Add an array of char *. record_say_strings() also appends a line for each string to the text:
+ * before, followed by the string. */
 void record_strings(Record *to, const char *key, const GPtrArray *values);
 void record_say_strings(Record *to, const char *key, const char *before, const GPtrArray *values);
 /* Adds an array of n numbers. The text shows them with one blank between two numbers, each in the
@@ -55,7 +55,7 @@ void record_say_doubles(Record *to, const char *key, const char *format, const d
                         int n);
 
 /* Begin a list of records, or a record within this one. A record in a list has NULL as its key. The
- * values that follow belong to it, until record_end(). */
+ * values that are added until record_end() belong to the new list or record. */
 void record_begin_list(Record *to, const char *key);
 void record_begin(Record *to, const char *key);
 void record_end(Record *to);

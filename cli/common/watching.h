@@ -7,9 +7,9 @@
 
 typedef struct Watching Watching;
 
-/* Borrows rig and progress. With pictures, the cameras' pictures are shown as well, in half blocks,
- * if standard error is a terminal that can show them. The main loop fetches each picture when it
- * changes. */
+/* Borrows rig and progress. If pictures is TRUE, the cameras' pictures are shown as well, in half
+ * blocks, if standard error is a terminal that can show them. The main loop fetches each picture
+ * when it changes. */
 Watching *watching_new(BusRig1 *rig, Progress *progress, gboolean pictures);
 void watching_free(Watching *watching); /* NULL is ignored */
 

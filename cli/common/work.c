@@ -76,7 +76,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     bar_show(bar, progress->left_s, ended);
 }
 
-/* Cancels the work. The work has no main loop, so that a separate thread handles the signals. */
+/* Cancels the work. The work has no main loop, so a separate thread handles the signals. */
 static gboolean on_signal(gpointer cancellable) {
     g_cancellable_cancel(cancellable);
     return G_SOURCE_CONTINUE;
