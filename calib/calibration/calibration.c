@@ -1,4 +1,5 @@
-/* The struct of a calibration, its file, and its comparison with the nominal rig. */
+/* This file makes, changes and writes calibrations, and compares a calibration with the nominal
+ * rig. */
 #include "calibration.h"
 
 #include "base/input_file.h"
@@ -170,7 +171,7 @@ char *calibration_checksum(const char *const *checksums, int n) {
     return g_strdup(g_checksum_get_string(sum));
 }
 
-/* Parses the text again first, because a calibration that cannot be read must not replace one that
+/* The text is first parsed again, because a file that cannot be read must not replace a file that
  * can be read. */
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
@@ -202,10 +203,10 @@ static char *differ(const char *what, int index, const char *name, int fixed,
     static const char *const stands[] = {"is carried by the arc", "stands by itself"};
 
     if (strcmp(name, nominal_name) != 0)
-        return g_strdup_printf("its %s %d is %s, but in the rig file it is %s", what, index, name,
+        return g_strdup_printf("%s %d is %s, but in the rig file it is %s", what, index, name,
                                nominal_name);
     if (fixed != nominal_fixed)
-        return g_strdup_printf("its %s %s %s, but in the rig file it %s", what, name, stands[fixed],
+        return g_strdup_printf("%s %s %s, but in the rig file it %s", what, name, stands[fixed],
                                stands[nominal_fixed]);
     return NULL;
 }
@@ -218,7 +219,8 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     g_autofree char *why = NULL;
 
     if (strcmp(rig->id, nominal->id) != 0)
-        why = g_strdup_printf("it is of rig %s, but this is rig %s", rig->id, nominal->id);
+        why = g_strdup_printf("it is a calibration of rig %s, but this is rig %s", rig->id,
+                              nominal->id);
     else if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
              rig->n_lasers != nominal->n_lasers)
         why = g_strdup_printf(
@@ -228,12 +230,12 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
-            why = g_strdup_printf("its camera %d, %s, does not have the same place on the camera "
-                                  "arm as in the rig file",
-                                  i, a->name);
+            why = g_strdup_printf(
+                "camera %d, %s, has another place on the camera arm than in the rig file", i,
+                a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(
-                "its camera %d is %s with %d × %d pixels, but in the rig file it is %s with "
+                "camera %d is %s with %d × %d pixels, but in the rig file it is %s with "
                 "%d × %d",
                 i, a->name, a->width, a->height, b->name, b->width, b->height);
     }
@@ -343,7 +345,7 @@ double calibration_output_factor(const struct calibration *from, const struct ca
     return n > 0 ? sum / n : 1;
 }
 
-/* Dates are UTC in ISO 8601. */
+/* The date of a part is UTC in ISO 8601. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     g_autoptr(GDateTime) now = g_date_time_new_now_utc();

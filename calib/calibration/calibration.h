@@ -10,7 +10,7 @@
  * array of it, to struct calibration. In calibration_text.c, add a table of its fields (fields.h),
  * and a row to groups[]. The section is written if known is set.
  *
- * Plain data. Any thread may use a calibration, but only one thread at a time.
+ * Any thread may use a calibration, but only one thread at a time.
  */
 #pragma once
 
@@ -31,7 +31,8 @@ struct calibration_part {
     char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
     char *method; /* one line */
     double residual_rms;
-    /* RMS residual that the noise of the data explains, in residual_unit; 0 if it is not known. */
+    /* RMS of the residuals that would be expected from the noise of the data alone, in
+     * residual_unit. 0 if not known. */
     double residual_expected;
     char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
@@ -55,7 +56,7 @@ enum calibration_camera_parameter {
     CALIBRATION_TURN_X,
     CALIBRATION_TURN_Y,
     CALIBRATION_TURN_Z,
-    CALIBRATION_SHIFT_X, /* SHIFT_X, SHIFT_Y and SHIFT_Z: translation_mm */
+    CALIBRATION_SHIFT_X, /* SHIFT_X, SHIFT_Y, SHIFT_Z are translation_mm */
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
@@ -67,18 +68,19 @@ enum calibration_camera_parameter {
     CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
-/* Each of the next structs holds the errors of the member of struct rig that is named beside it. If
- * this member is an array, the indices are the same. */
+/* Each of the next structs holds the errors of the member of struct rig that its comment names. If
+ * this member is an array, each element has a struct of its own with the same index. */
 
 struct calibration_camera { /* for rig.cameras */
     gboolean known;
-    /* In products of the parameters' units. The rows and columns of fixed parameters are 0. */
+    /* The unit of each element is the product of the units of its two parameters. The rows and
+     * columns of parameters that were not estimated are 0. */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
-    /* Covariances of k4, k5 and k6 with all parameters. */
+    /* Row i has the covariances of k4, k5 or k6 with all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
-    double lateral_colour[3]; /* standard errors of red, green, blue; 0: unknown */
+    double lateral_colour[3]; /* standard errors of rig_camera.lateral_colour; 0: unknown */
     double residual_rms_px;
-    double expected_px; /* RMS that the noise of the corners explains; 0 if not known */
+    double expected_px; /* RMS expected from the noise of the corners alone; 0 if not known */
     int points;         /* number of corners that were used */
 };
 
@@ -106,21 +108,22 @@ enum calibration_laser_value {
     CALIBRATION_LASER_VALUES,
 };
 
-struct calibration_laser { /* for rig.lasers; the first members are standard errors */
+struct calibration_laser { /* for rig.lasers; the members up to bend_rad are standard errors */
     gboolean known;
-    /* of the position across the axis; the position along it is undetermined */
+    /* Only the component of the position across the axis has an error. The lines do not determine
+     * the component along the axis. */
     double position_mm[3];
     double axis_rad, normal_rad, stretch;
     double bend_rad;
-    /* 1 if the lines hardly determine a value, so that a large part of its error comes from the
-     * error of the arc's axis in an earlier calibration. These errors of several values partly
-     * cancel in the sheets, whose errors are in sheet. */
+    /* 1 for each value that the lines hardly determine. A large part of the error of such a value
+     * comes from the error of the arc's axis in an earlier calibration. In the laser sheets, these
+     * errors partly cancel; the errors of the sheets are in `sheet`. */
     int from_prior[CALIBRATION_LASER_VALUES];
-    /* Errors of the sheet near the sample, including the part of the residual that noise does not
-     * explain. They are 0 in files of earlier versions. */
+    /* Errors of the laser sheet near the sample. They include the part of the residual that noise
+     * does not explain. They are 0 if the file was written by a version that did not store them. */
     struct rig_sheet_errors sheet;
     double residual_rms_mm;
-    double expected_rms_mm; /* RMS that the noise of the lines explains; 0 if not known */
+    double expected_rms_mm; /* RMS expected from the noise of the lines alone; 0 if not known */
     /* Width of the line on the plates: the standard deviation of its profile, as a sweep angle. It
      * is 0 if it is not known. */
     double line_rad;
@@ -206,10 +209,11 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]);
 
-/* Returns the factor that turns an output of a lamp relative to the calibration `from` into the
- * output relative to `to`. The output is that of fiducials (fiducials_measure()) in a picture of
- * the camera. The factor is the mean of the ratio of the values expected of white, over the
- * fiducials that both calibrations see. It is 1 if there are none. */
+/* Returns the factor that converts a lamp's output relative to the calibration `from` to its output
+ * relative to the calibration `to`. Outputs are those that fiducials_measure() finds in pictures of
+ * this camera. Each calibration predicts the value of each fiducial as if it were white
+ * (fiducials_white()). The factor is the mean of the value by `from` divided by the value by `to`,
+ * over the fiducials for which both values are above 0. It is 1 if there is no such fiducial. */
 double calibration_output_factor(const struct calibration *from, const struct calibration *to,
                                  int camera, int lamp, double turntable_rad, double arc_rad);
 

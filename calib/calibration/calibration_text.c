@@ -1,5 +1,5 @@
-/* The text of a calibration file. Tables of fields map structs to sections and keys. The names of
- * sections and keys are the file format and must not change. */
+/* This file writes and reads the text of a calibration file. Tables of fields map structs to
+ * sections and keys. The names of sections and keys are the file format and must not change. */
 #include "calibration.h"
 #include "geometry/fields.h"
 
@@ -9,8 +9,9 @@
 static const char end[] = "\n[end]\ncomplete=yes\n";
 
 #define PART(member) offsetof(struct calibration_part, member)
-/* Rows of the tables: key, offset, number of values, whether they are integers, smallest and
- * largest value, and then optional and sparing (fields.h). */
+/* Each row of the tables (struct field of fields.h) has a key, the offset of the member, the number
+ * of values, whether they are integers, the smallest and the largest valid value, and the flags
+ * optional and sparing. */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
     {"residual_expected", PART(residual_expected), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
@@ -136,9 +137,9 @@ static const struct field colour_fields[] = {
     {NULL},
 };
 
-/* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set. count
- * is the offset in struct rig of the number of elements. If count is NONE, there is a single
- * section "[PREFIX]". */
+/* A group describes an array of struct calibration. Each element whose first member `known` is set
+ * has a section "[PREFIX i]". `count` is the offset, in struct rig, of the number of elements. If
+ * count is NONE, the group is a single struct with the section "[PREFIX]". */
 #define NONE G_MAXSIZE
 static const struct group {
     const char *prefix;
@@ -219,7 +220,7 @@ struct reader {
     GHashTable *taken; /* names of the sections read */
 };
 
-/* Returns whether a section exists. If it does, it counts as read from now on. */
+/* Returns whether a section exists. A section that exists counts as read from now on. */
 static gboolean calibration_text_has(struct reader *r, const char *group) {
     if (!g_key_file_has_group(r->file, group))
         return FALSE;
@@ -240,7 +241,8 @@ static gboolean calibration_text_read_part(struct reader *r, struct calibration_
         char **to = (char **)((char *)part + part_strings[i].offset);
         *to = g_key_file_get_string(r->file, group, part_strings[i].key, NULL);
         if (!*to)
-            return fields_refuse(r->path, group, part_strings[i].key, error, "is missing");
+            return fields_refuse(r->path, group, part_strings[i].key, error,
+                                 "is missing; calibrate again or restore the file");
         g_ptr_array_add(others, g_strdup(part_strings[i].key));
     }
     for (int i = 0;; i++) {
@@ -254,8 +256,9 @@ static gboolean calibration_text_read_part(struct reader *r, struct calibration_
     g_ptr_array_add(others, NULL);
     g_autoptr(GDateTime) date = g_date_time_new_from_iso8601(part->date, NULL);
     if (!date)
-        return fields_refuse(r->path, group, "date", error,
-                             "is not a date such as 2026-01-31T12:00:00Z");
+        return fields_refuse(
+            r->path, group, "date", error,
+            "is not a date such as 2026-01-31T12:00:00Z; calibrate again or restore the file");
     part->done = TRUE;
     return fields_read(r->file, r->path, group, part_fields, (const char *const *)others->pdata,
                        part, error);
@@ -302,8 +305,9 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
-/* Copies to to->extra all sections that are neither the rig's nor in r->taken. Lists of numbers for
- * reports (residuals, steps of a sweep, errors of the turntable, drift of lamps) must be finite. */
+/* Copies to to->extra all sections that are neither the rig's nor in r->taken. Some of these
+ * sections hold lists of numbers for reports (residuals, steps of a sweep, errors of the turntable,
+ * drift of lamps). Returns FALSE with an error if such a list has a number that is not finite. */
 static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,
                                             GError **error) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift", NULL};
@@ -330,12 +334,14 @@ static gboolean calibration_text_keep_extra(const struct reader *r, struct calib
     return TRUE;
 }
 
-/* Sets an error that the key of section "[prefix i]" is not a covariance. Returns FALSE. */
+/* Sets an error that says that the key of section "[prefix i]" is not a covariance. Returns
+ * FALSE. */
 static gboolean refuse_covariance(const struct reader *r, const char *prefix, int i,
                                   const char *key, GError **error) {
     g_autofree char *group = g_strdup_printf("%s %d", prefix, i);
     return fields_refuse(r->path, group, key, error,
-                         "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+                         "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj); "
+                         "calibrate again or restore the file");
 }
 
 /* Reads parts, groups, and then all other sections. Then checks the covariances of cameras, lasers

@@ -1,8 +1,8 @@
 /*
- * Angle errors of a drive. The error at each commanded angle is a parameter of an adjustment
- * (fit.h). The standard deviation of these errors is estimated from all of them.
+ * A drive has an angle error at each commanded angle. Each error is a parameter of an adjustment
+ * (fit.h), and the standard deviation of the errors is estimated from all errors of the drive.
  *
- * Plain data. Any thread may call the functions.
+ * Any thread may call the functions.
  */
 #pragma once
 

@@ -52,16 +52,16 @@ static gboolean read_field(GKeyFile *file, const char *path, const char *group,
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
     g_autofree char *why = NULL;
     if ((int)g_strv_length(words) != f->n)
-        why = g_strdup_printf("has the wrong number of numbers: %d are needed", f->n);
+        why = g_strdup_printf("does not have %d numbers, separated by semicolons", f->n);
     for (int i = 0; i < f->n && !why; i++) {
         char *end;
         const double number = g_ascii_strtod(words[i], &end);
         if (end == words[i] || *end || !isfinite(number))
-            why = g_strdup("is not a finite number");
+            why = g_strdup_printf("“%s” is not a finite number", words[i]);
         else if (number < f->min || number > f->max)
             why = g_strdup_printf("%g is out of range: %g to %g", number, f->min, f->max);
         else if (f->integer && number != floor(number))
-            why = g_strdup("is not a whole number");
+            why = g_strdup_printf("%g is not a whole number", number);
         else if (f->integer)
             ((int *)((char *)to + f->offset))[i] = (int)number;
         else
@@ -80,8 +80,9 @@ gboolean fields_read(GKeyFile *file, const char *path, const char *group,
         while (f->name && !g_str_equal(f->name, *key))
             f++;
         if (!f->name && !g_strv_contains(others, *key))
-            return fields_refuse(path, group, *key, error,
-                                 "is not known; a newer version may have written it");
+            return fields_refuse(
+                path, group, *key, error,
+                "this key is not known; a newer version of Mesorig may have written the file");
     }
     for (const struct field *f = fields; f->name; f++)
         if (!read_field(file, path, group, f, to, error))
@@ -94,9 +95,13 @@ gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, c
     g_autofree char *value = g_key_file_get_string(file, group, key, NULL);
 
     if (!value || !*value)
-        return fields_refuse(path, group, key, error, "is missing");
-    if (strlen(value) >= size)
-        return fields_refuse(path, group, key, error, "is too long");
+        return fields_refuse(path, group, key, error,
+                             "is missing or empty; calibrate again or restore the file");
+    if (strlen(value) >= size) {
+        g_autofree char *why =
+            g_strdup_printf("“%s” is too long: at most %" G_GSIZE_FORMAT " bytes", value, size - 1);
+        return fields_refuse(path, group, key, error, why);
+    }
     g_strlcpy(to, value, size);
     return TRUE;
 }

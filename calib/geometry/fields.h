@@ -1,13 +1,15 @@
 /*
- * Writes plain structs to groups of a key file, and reads them. A table has a row for each member
- * or array of doubles or integers, with its name and the bounds of valid values. Numbers are
- * restored bit for bit. Used for the files of calib/. Any thread may call the functions.
+ * This module writes plain structs to groups of a key file, and reads such groups. A table has a
+ * row for each member or array of doubles or integers, with its name and the bounds of valid
+ * values. Numbers are restored bit for bit. The files of calib/ are written in this way. Any thread
+ * may call the functions.
  */
 #pragma once
 
 #include <glib.h>
 
-#define FIELD_LARGE 1e9 /* a bound for millimetres, pixels and the like */
+/* bound of values that have no narrower bound, such as millimetres and pixels */
+#define FIELD_LARGE 1e9
 
 struct field {
     const char *name; /* NULL ends a table */
@@ -28,8 +30,9 @@ void fields_write(GString *text, const struct field *fields, gconstpointer from)
 void fields_write_string(GString *text, const char *key, const char *value);
 
 /* Reads a group into the struct `to`. Every field that is not optional must exist, be finite and
- * within its bounds. Every key of the group must be a field or one of others (NULL-terminated).
- * Errors are RIG_ERROR_VALUE with path, group and key. On failure `to` may be partly set. */
+ * within its bounds. Every key of the group must be a field, or a name in the array others, which
+ * ends with NULL. Errors are RIG_ERROR_VALUE with path, group and key. On failure `to` may be
+ * partly set. */
 gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);

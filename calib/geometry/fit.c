@@ -19,8 +19,8 @@
 #define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences */
 #define MAX_DAMPING 1e8
 /* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
- * residuals are rounding errors. If the scale were as small as they are, priors would have no
- * weight. */
+ * residuals are rounding errors. If the scale were as small as rounding errors, priors would have
+ * no weight. */
 #define MIN_SIGMA 1e-3
 
 struct work {

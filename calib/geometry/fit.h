@@ -1,12 +1,12 @@
 /*
- * Robust non-linear least squares: Levenberg-Marquardt with outlier rejection, priors of
- * parameters, and the covariance of the result.
+ * This module solves robust non-linear least squares by the method of Levenberg and Marquardt, with
+ * rejection of outliers, priors of parameters, and the covariance of the result.
  *
  * Each observation may depend on only a few parameters, such as those of one lamp and of one angle.
  * Parameters that share no observation are then differentiated at the same time (Curtis, Powell and
  * Reid 1974), so that hundreds of parameters cost as much as a dozen.
  *
- * Pure functions. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -33,7 +33,7 @@ struct fit {
     const int *depends;
     int n_depends;
     /* Priors of the parameters, n_parameters each: mean and standard deviation. A parameter whose
-     * standard deviation is 0 has no prior. If known_sigma is NULL, no parameter has one. The
+     * standard deviation is 0 has no prior. If known_sigma is NULL, no parameter has a prior. The
      * standard deviations are not scaled by the residuals of the observations. */
     const double *known, *known_sigma;
     /* The initial parameters are those of an earlier solution with nearly the same priors: outliers
@@ -54,7 +54,8 @@ struct fit_result {
 
 /* Minimises from the given parameters, which must be close to the solution, and writes the solution
  * into them. Returns FALSE if an initial residual is not finite, or if the numbers of residuals and
- * priors together do not exceed the number of parameters. In both cases ret must not be cleared. */
+ * priors together do not exceed the number of parameters. In both cases ret holds nothing that must
+ * be freed. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

@@ -1,4 +1,4 @@
-/* The lens models and their names. For C and C++. */
+/* This header has the lens models and their names, for C and C++. */
 #pragma once
 
 #include <glib.h>

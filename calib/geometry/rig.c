@@ -1,5 +1,5 @@
-/* The models of camera, arc, lamp and laser. Vectors are columns. A rotation matrix R maps rig to
- * camera coordinates, and Rᵀ maps a viewing ray back. */
+/* This file has the models of camera, arc, lamp and laser. Vectors are columns. A rotation matrix R
+ * maps rig to camera coordinates, and Rᵀ maps a viewing ray back. */
 #include "rig.h"
 
 #include <string.h>
@@ -44,8 +44,8 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);
 
-    /* The cross product does not determine the right of a camera that looks straight up or down.
-     * The limit of a camera at azimuth 0 is taken. */
+    /* For a camera that looks straight up or down, the cross product is 0. Its right vector is then
+     * that of a camera at azimuth 0. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){
@@ -159,8 +159,8 @@ static gboolean fisheye_grows(const struct rig_camera *c, double theta) {
     return TRUE;
 }
 
-/* Inverts ρ(θ). Finds the two samples between which the first θ in [0, π] of that radius lies, and
- * then bisects. */
+/* Inverts ρ(θ). Finds the two samples between which ρ(θ) first reaches the radius, for θ in [0, π],
+ * and then bisects. */
 static double fisheye_angle(const struct rig_camera *c, double radius) {
     const double step = G_PI / 256;
     double low = 0, slope;

@@ -1,7 +1,7 @@
 /*
- * The geometry of a rig: positions of cameras, lamps, lasers and axes, and functions of them.
- * Nominal values come from the rig file, and measured values from calibration. Both use this struct
- * and this file format.
+ * This module has the geometry of a rig: the positions of cameras, lamps, lasers and axes, and
+ * functions of these positions. Nominal values come from the rig file, and measured values from
+ * calibration. Both are kept in struct rig and in its file format.
  *
  * The rig frame is right-handed and in millimetres. Its origin is on the turntable's axis in the
  * plane of the turntable's top, and z is up. The sample frame rotates with the turntable. At the
@@ -17,7 +17,7 @@
  * separate camera (or lamp), named NAME@ANGLE, whose position is calibrated separately. The stops
  * of one device follow each other. See swing.h.
  *
- * Pure functions over plain data. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -44,15 +44,16 @@ struct rig_camera {
     int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2, k4, k5, k6;
-    /* By how much the lens magnifies red, green and blue light more than the parameters above say,
-     * relative, about (cx, cy). The parameters are those of the mean of a colour filter's pixels.
-     * Within ± RIG_MAX_LATERAL. 0 means that there is no lateral colour, or that it is unknown. */
+    /* Relative excess of the magnification of red, green and blue light about (cx, cy), compared
+     * with the parameters above. These hold for the mean of a colour filter's pixels. Within ±
+     * RIG_MAX_LATERAL. 0 means that there is no lateral colour, or that it is unknown. */
     double lateral_colour[3];
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
-    int on_arm; /* 1 if the camera arm carries it; the pose above is then for the arm at arm_deg */
+    /* 1 if the camera arm carries the camera; the pose above is then for the arm at arm_deg */
+    int on_arm;
     double arm_deg;
     int stop; /* number of the stop within its device, from 0; 0 if the device has only one */
 };
@@ -78,7 +79,8 @@ struct rig_lamp {
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
     int fixed;        /* 1 if the lamp stands by itself, so that the arc does not move it */
-    int on_probe;     /* 1 if the probe carries it; the position above is then for probe_deg */
+    /* 1 if the probe carries the lamp; the position above is then for probe_deg */
+    int on_probe;
     double probe_deg;
     int stop; /* number of the stop, as for a camera */
 };
@@ -89,11 +91,11 @@ struct rig_lamp {
  * the carrier, as for a lamp.
  *
  * The optics that spread a beam to a line also bend the line, so that rays at an angle to the
- * middle of the line leave the plane. Let t be the tangent of the angle between a ray's projection
- * and the middle of the sheet; t = a / r for a point that is a along the axis and r away from it.
- * The ray then lies bend_rad·t² further about the axis than the plane. A parabola with another
- * vertex differs from this one by a rotation about the beam and by another zero, which axis and
- * normal describe. */
+ * middle of the line leave the plane. Let t be the tangent of the angle between a ray and the
+ * middle of the sheet, seen along the normal. For a point at the distance a along the axis from the
+ * laser, and at the distance r from the axis, t = a / r. The ray is the ray of the plane, rotated
+ * about the axis by bend_rad·t² (right-handed). A parabola with another vertex differs from this
+ * one by a rotation about the beam and by another zero, which axis and normal describe. */
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
@@ -164,8 +166,8 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
 }
 
 /* Returns the angle of the arm while a set of cameras (bits) takes pictures. All cameras of the set
- * that the arm carries must have the same angle. If the arm carries none of them, it stands at the
- * first stop of the rig. Returns 0 if there is no arm. */
+ * that the arm carries must have the same angle. If the arm carries no camera of the set, the arm
+ * stands at the first stop of the rig. Returns 0 if there is no arm. */
 double rig_arm_deg(const struct rig *rig, guint32 cameras);
 /* Returns the angle of the probe while a lamp is lit, in the same way as rig_arm_deg(). lamp is −1
  * if no lamp is used. */
@@ -194,11 +196,11 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
 
-/* Returns the camera as it draws the light of one colour (0 … 2: red, green, blue), with lateral
- * colour. */
+/* Returns the camera for light of one colour (0 … 2: red, green, blue), whose focal length includes
+ * the lateral colour. */
 struct rig_camera rig_camera_of_colour(const struct rig_camera *camera, int colour);
 
-/* Projects a point of the rig frame, also to a place outside of the picture. Returns FALSE if the
+/* Projects a point of the rig frame. The result may be outside of the picture. Returns FALSE if the
  * point is behind the camera (a fisheye also sees to its side and behind itself), or if it is so
  * far from the axis that the lens model folds back. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
@@ -269,8 +271,8 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
                                  double arc_rad, double sweep_rad);
 
 /* Returns the angle by which the sweep angle must be increased so that the plane of
- * rig_laser_sheet() contains the light of the bent sheet at a point near it: bend_rad·t² / (1 +
- * stretch). It is 0 for a flat sheet. */
+ * rig_laser_sheet() contains the light of the bent sheet at a point near the plane: bend_rad·t² /
+ * (1 + stretch). It is 0 for a flat sheet. */
 double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                           struct vec3 point_mm);
 
@@ -289,6 +291,7 @@ enum rig_sheet_parameter {
     RIG_SHEET_BEND,   /* error of bend_rad */
     RIG_SHEET_PARAMETERS,
 };
+/* Covariance of the parameters of a sheet, in the order of enum rig_sheet_parameter. */
 struct rig_sheet_errors {
     double covariance[RIG_SHEET_PARAMETERS][RIG_SHEET_PARAMETERS];
 };

@@ -97,8 +97,8 @@ static const struct field fiducial_fields[] = {
     {NULL},
 };
 
-/* Sections "[PREFIX i]", one for each element of an array in struct rig. Each element begins with
- * its name. */
+/* Each row describes an array of struct rig. Each element of the array has a section "[PREFIX i]".
+ * The first member of an element is its name. */
 static const struct {
     const char *prefix;
     gsize array, size;
@@ -170,9 +170,10 @@ static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const st
                 index < (guint64)rig_text_count(rig, k))
                 continue;
             g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                        "%s: [rig] says %d for the number of sections [%s 0], [%s 1] and so on; "
-                        "remove [%s], or correct the number",
-                        path, rig_text_count(rig, k), devices[k].prefix, devices[k].prefix, *group);
+                        "%s: [%s] is not among the %d sections that [rig] %s counts; correct %s in "
+                        "[rig], or remove [%s]",
+                        path, *group, rig_text_count(rig, k), rig_fields[k].name,
+                        rig_fields[k].name, *group);
             return FALSE;
         }
     return TRUE;
@@ -197,24 +198,29 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
     /* Checks rotations, numbers of stops, and unit vectors. */
     for (int i = 0; i < rig->n_cameras; i++)
         if (!is_rotation(&rig->cameras[i].rotation))
-            return refuse_device(path, "camera", i, "rotation", error, "is not a rotation");
+            return refuse_device(path, "camera", i, "rotation", error,
+                                 "is not a rotation matrix; calibrate again or restore the file");
     for (int i = 0; i < rig->n_cameras; i++)
         if (rig->cameras[i].stop > (i > 0 ? rig->cameras[i - 1].stop + 1 : 0))
             return refuse_device(path, "camera", i, "stop", error,
-                                 "does not follow the previous stop of the camera");
+                                 "does not follow the number of the previous stop of the camera; "
+                                 "calibrate again or restore the file");
     for (int i = 0; i < rig->n_lamps; i++)
         if (rig->lamps[i].stop > (i > 0 ? rig->lamps[i - 1].stop + 1 : 0))
             return refuse_device(path, "lamp", i, "stop", error,
-                                 "does not follow the previous stop of the lamp");
+                                 "does not follow the number of the previous stop of the lamp; "
+                                 "calibrate again or restore the file");
     for (int i = 0; i < rig->n_lamps; i++)
         if (!is_unit(rig->lamps[i].aim))
-            return refuse_device(path, "lamp", i, "aim", error, "is not a unit vector");
+            return refuse_device(path, "lamp", i, "aim", error,
+                                 "is not a unit vector; calibrate again or restore the file");
     for (int i = 0; i < rig->n_lasers; i++) {
         const struct rig_laser *laser = &rig->lasers[i];
         if (!is_unit(laser->axis) || !is_unit(laser->normal) ||
             fabs(vec3_dot(laser->axis, laser->normal)) > UNIT_TOLERANCE)
-            return refuse_device(path, "laser", i, "axis and normal", error,
-                                 "are not perpendicular unit vectors");
+            return refuse_device(
+                path, "laser", i, "axis and normal", error,
+                "are not perpendicular unit vectors; calibrate again or restore the file");
     }
     return TRUE;
 }
@@ -242,7 +248,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL)) {
         const int line = rig_text_bad_line(text);
         g_autofree char *what =
-            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("a line of it is");
+            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("one of its lines is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: this is not a calibration file: %s neither a [group] nor key=value", path,
                     what);
@@ -253,7 +259,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (g_strcmp0(format, FORMAT) != 0) {
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: [rig] format: is '%s', not '" FORMAT
-                    "'; this is not a calibration file of this version",
+                    "'; this is not a calibration file of this version, so calibrate again",
                     path, format ? format : "");
         return FALSE;
     }

@@ -1,11 +1,12 @@
 /*
- * Axes that carry cameras (the camera arm) or lamps (the light probe), and their stops (rig.h).
+ * This module computes with the axes that carry cameras (the camera arm) or lamps (the light
+ * probe), and with the stops of these axes (rig.h).
  *
  * With the axis at the angle β, a point that it carries is at p(β) = c + R(a, β) (p(0) − c), where
  * a is the direction of the axis (unit), c a point on it, and R(a, β) the right-handed rotation by
  * β about a.
  *
- * Pure functions over plain data. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -24,8 +25,9 @@ struct rig_swing_fit {
     struct rig_swing swing;
     int n_pairs;          /* number of pairs of stops of one camera */
     double angle_rms_rad; /* RMS deviation of the pairs' rotations from rotations about the axis */
-    double position_rms_mm; /* RMS deviation of the camera centres */
-    double zero_rad;        /* mean angle about the axis from the nominal to the found positions */
+    double position_rms_mm; /* RMS deviation of the camera centres from circles about the axis */
+    /* mean angle about the axis from the cameras' nominal centres to those found */
+    double zero_rad;
 };
 
 /* Finds the arm's axis from the poses of its cameras. Bit c of known is set if the pose of camera c

@@ -208,7 +208,7 @@ TEST(process_refuses) {
     const char *const argv[] = {MESORIG, "process", directory, "-c", other, NULL};
     g_autofree char *err = NULL;
     g_assert_cmpint(process_run(argv, NULL, &err), ==, 1);
-    g_assert_nonnull(strstr(err, "is of rig other, but this is rig demo"));
+    g_assert_nonnull(strstr(err, "a calibration of rig other, but this is rig demo"));
 }
 
 BEFORE_TESTS {
