@@ -1,5 +1,6 @@
-/* Specification and geometry of calibration boards. With the origin at the centre of the board, the
- * middle of a cell is at x = (column + ½ − columns/2) · square, y = (rows/2 − row − ½) · square. */
+/* This file has the specification and the geometry of calibration boards. With the origin at the
+ * centre of the board, the middle of a cell is at x = (column + ½ − columns/2) · square, y =
+ * (rows/2 − row − ½) · square. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -12,18 +13,19 @@
 G_DEFINE_QUARK(board_error, board_error)
 
 static gboolean refuse(const char *spec, GError **error, const char *why) {
-    g_set_error(
-        error, BOARD_ERROR, BOARD_ERROR_SPEC,
-        "board “%s”: %s; write 8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3 (mm), "
-        "without marker for a chessboard, 6x6,marker=22,gap=6.6 for a grid of markers, or "
-        "7x5,spacing=20,circle=10 for circles",
-        spec, why);
+    g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
+                "board “%s”: %s; examples (lengths in mm) are "
+                "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3 for a ChArUco board, "
+                "8x7,square=9 for a chessboard, 6x6,marker=22,gap=6.6 for a grid of markers, and "
+                "7x5,spacing=20,circle=10 for circles",
+                spec, why);
     return FALSE;
 }
 
 /* Returns the number of white squares above a row, which is also the number of markers there. */
 static int whites_before(const struct board *board, int row) {
-    /* If the number of columns is odd: rows above that have one white square more than others. */
+    /* With an odd number of columns, every second row has one more white square than the others.
+     * `more` is the number of such rows above. */
     const int more = board->white_first ? (row + 1) / 2 : row / 2;
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
@@ -41,26 +43,29 @@ static gboolean board_check(const struct board *board, double gap_mm, const char
             spec, error,
             board->print == BOARD_MARKERS
                 ? "a grid of markers needs marker=MM, and gap=MM of at least a tenth of marker"
-            : circles ? "the distance of the rows is missing or 0; give spacing=MM"
-                      : "the size of a square is missing or 0; give square=MM");
+            : circles ? "circles need spacing=MM, the distance between rows, above 0"
+                      : "squares need square=MM, the side of a square, above 0");
     if (circles)
         return (board->circle_mm >= 0.1 * board->square_mm &&
                 board->circle_mm <= 0.95 * board->square_mm) ||
-               refuse(spec, error, "a circle's diameter must be 0.1 to 0.95 times the spacing");
+               refuse(spec, error,
+                      "circle=MM, the diameter of a circle, must be 0.1 to 0.95 times spacing=MM");
     if (board->marker_mm == 0)
         return TRUE;
     if (board->print == BOARD_CHARUCO &&
         (board->marker_mm >= 0.95 * board->square_mm || board->marker_mm < 0.3 * board->square_mm))
-        return refuse(spec, error, "a marker must be 0.3 to 0.95 times as large as a square");
+        return refuse(spec, error,
+                      "marker=MM must be at least 0.3 times and less than 0.95 times square=MM");
     if (!vision_dictionary(board->dictionary, &markers))
         return refuse(spec, error,
                       "unknown dictionary; known ones are 4x4_50 … 7x7_1000, aruco_original and "
                       "apriltag_16h5, apriltag_25h9, apriltag_36h10, apriltag_36h11");
-    if (needed > markers)
-        return refuse(spec, error,
-                      "the dictionary has fewer markers than the board; choose a larger "
-                      "dictionary or fewer squares");
-    return TRUE;
+    if (needed <= markers)
+        return TRUE;
+    g_autofree char *why = g_strdup_printf("the dictionary %s has %d markers, but the board needs "
+                                           "%d; choose a larger dictionary or a smaller board",
+                                           board->dictionary, markers, needed);
+    return refuse(spec, error, why);
 }
 
 /* Sets the value of a key that takes words, such as grid=kalibr. Returns FALSE if the key or the
@@ -89,7 +94,7 @@ static gboolean board_take_word(struct board *to, const char *key, const char *v
     return FALSE;
 }
 
-/* Sets the board's print from the keys. Returns FALSE if they contradict each other. */
+/* Sets the board's print from the keys. Returns FALSE if the keys contradict each other. */
 static gboolean board_take_print(struct board *to, double gap_mm, double spacing_mm) {
     const gboolean circles = spacing_mm > 0 || to->circle_mm > 0, grid = to->print != 0;
 
@@ -127,7 +132,7 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
     if (g_strv_length(sides) != 2 ||
         !g_ascii_string_to_unsigned(sides[0], 10, 2, BOARD_MAX_SQUARES, &columns, NULL) ||
         !g_ascii_string_to_unsigned(sides[1], 10, 2, BOARD_MAX_SQUARES, &rows, NULL))
-        return refuse(spec, error, "does not begin with columns x rows, 2 to 40 each");
+        return refuse(spec, error, "it must begin with COLUMNSxROWS, 2 to 40 each");
     parsed.columns = (int)columns;
     parsed.rows = (int)rows;
     for (char **word = words + 1; *word; word++) {
@@ -157,8 +162,8 @@ gboolean board_parse(struct board *board, const char *spec, GError **error) {
     }
     if (!board_take_print(&parsed, gap_mm, spacing_mm))
         return refuse(spec, error,
-                      "its keys do not go together: squares have square=, grids of markers "
-                      "marker= and gap=, circles spacing= and circle=");
+                      "its keys do not go together: a board of squares has square=, a grid of "
+                      "markers has marker= and gap=, and circles have spacing= and circle=");
     if (parsed.print < BOARD_MARKERS && (columns < 3 || rows < 3))
         return refuse(spec, error, "a board has at least 3 × 3 squares");
     if (!board_check(&parsed, gap_mm, spec, error))
@@ -210,14 +215,15 @@ gboolean board_check_upright(const struct board *board, GError **error) {
         (board->print == BOARD_CHESSBOARD && (board->columns + board->rows) % 2 == 1) ||
         (board->print == BOARD_STAGGERED && board->rows % 2 == 1))
         return TRUE;
-    return refuse(spec, error,
-                  board->print == BOARD_CHESSBOARD
-                      ? "a chessboard looks the same upside down unless one of columns and rows is "
-                        "odd and the other even, so that pictures do not show its orientation; "
-                        "photographs of it (--images) calibrate a lens only"
-                      : "these circles look the same upside down, so that pictures do not show "
-                        "their orientation; photographs of them (--images) calibrate a lens only; "
-                        "use an odd number of staggered rows");
+    return refuse(
+        spec, error,
+        board->print == BOARD_CHESSBOARD
+            ? "this chessboard looks the same upside down, so pictures do not show its "
+              "orientation; use an odd number of columns and an even number of rows, or the "
+              "reverse; photographs of this board (--images) can only calibrate a lens"
+            : "these circles look the same upside down, so pictures do not show their orientation; "
+              "use an odd number of staggered rows; photographs of these circles (--images) can "
+              "only calibrate a lens");
 }
 
 void board_size_mm(const struct board *board, double ret[2]) {
@@ -347,7 +353,7 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
     const int marker = marker_of(board, column, row);
     if (board->print != BOARD_MARKERS && marker < 0)
         return (column + row + board->white_first) % 2 == 1;
-    /* side of a marker, in board->square_mm */
+    /* side of a marker divided by board->square_mm */
     const double part = board->marker_mm / board->square_mm;
     const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
     const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;

@@ -2,8 +2,8 @@
  * Calibration boards, of five prints:
  *
  *   chessboard  squares, the top left one black;
- *   ChArUco     a chessboard with an ArUco or AprilTag marker in each white square, which
- *               identifies it. Markers are numbered along rows, from the top. In boards of
+ *   ChArUco     a chessboard with an ArUco or AprilTag marker in each white square. The marker
+ *               identifies the square. Markers are numbered along rows, from the top. In boards of
  *               OpenCV before 4.6 with an even number of rows, and in those of calib.io, the top
  *               left square is white (white_first);
  *   markers     markers in columns and rows with white gaps (OpenCV's GridBoard): numbered along
@@ -20,7 +20,7 @@
  *   of markers their corners: 4 · marker + 0 … 3, clockwise from the marker's own top left one;
  *   of circles their centres, along rows from the top left.
  *
- * Pure functions except board_draw(); any thread.
+ * The functions except board_draw() are pure. Any thread may call all functions.
  */
 #pragma once
 
@@ -59,7 +59,7 @@ enum board_error {
     BOARD_ERROR_IO,
 };
 
-/* Parses, with lengths in mm,
+/* Parses one of these texts, with lengths in mm:
  *   "8x6,square=9,first=white"                             a chessboard,
  *   "8x8,square=9,marker=6.75,dictionary=4x4_50,first=…"   a ChArUco board,
  *   "6x6,marker=22,gap=6.6,dictionary=6x6_250,grid=opencv" markers, OpenCV's or grid=kalibr,

@@ -1,4 +1,5 @@
-/* Draws a board with cairo; PDF units are points (1/72 inch), SVG units millimetres. */
+/* This file draws a board with cairo. The unit of a PDF is the point (1/72 inch), and the unit of
+ * an SVG is the millimetre. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -117,10 +118,10 @@ gboolean board_draw(const struct board *board, const char *path,
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
                     "%s: the name must end in .svg, .pdf or .png", path);
     else if (png && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
-        g_set_error(
-            error, BOARD_ERROR, BOARD_ERROR_SPEC,
-            "%s: %g pixels per millimetre make a picture with a side of more than %d pixels", path,
-            drawing->pixels_a_mm, MAX_PIXELS);
+        g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
+                    "%s: with %g pixels per millimetre, the longer side would have more than %d "
+                    "pixels; give fewer",
+                    path, drawing->pixels_a_mm, MAX_PIXELS);
     else if ((status = draw_all(board, path, drawing)) != CAIRO_STATUS_SUCCESS)
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_IO, "%s: cannot be written: %s", path,
                     cairo_status_to_string(status));

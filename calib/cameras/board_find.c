@@ -12,12 +12,14 @@
 
 #define MIN_CORNERS  4
 #define TOLERANCE_PX 3.0 /* largest deviation of a marker from a homography */
-/* largest deviation in sides of a marker; the larger of the two limits applies */
-#define TOLERANCE      0.15
-#define BESIDE         2.1  /* largest distance of neighbouring markers, in squares */
-#define BESIDE_OFF     0.25 /* largest deviation of a neighbour from its prediction, in sides */
-#define ANY_PX         1e6  /* tolerance of a homography that accepts all points */
-#define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
+/* Largest deviation of a marker from a homography, in sides of a marker. The larger of TOLERANCE_PX
+ * and this limit applies. */
+#define TOLERANCE 0.15
+#define BESIDE    2.1 /* largest distance of neighbouring markers, in squares */
+/* Largest deviation of a neighbour from its predicted place, in sides of a marker. */
+#define BESIDE_OFF     0.25
+#define ANY_PX         1e6 /* tolerance of a homography that accepts all points */
+#define STEPS_A_SQUARE 8   /* points per square that are compared when the board is searched */
 /* Smallest correlation with the print at which a board counts as found. */
 #define MIN_FIT 0.45
 #define STEP_MM 0.01 /* step of numerical derivatives */
@@ -173,9 +175,9 @@ static gboolean by_homography(const double xy_mm[2], gboolean straight, double r
     return TRUE;
 }
 
-struct map {     /* a map from the board to the picture */
-    double h[9]; /* homography */
-    double reach_mm;
+struct map {            /* a map from the board to the picture */
+    double h[9];        /* homography */
+    double reach_mm;    /* length over which the weights of points fall off (by_map()) */
     int n;              /* number of points that were found */
     const double *from; /* n × 2: places of these points on the board, mm */
     /* n × 2: place in the picture minus the place predicted by the homography */
@@ -265,9 +267,9 @@ static gboolean are_beside(const struct board *board, const double *mm_a, const 
            hypot(off[0], off[1]) < MAX(TOLERANCE_PX, BESIDE_OFF * side_px);
 }
 
-/* Finds the largest connected set of markers that lie next to their neighbours as printed. This
- * does not depend on how much the lens bends the board. from and to have the corners on the board
- * and in the picture. ret_good has a flag for each corner. */
+/* Finds the largest set of markers that are connected by are_beside(). This test does not depend on
+ * how much the lens bends the board's image. from and to have the corners of all markers on the
+ * board and in the picture. ret_good gets 1 for the corners of the set, and 0 for all others. */
 static void take_piece(const struct board *board, const GArray *from, const GArray *to,
                        guint8 *ret_good) {
     const guint n = from->len / 8;
@@ -370,23 +372,29 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
     g_autoptr(GArray) mirrored =
         vision_find_markers(picture, board->dictionary, border, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
-        refuse(error,
-               "the board is mirrored: the picture is flipped, or the board was printed mirrored");
+        refuse(error, "the board is mirrored: flip the picture if it is flipped, or else print the "
+                      "board again, because it was printed mirrored");
     else if (n >= 2)
         refuse(error,
-               "its markers do not lie as on the board of %d × %d: it is another board, "
-               "or bent",
-               board->columns, board->rows);
-    else if (n == 0)
+               "%d markers were found, but they do not lie as on the board of %d × %d: the picture "
+               "shows another board (correct --board), or the board is bent",
+               n, board->columns, board->rows);
+    else if (n == 1)
+        refuse(error, "only one marker of the board is visible, and at least 2 are needed");
+    else if (found->len > 0)
         refuse(error,
-               found->len ? "the visible markers are not the board's" : "no board is visible");
+               "%u markers of the dictionary %s are visible, but a board of %d × %d has no markers "
+               "with their numbers: correct --board",
+               found->len, board->dictionary, board->columns, board->rows);
     else
-        refuse(error, "only one marker of the board is visible");
+        refuse(error, "no board is visible: no marker of the dictionary %s was found",
+               board->dictionary);
     return FALSE;
 }
 
 /* Returns whether the light and dark squares in the picture are exchanged relative to the board:
- * the corners were found in the reverse order, or the first square has the other colour. */
+ * this is so if the corners were found in the reverse order, or if the first square has the other
+ * colour. */
 static gboolean is_reversed(const struct picture *picture, const struct board *board,
                             const double h[9]) {
     double sum = 0;
@@ -408,10 +416,10 @@ static gboolean is_reversed(const struct picture *picture, const struct board *b
     return sum < 0;
 }
 
-/* A chessboard's corners have no ids, so both orders are tried. All corners lie on the board, so
- * all of them are used for the homography, even if the lens bends their positions. If the board
- * looks the same upside down, any order is accepted, and the colour of its first square is set as
- * found. */
+/* Computes the homography of a chessboard, as plane_of_markers() does. A chessboard's corners have
+ * no ids, so both orders are tried. The detector finds no false corners, so all of them are used,
+ * even if lens distortion moves them far from a homography. If the board looks the same upside
+ * down, any order is accepted, and board->white_first is set as found. */
 static gboolean plane_of_chessboard(const struct picture *picture, struct board *board,
                                     double ret_h[9], GArray *from_mm, GArray *seen_px,
                                     GError **error) {
@@ -442,13 +450,15 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (!unlike || open)
             return TRUE;
     }
-    refuse(error, fits ? "the chessboard's colours are not those of the board"
-                       : "the corners that were found do not lie on a plane");
+    refuse(error, fits ? "the light and dark squares in the picture do not lie as on the board"
+                       : "the corners that were found on the chessboard do not lie on a plane: use "
+                         "a flat board");
     return FALSE;
 }
 
-/* Circles have no ids, and in a symmetric grid the detector may begin at any corner. The order
- * within the rows is reversed if the grid would otherwise be mirrored. */
+/* Computes the homography of a grid of circles, as plane_of_markers() does. Circles have no ids,
+ * and in a symmetric grid the detector may begin at any corner of the grid. The order within the
+ * rows is reversed if the grid would otherwise be mirrored. */
 static gboolean plane_of_circles(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from_mm, GArray *seen_px,
                                  GError **error) {
@@ -476,7 +486,7 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
             (m[0][0] * m[1][1] - m[1][0] * m[0][1] < 0 || board->print == BOARD_STAGGERED))
             return TRUE;
     }
-    refuse(error, "the circles do not lie on a plane");
+    refuse(error, "the circles that were found do not lie on a plane: use a flat board");
     return FALSE;
 }
 
@@ -512,16 +522,17 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
                                  : plane_of_chessboard)(picture, board, map.h, from, seen, error))
         return NULL;
     if (board->print == BOARD_CHARUCO && board->white_first != specified->white_first && !fine)
-        return refuse(error, "the board's first square is %s: %s --board",
+        return refuse(error, "the board's top left square is %s: %s --board",
                       board->white_first ? "white" : "black",
                       board->white_first ? "add first=white to" : "take first=white out of");
     /* The picture's y points down, so the determinant is negative unless the picture is flipped. */
     if (!slopes(by_homography, FALSE, map.h, middle, m) ||
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
-        return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
-                             "printed mirrored");
+        return refuse(error, "the board is mirrored: flip the picture if it is flipped, or else "
+                             "print the board again, because it was printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
-    /* fits again from all fitted corners, which are more accurate than the detector's points */
+    /* Fit again from the corners of the first fit, which are more accurate than the detector's
+     * points. */
     if (fine) {
         g_array_set_size(from, 2 * corners->len);
         g_array_set_size(seen, 2 * corners->len);
@@ -537,17 +548,17 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
     if (corners->len >= MIN_CORNERS)
         return g_steal_pointer(&corners);
     return refuse(error,
-                  "only %u corners of the board are clear enough; more light, a sharper "
-                  "focus or larger squares help",
-                  corners->len);
+                  "only %u corners of the board are clear enough, and at least %d are needed; more "
+                  "light, a sharper focus or larger squares help",
+                  corners->len, MIN_CORNERS);
 }
 
-struct points { /* points of the board with the values that the picture should show there */
+struct points { /* points of a board in a picture, and the printed values there */
     int n;
     float *x, *y, *value; /* one allocation, freed by x */
 };
 
-/* Projects a grid of points of the board, with their printed values. */
+/* Projects a grid of points of the board to the picture, and looks up their printed values. */
 static void gather_points(const struct board *board, BoardProject project, gconstpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
@@ -600,7 +611,7 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
     double shift[2] = {0, 0};
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
     gather_points(board, project, data, &points);
-    /* Exhaustive search for the shift with the largest correlation. */
+    /* Try all shifts, and take the shift with the largest correlation. */
     const int reach = (int)ceil(reach_px);
     *ret_fit = -1;
     for (int dy = -reach; dy <= reach; dy++)

@@ -1,28 +1,28 @@
-/* Finds a board in a picture, either without prior knowledge or near a predicted place. Any
- * thread. */
+/* This module finds a board in a picture, either without prior knowledge or near a predicted place.
+ * Any thread may call the functions. */
 #pragma once
 
 #include "corner.h"
 
 /* Finds the board's markers (or the whole chessboard, or all circles), and then each of its
- * corners. fine is only for photographs that calibrate a lens. It fits all corners again from the
- * positions found, which yields some more corners. It also accepts a ChArUco board whose first
- * square has the other colour. Returns a GArray of struct corner, ordered by id. Returns NULL with
- * BOARD_ERROR_SPEC and a reason such as "no board is visible", to which the caller prefixes
- * "picture: ". */
+ * corners. `fine` is only for photographs that calibrate a lens. If it is set, all corners are
+ * fitted again from the positions found, which yields some more corners, and a ChArUco board is
+ * also accepted if its first square has the other colour. Returns a GArray of struct corner,
+ * ordered by id. Returns NULL with BOARD_ERROR_SPEC and a reason such as "no board is visible", to
+ * which the caller prefixes "picture: ". */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 
 /* Projects a point of the board to the picture. If straight is TRUE, the point is projected as by a
- * lens without distortion. The difference gives the curvature of the edges. Returns FALSE if the
- * point is not visible. */
+ * lens without distortion. The difference between both projections gives the curvature of the
+ * edges. Returns FALSE if the point is not visible. */
 typedef gboolean (*BoardProject)(const double xy_mm[2], gboolean straight, double ret_xy_px[2],
                                  gconstpointer data);
 
-/* Searches for the shift of the whole board in the picture, of up to reach_px, that has the largest
- * correlation with its print. Then fits each corner. Returns a GArray of struct corner, ordered by
- * id. *ret_fit gets the largest correlation, −1 … 1. Returns NULL, without an error, if this
- * correlation is too small. */
+/* Shifts the predicted image of the board by up to reach_px in x and y, and takes the shift at
+ * which the picture has the largest correlation with the print. Then fits each corner. Returns a
+ * GArray of struct corner, ordered by id. *ret_fit gets the largest correlation, −1 … 1. Returns
+ * NULL, without an error, if this correlation is too small. */
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, gconstpointer data, double reach_px, double *ret_fit);
 

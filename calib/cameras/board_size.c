@@ -1,8 +1,9 @@
 /* Finds the size of a board from its print. For a chessboard, OpenCV searches for corners and
- * extends the grid as far as it can. For markers, the right number of columns is the one with which
- * the numbers of the visible markers lie on a plane. For circles, the spots form a full rectangle.
- * The board must also end at this size. A larger board of this print would be dark at certain
- * places outside the board that was found. These places must be light on all four sides. */
+ * extends the grid as far as it can. For markers, several numbers of columns are tried. A marker's
+ * number tells its place on the board, and with the right number of columns these places fit the
+ * picture by one homography. For circles, the spots form a full rectangle. The board must also end
+ * at this size. A larger board of this print would be dark at certain places outside the board that
+ * was found. These places must be light on all four sides. */
 #include "board_size.h"
 
 #include "pictures/vision.h"
@@ -12,21 +13,23 @@
 #include <string.h>
 
 #define MAX_EXAMINED 8 /* largest number of pictures that are examined */
-/* number of pictures that must show the other size of a board of squares */
+/* number of pictures that must show the same other size of a board of squares */
 #define AGREE       2
 #define AGREE_GRIDS 3 /* number of pictures for grids of markers or circles, which have no edge */
 /* number of additional agreeing pictures that are needed for each picture of a third size */
 #define AGREE_MORE 2
 #define MAX_PX     1000 /* longer side of the pictures that are examined */
 #define MARKERS_PX 2000 /* longer side for boards with markers, whose cells are small */
-/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined
- * first. */
+/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined before
+ * the search. */
 #define LARGE 1.5
 
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
 /* distance of tested places from the centre of the next circle, in radii of a circle */
-#define NEAR_EDGE  0.6
-#define NEAR       1.1  /* reach of the comparison of black and white, in squares */
+#define NEAR_EDGE 0.6
+#define NEAR                                                                                       \
+    1.1                 /* black and white are taken from within this distance of a place, in      \
+                         * squares */
 #define EDGE_REACH 0.35 /* half the length in which an edge is searched, in squares */
 #define EDGE_STEPS 35
 #define EDGE_OFF   0.08 /* largest deviation of the edge from its place, in squares */
@@ -42,7 +45,7 @@
 #define ALONE 0.7
 /* Largest number of random samples of four corners that are tried for a homography. A size that
  * fewer than AGREEING · ALONE of the markers fit does not matter. With this share of right corners,
- * one of six samples has four of them. */
+ * all four corners of every sixth sample are right. */
 #define MAX_SAMPLES 200
 #define TOLERANCE   0.12 /* tolerance of the homography, in marker sides */
 #define ANY_PX      1e6  /* tolerance of a homography that accepts all points */
@@ -61,8 +64,9 @@ static void add_outside(GArray *to, double x, double y, int side, gboolean is_ed
     g_array_append_val(to, place);
 }
 
-/* Adds the places beyond a side of a board of squares or markers. In cells that would be dark, the
- * place must be light. Next to black squares, the place is on the edge. */
+/* Adds the places beyond a side of a board of squares or markers. Where the next cell of a larger
+ * board would be dark, the place is in this cell. Where that cell would be light, the place is on
+ * the edge of the black square inside the board. */
 static void add_cells(const struct board *board, int side, GArray *to) {
     const int n = side % 2 ? board->rows : board->columns;
     const double s = board->square_mm, marker = board->marker_mm;
@@ -188,7 +192,8 @@ static gboolean levels_near(const struct board *board, const struct print *print
         return FALSE;
     *ret_black = sum[0] / n[0];
     *ret_contrast = sum[1] / n[1] - *ret_black;
-    /* Bright circles on a dark ground have a negative contrast. */
+    /* The local contrast must have the sign of the contrast of the whole board, which is negative
+     * for bright circles on a dark ground. */
     const double all = print->white - print->black;
     return all != 0 && *ret_contrast * (all < 0 ? -1 : 1) > LEAST * fabs(all);
 }
@@ -205,7 +210,7 @@ static double level_at(const struct picture *picture, Project project, gconstpoi
 
 /* Returns 1 if the place is as light as the margin of the print, or if the edge is where it should
  * be. Returns −1 if the place is dark. Returns 0 otherwise, also if the print is not visible near
- * it. */
+ * the place. */
 static int margin_at(const struct picture *picture, const struct board *board,
                      const struct print *print, const struct outside *place, Project project,
                      gconstpointer data) {
@@ -229,7 +234,8 @@ static int margin_at(const struct picture *picture, const struct board *board,
     return fabs(dark / EDGE_STEPS * 2 - 1) * EDGE_REACH < EDGE_OFF ? 1 : 0;
 }
 
-/* Whether the print ends at the size of a board, goes on beyond it, or neither is shown (OPEN). */
+/* ENDS: the picture shows that the print ends at the size of the board. GOES_ON: it shows that the
+ * print goes on beyond this size. OPEN: it shows neither. */
 enum end { OPEN, ENDS, GOES_ON };
 
 /* Returns whether the picture is light OUTSIDE squares beyond a place that is on the edge of a
@@ -348,8 +354,8 @@ static enum end measure_chessboard(const struct picture *picture, struct board *
     return end_of_chessboard(picture, board, corners);
 }
 
-/* Computes the homography from corners of a board to their places. If ids is NULL, the corners are
- * all corners in order. */
+/* Computes the homography from corners of a board to their places in the picture. If ids is NULL,
+ * the corners are all corners in order. */
 static gboolean plane_of(const struct board *board, const int *ids, const double *places, int n,
                          double ret_h[9]) {
     g_autofree double *from = g_new(double, 2 * n);
@@ -379,9 +385,10 @@ static enum end measure_circles(const struct picture *picture, struct board *boa
     return GOES_ON;
 }
 
-/* Returns the number of markers that lie on a plane if the board has this number of columns.
- * Returns 0 if the board has fewer than MIN_SPOTS of the markers, or if no homography fits. ret_h
- * is the homography. ret_rows is the number of rows up to the last of these markers. */
+/* Returns the number of markers whose places on the board fit the picture by one homography.
+ * Returns 0 if fewer than MIN_SPOTS of the markers found are on the board, or if no homography
+ * fits. ret_h gets the homography. *ret_rows gets the number of rows up to the last marker that
+ * fits. */
 static int count_on_plane(const struct board *board, const GArray *found, double ret_h[9],
                           int *ret_rows) {
     const int n = (int)found->len;
@@ -418,7 +425,7 @@ static int count_on_plane(const struct board *board, const GArray *found, double
 }
 
 /* The number of rows does not change where markers lie relative to each other, but it changes the
- * centre of the print. So a large number of rows is assumed first. */
+ * centre of the print. So the largest possible number of rows is assumed first. */
 static enum end measure_markers(const struct picture *picture, struct board *board) {
     g_autoptr(GArray) found =
         vision_find_markers(picture, board->dictionary, board_border(board), FALSE, NULL);
@@ -471,7 +478,7 @@ static struct picture *reduce(const struct picture *from, int most) {
     return to;
 }
 
-/* Returns whether the board looks the same with columns and rows exchanged. */
+/* Returns whether the print looks the same with columns and rows exchanged. */
 static gboolean is_exchangeable(const struct board *board) {
     return board->print == BOARD_CHESSBOARD || board->print == BOARD_CIRCLES;
 }
@@ -557,9 +564,9 @@ static gboolean refuse_size(const struct board *given, const struct sighting *a,
     return FALSE;
 }
 
-/* Counts a picture that has shown the given size or another one; columns is 0 if the size is not
- * known. Holds the lock meanwhile. Returns FALSE with an error if enough pictures have shown this
- * other size. */
+/* Counts an examined picture. columns and rows are the size of the board in the picture; columns is
+ * 0 if this size is not known. Holds the lock meanwhile. Returns FALSE with an error if enough
+ * pictures have shown the same size, and this is not the given one. */
 static gboolean add_sighting(struct board_census *census, const char *name, int columns, int rows,
                              GError **error) {
     gboolean ok = TRUE;
@@ -617,11 +624,12 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
      * off. */
     const gboolean counted_corners = given->print == BOARD_CHESSBOARD && end == OPEN &&
                                      columns == given->columns + 1 && rows == given->rows + 1;
-    /* A board of the given size that does not go on is the given one. */
+    /* A board of the given size that does not go on is the given board. */
     const gboolean as_given = end == OPEN && columns == given->columns && rows == given->rows;
     if (end != ENDS && !counted_corners && !as_given)
         columns = rows = 0;
-    /* A picture may show the given board beside another one, so the given board is searched too. */
+    /* A picture may show the given board beside another board, so the given board is searched
+     * too. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {
         g_autoptr(Picture) small = reduce(picture, max_px(given));
         g_autoptr(GArray) corners = board_find(small, given, FALSE, NULL);

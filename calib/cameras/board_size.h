@@ -1,7 +1,8 @@
 /*
  * Detects a wrong size of the board while pictures are searched for it. The size is the most common
- * mistake in the description of a board: corners are counted instead of squares, or one is counted
- * too many. A search for a board that is not there takes minutes, and its failure does not say why.
+ * mistake in the description of a board: corners are counted instead of squares, or one square too
+ * many is counted. A search for a board that is not there takes minutes, and its failure does not
+ * say why.
  *
  * A few of the pictures are therefore searched for a board of the given print and any size. A
  * picture counts only if it shows the white margin along all four sides of the board. Without this
@@ -11,10 +12,11 @@
  *
  * Chessboards and symmetric grids of circles look the same if columns and rows are exchanged, so
  * for these the order is not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are not
- * recognised, and neither are boards without a margin. They give no error here. Only a chessboard
- * that has as many inner corners as the given one has squares is recognised without a margin.
+ * recognised, and neither are boards without a margin. Such boards give no error here. Only a
+ * chessboard that has as many inner corners as the given one has squares is recognised without a
+ * margin.
  *
- * Any thread. Several threads may use one census at the same time.
+ * Any thread may call the functions. Several threads may use one census at the same time.
  */
 #pragma once
 
@@ -30,9 +32,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BoardCensus, board_census_free)
 
 /* Examines a picture before the search if it is so large that a failed search takes seconds.
  * Returns FALSE with BOARD_ERROR_SPEC if the pictures show another size, which the error names.
- * *ret_more says whether further pictures of this size should be examined. The call returns
- * immediately after one picture has shown the given size, or after enough pictures were
- * examined. */
+ * *ret_more says whether further pictures of this size should be examined. Once a picture has shown
+ * the given size, or enough pictures were examined, further calls return immediately. */
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error);
 
@@ -44,7 +45,7 @@ gboolean board_census_after(struct board_census *census, const struct picture *p
 
 /* Measures the size of the board in one picture, for tests, which count how often it is right:
  * columns and rows of the given print. If the print looks the same with columns and rows exchanged,
- * the larger of the two is returned as columns or rows as in `given`. Returns FALSE if the size is
- * not known, or if the board does not end within the picture. */
+ * the larger number is returned as columns if given->columns ≥ given->rows, and else as rows.
+ * Returns FALSE if the size is not known, or if the board does not end within the picture. */
 gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
                        int *ret_rows);

@@ -19,7 +19,7 @@ G_DEFINE_QUARK(bundle_error, bundle_error)
 
 namespace {
 
-/* Failures are reported as errors, not on stderr. */
+/* Ceres must not write to stderr, because failures are reported as errors. */
 const bool quiet = [] {
     FLAGS_minloglevel = google::GLOG_FATAL;
     if (!google::IsGoogleLoggingInitialized())
@@ -34,7 +34,7 @@ constexpr double ASPECT_SIGMA = 0.002;
 /* prior standard deviation of each coefficient of the wobble, rad */
 constexpr double WOBBLE_SIGMA = 0.002;
 
-/* Residual of a corner, whitened and divided by its noise. */
+/* Residual of a corner, whitened and divided by the corner's noise. */
 struct Reprojection final
     : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1, 3, BUNDLE_WOBBLE> {
     const bundle *b;
@@ -145,7 +145,7 @@ struct AnglePrior final : ceres::SizedCostFunction<1, 1> {
     }
 };
 
-/* Gauge: the mean deviation of a lay's angles from the commanded angles is 0. */
+/* This gauge constraint makes the mean deviation of a lay's angles from the commanded angles 0. */
 struct MeanAngle final : ceres::CostFunction {
     std::vector<double> commanded;
 
@@ -167,9 +167,10 @@ struct MeanAngle final : ceres::CostFunction {
     }
 };
 
-/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal centres, is 0. With the
- * adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. A camera with a fixed pose
- * counts as well. It stays at its nominal centre, so that its part is 0. */
+/* This gauge constraint makes the mean azimuth of the cameras' centres, relative to the nominal
+ * centres, 0. With the adjusted centres c and the nominal centres n, Σ (c × n)_z / |n|² = 0. A
+ * camera with a fixed pose counts as well. It stays at its nominal centre, so that its part is
+ * 0. */
 struct MeanAzimuth final : ceres::CostFunction {
     std::vector<const bundle_camera *> cameras;
 
@@ -204,7 +205,8 @@ struct Work {
     std::vector<double> angles;
     std::array<double, 3> bend;
     std::array<double, BUNDLE_WOBBLE> wobble;
-    std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each */
+    std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each lay,
+                                                           * stop … */
     ceres::Problem problem;
 
     explicit Work(bundle *from)
@@ -255,7 +257,7 @@ struct Work {
         }
     }
 
-    /* Harmonic 1 has two parameters, higher ones have four each. */
+    /* Harmonic 1 has two parameters, and every higher harmonic has four. */
     void add_wobble() {
         std::vector<int> unused;
         for (int i = 4 * b->wobble_harmonics - 2; i < BUNDLE_WOBBLE; i++)
@@ -383,7 +385,8 @@ struct Work {
 };
 
 gboolean fail(GError **error, int code, const char *why) {
-    g_set_error(error, BUNDLE_ERROR, code, "the joint refinement has failed: %s", why);
+    g_set_error(error, BUNDLE_ERROR, code,
+                "the joint refinement of cameras and boards has failed: %s", why);
     return FALSE;
 }
 
@@ -404,7 +407,10 @@ gboolean bundle_solve(struct bundle *bundle, GError **error) {
         options.logging_type = ceres::SILENT;
         ceres::Solve(options, &work.problem, &summary);
         if (!summary.IsSolutionUsable())
-            return fail(error, BUNDLE_ERROR_FAILED, summary.message.c_str());
+            return fail(
+                error, BUNDLE_ERROR_FAILED,
+                (summary.message + " (Ceres); check the cameras of the rig file, and --board")
+                    .c_str());
         work.keep();
         return TRUE;
     } catch (const std::exception &e) {
@@ -422,7 +428,9 @@ gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError 
         int wobble = -1;
         options.parameter_blocks = work.free_blocks(&lens, &pose, &wobble);
         if (!work.problem.Evaluate(options, nullptr, &residuals, nullptr, &j))
-            return fail(error, BUNDLE_ERROR_FAILED, "a board is behind its camera");
+            return fail(error, BUNDLE_ERROR_FAILED,
+                        "the fit has put a board behind the camera that sees it; check the cameras "
+                        "of the rig file, and --board");
         const bundle_linear linear = {
             j.num_rows,      j.num_cols,
             j.rows.data(),   j.cols.data(),

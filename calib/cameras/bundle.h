@@ -39,9 +39,10 @@ struct bundle_camera {
     /* centre in the rig file, mm; for the gauge of the azimuth (fix_azimuth) */
     double nominal_centre[3];
     gboolean fixed_pose, fixed_lens;
-    /* index of this camera minus that of the camera whose lens it shares; 0: it has its own */
+    /* index of this camera minus the index of the camera whose lens it shares; 0: the camera has
+     * its own lens */
     int stop;
-    double noise; /* factor by which the sigmas of its observations are too small */
+    double noise; /* factor by which the standard deviations of its observations are too small */
     /* Output: covariance in the order fx … p2, ω, shift, k4, k5, k6, as in enum
      * calibration_camera_parameter. Fixed parameters have 0. */
     double covariance[BUNDLE_CAMERA][BUNDLE_CAMERA];
@@ -94,8 +95,8 @@ enum bundle_error {
     BUNDLE_ERROR_FAILED,
     BUNDLE_ERROR_SINGULAR, /* the observations do not determine all parameters */
 };
-/* Minimises the cost, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if it
- * does not converge. The parameters are then not changed. */
+/* Minimises the cost, and changes the parameters in place. Returns FALSE with a BUNDLE_ERROR if
+ * Ceres finds no usable solution. The parameters are then not changed. */
 gboolean bundle_solve(struct bundle *bundle, GError **error);
 
 /* Converts the parameters of the wobble to the form of rig.h. */
@@ -113,10 +114,10 @@ void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret);
  * pictures, which is few for its many entries. It is therefore shrunk towards a multiple of C. With
  * n pictures and p parameters of the camera,
  *   V = g (n S + p f C) / (n + p),  f = max(1, tr(C⁻¹ S) / p).
- * *ret_inflation gets f of each camera; ret_inflation may be NULL. Errors in units of a scatter
- * that is estimated from n pictures follow Student's t with n − 1 degrees of freedom (Cameron &
- * Miller 2015). Therefore g = 1 + (t² − 1)(1 − 1 / f), where t is the 97.5 % quantile of Student's
- * t over that of the normal distribution. g is 1 if f is 1. */
+ * ret_inflation gets f of each camera, in the order of the cameras; it may be NULL. Errors in units
+ * of a scatter that is estimated from n pictures follow Student's t with n − 1 degrees of freedom
+ * (Cameron & Miller 2015). Therefore g = 1 + (t² − 1)(1 − 1 / f), where t is the 97.5 % quantile of
+ * Student's t divided by that of the normal distribution. g is 1 if f is 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
 /* Projects a board point to the picture. If straight is TRUE, the point is projected as by a lens

@@ -285,8 +285,8 @@ gboolean bundle_scatter(struct bundle *bundle, const struct bundle_linear *linea
     g_free(factor.scale);
     if (!ok)
         g_set_error_literal(error, BUNDLE_ERROR, BUNDLE_ERROR_SINGULAR,
-                            "the joint refinement has failed: the pictures do not determine all "
-                            "parameters; take more of them, with the board at several tilts, and "
-                            "at angles all around the turntable");
+                            "the joint refinement of cameras and boards has failed: the pictures "
+                            "do not determine all parameters; take more pictures, with the board "
+                            "at several tilts, and at angles all around the turntable");
     return ok;
 }

@@ -1,4 +1,4 @@
-/* Declarations shared by the sources of the bundle adjustment, in C and C++. */
+/* The C and C++ files of the bundle adjustment share these declarations. */
 #pragma once
 
 #include "bundle.h"

@@ -1,4 +1,4 @@
-/* The projection of the bundle adjustment, and its derivatives by the chain rule. */
+/* This file has the projection of the bundle adjustment, and its derivatives by the chain rule. */
 #include "bundle_private.h"
 
 #include "geometry/rig.h"
@@ -7,7 +7,8 @@
 #include <string.h>
 
 #define MIN_Z 1e-6 /* smallest z of a point that counts as in front of the camera */
-/* smallest denominator; beyond its zero the image of a rational lens is mirrored */
+/* smallest denominator of a rational lens; where the denominator is negative, the image would be
+ * mirrored */
 #define MIN_BELOW 1e-3
 
 static struct mat3 product(const double a[9], const struct mat3 *b) {
@@ -46,8 +47,8 @@ gboolean bundle_has(enum rig_lens lens, int i) {
 }
 
 /* The fisheye of lens.h: u = X d(θ) / a, with a = |(X, Y)| and tan θ = a / Z. j has the derivatives
- * of u, v with respect to X, Y, Z. k has those with respect to the distortion, in the order of the
- * intrinsics. */
+ * of u, v with respect to X, Y, Z. k has the derivatives with respect to the coefficients of
+ * distortion, in the order of the intrinsics. */
 static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2][3],
                         double k[2][8]) {
     const double a = hypot(q.x, q.y), xy[2] = {q.x, q.y};
@@ -79,8 +80,8 @@ static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2
     return TRUE;
 }
 
-/* The polynomial and the rational lens (lens.h). j and k are as in fisheye(). Returns FALSE if the
- * point is behind the camera, or beyond the range of the rational lens. */
+/* Projects with the polynomial or the rational lens (lens.h). j and k are as in fisheye(). Returns
+ * FALSE if the point is behind the camera, or beyond the range of the rational lens. */
 static gboolean polynomial(enum rig_lens lens, const double *c, struct vec3 q, double uv[2],
                            double j[2][3], double k[2][8]) {
     const double x = q.x / q.z, y = q.y / q.z, s = x * x + y * y, xy[2] = {x, y};

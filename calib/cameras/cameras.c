@@ -17,10 +17,11 @@
 #define NEAR_PX         3 /* search radius in px once the geometry is known */
 /* search radius before the geometry is known, as a share of the picture's width */
 #define FAR           0.2
-#define MIN_CORNERS   6  /* smallest number of corners in a usable picture */
-#define MIN_PICTURES  3  /* smallest number of pictures that refine a camera */
-#define SIZE_PICTURES 8  /* number of pictures that are examined for another size of the board */
-#define HALF_TURN_DEG 10 /* an x axis within this angle of half a turn points the wrong way */
+#define MIN_CORNERS   6 /* smallest number of corners in a usable picture */
+#define MIN_PICTURES  3 /* smallest number of pictures from which a camera is refined */
+#define SIZE_PICTURES 8 /* number of pictures that are examined for another size of the board */
+/* A board's x axis counts as reversed if its azimuth is within this angle of 180°. */
+#define HALF_TURN_DEG 10
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
@@ -52,9 +53,9 @@ gboolean cameras_board_azimuth(const struct cameras_result *result, const struct
     if (board->print != BOARD_CHESSBOARD || fabs(*ret_deg) < 180 - HALF_TURN_DEG)
         return TRUE;
     g_set_error(error, CAMERAS_ERROR, CAMERAS_ERROR_FIT,
-                "the board's x axis is at azimuth %.1f° by the nominal azimuths of the cameras, "
-                "half a turn from 0: is its first square %s? Then %s --board. If it is not, turn "
-                "the azimuths in the rig file by 180°",
+                "by the nominal azimuths of the cameras, the board's x axis is at azimuth %.1f°, "
+                "but it must be near 0°: if the board's top left square is %s, %s --board; "
+                "otherwise, turn the azimuths of the cameras in the rig file by 180°",
                 *ret_deg, board->white_first ? "black" : "white",
                 board->white_first ? "take first=white out of" : "add first=white to");
     return FALSE;
@@ -120,11 +121,11 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     /* On a rig, a picture of another size was taken by another camera or was scaled. That is an
      * error, not an outlier. */
     if (!work->free_boards && (picture->width != c->width || picture->height != c->height))
-        return cameras_refuse(
-            error, CAMERAS_ERROR_PICTURES,
-            "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
-            "and not scaled, all from one camera",
-            picture->name, picture->width, picture->height, c->name, c->width, c->height);
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "%s has %d × %d pixels, but camera %s has %d × %d: use pictures of "
+                              "this camera that are neither cropped nor scaled",
+                              picture->name, picture->width, picture->height, c->name, c->width,
+                              c->height);
     seen->name = g_strdup(picture->name);
     seen->checksum = g_strdup(picture->checksum);
     seen->width = picture->width;
@@ -136,7 +137,8 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     return board_census_after(work->census, picture, seen->corners, error);
 }
 
-/* If the pictures are large, first searches some from all lays for a board of another size. */
+/* If the pictures are large, first examines at most SIZE_PICTURES of them, at equal distances in
+ * the list, for a board of another size. */
 static gboolean check_size(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures, most = MIN(n, SIZE_PICTURES);
     gboolean more = TRUE;
@@ -155,7 +157,7 @@ gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy
 }
 
 /* Searches picture i for all corners where the geometry predicts them, including corners that the
- * detector has not found. If too few are found, the picture is no longer used. */
+ * detector has not found. If too few corners are found, the picture is no longer used. */
 static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     struct cameras_look at = {&work->bundle, seen->camera, seen->stop};
@@ -171,9 +173,10 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
         return TRUE;
     }
     if (!seen->why)
-        cameras_set_why(seen, corners
-                                  ? "too few corners of the board are clear enough"
-                                  : "what is seen does not look like the board where it should be");
+        cameras_set_why(seen, corners ? "fewer than " G_STRINGIFY(
+                                            MIN_CORNERS) " corners of the board are clear enough"
+                                      : "at the place where the geometry predicts the board, the "
+                                        "picture does not look like the board");
     g_clear_pointer(&corners, g_array_unref);
     g_clear_pointer(&seen->corners, g_array_unref);
     return TRUE;
@@ -335,7 +338,8 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-/* arm is NULL if the rig has no camera arm, or if its axis is not determined. */
+/* Stores the results in the calibration, and also returns them. arm is NULL if the rig has no
+ * camera arm, or if the arm's axis is not determined. */
 static struct cameras_result *cameras_store_result(struct cameras_work *work,
                                                    const struct rig_swing_fit *arm) {
     struct calibration *calibration = work->calibration;
@@ -452,10 +456,10 @@ static void tell_unexplained(const struct cameras_work *work, GError **error) {
     g_clear_error(error);
     cameras_refuse(error, CAMERAS_ERROR_FIT,
                    "the boards do not fit the rig file: half of all corners are more than %.3g px "
-                   "from where they should be, and neither a reversed turntable, nor angles in "
-                   "radians, nor exchanged cameras explain it. Check theta_deg, phi_deg and "
-                   "distance_mm of each camera, the angles of the turntable, and whether every "
-                   "session is of one position of the board",
+                   "from the places that the rig file predicts, and neither a reversed turntable, "
+                   "nor angles in radians, nor exchanged cameras explain this. Check theta_deg, "
+                   "phi_deg and distance_mm of each camera, the angles of the turntable, and "
+                   "whether every session is of one position of the board",
                    work->unexplained_px);
 }
 
@@ -471,8 +475,8 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     const int blas_threads = openblas_get_num_threads();
     if (!free_boards && !board_check_upright(&task->board, error))
         return NULL;
-    /* OpenCV and this room solve thousands of small systems. With several BLAS threads, these would
-     * mostly wait for each other. */
+    /* OpenCV and this room solve thousands of small systems. Several BLAS threads would mostly wait
+     * for each other. */
     work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
     work.census = board_census_new(&task->board);

@@ -24,15 +24,15 @@
  *
  * The lens model is that of the rig file, or the polynomial for photographs, unless the task gives
  * another. For photographs it can be chosen by cross-validation over pictures. Five times, each
- * model is fitted to four fifths of the pictures and predicts the corners in the others. Only the
- * poses of the boards in these are fitted. The fisheye replaces the polynomial, and then the
- * rational lens replaces the better of the two, if the loss summed over the pictures falls by more
- * than twice the standard error of the differences.
+ * model is fitted to four fifths of the pictures and predicts the corners in the last fifth. In
+ * these pictures, only the poses of the boards are fitted. The fisheye replaces the polynomial, and
+ * then the rational lens replaces the better of the two, if the loss summed over the pictures falls
+ * by more than twice the standard error of the differences.
  *
  * For photographs the board may be bent, in the same way in all of them: z = b₀ x² + b₁ x y + b₂
- * y². The bend is used if it predicts left-out corners better by more than one standard error. If
- * the board is flat, the bend costs no more than its variance. At half the longer side of the
- * board, the prior of the bend is 0 ± 2 % of that length.
+ * y². The bend is used if it predicts left-out corners better by more than one standard error. The
+ * prior of z, at a distance of half the longer side of the board from its centre, is 0 ± 2 % of
+ * this distance.
  *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
  * arm's axis is fitted to the poses (swing.h). A stop without pictures gets its pose from the axis
@@ -40,9 +40,9 @@
  * increased by the deviation of the calibrated stops from the axis.
  *
  * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
- * angles determines, at most RIG_WOBBLE_HARMONICS. χ² is divided by the inflation of the variances.
- * The same number of meaningless parameters also lowers χ². The wobble is kept if the decrease of
- * χ² exceeds this chance decrease by more than four standard deviations.
+ * angles determines, at most RIG_WOBBLE_HARMONICS. Even meaningless parameters lower χ². The wobble
+ * is kept if χ², divided by the inflation of the variances, decreases more than by as many
+ * meaningless parameters, by at least four standard deviations of the latter decrease.
  *
  * Errors include the scatter between pictures (bundle.h).
  *
@@ -58,8 +58,9 @@
 #define CAMERAS_ERROR cameras_error_quark()
 GQuark cameras_error_quark(void);
 enum cameras_error {
-    CAMERAS_ERROR_PICTURES, /* too few, degenerate, or not of this board */
-    CAMERAS_ERROR_FIT,      /* the pictures contradict each other or the rig file */
+    /* the pictures are too few, or do not determine the cameras, or do not show this board */
+    CAMERAS_ERROR_PICTURES,
+    CAMERAS_ERROR_FIT, /* the pictures contradict each other or the rig file */
 };
 
 struct cameras_picture {
@@ -69,7 +70,7 @@ struct cameras_picture {
 };
 
 /* Reads picture i. The calibration may ask for the same picture several times. Returns a picture,
- * which the calibration frees, or NULL with an error. It is called from several threads at the same
+ * which the calibration frees, or NULL with an error. Several threads call the function at the same
  * time. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
 /* Reports that `step` of `n` steps are done. Returns FALSE to cancel (G_IO_ERROR_CANCELLED). It is
@@ -91,7 +92,7 @@ struct cameras_task {
 };
 
 struct cameras_residual {
-    /* corner is its id in board.h */
+    /* corner is the id of the corner (board.h) */
     int camera, picture, corner;
     float x_px, y_px;   /* seen position of the corner */
     float dx_px, dy_px; /* predicted minus seen position */
@@ -99,12 +100,12 @@ struct cameras_residual {
 
 struct cameras_stop {
     int lay;
-    /* error_deg: estimated minus commanded angle */
+    /* error_deg is the estimated minus the commanded angle */
     double commanded_deg, error_deg;
 };
 
 struct cameras_lay {
-    double tilt_deg;    /* angle between the board's normal and the axis */
+    double tilt_deg;    /* angle between the board's normal and the turntable's axis */
     double azimuth_deg; /* azimuth of the board's x axis with the turntable at 0 */
     /* number of pictures that show the board */
     int pictures;
@@ -127,7 +128,7 @@ struct cameras_result {
     /* Factor of each camera's variances that accounts for the scatter between pictures; at least
      * 1. */
     double inflation[RIG_MAX_CAMERAS];
-    double expected_px;      /* RMS that the noise of the pictures explains; 0 if it is not known */
+    double expected_px;      /* RMS expected from the noise of the pictures alone; 0: unknown */
     double wobble_rad;       /* largest tilt of the turntable's axis; 0: no significant wobble */
     double wobble_error_rad; /* RMS error of the tilt over a turn */
 };

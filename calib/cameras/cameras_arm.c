@@ -61,19 +61,18 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
     if (ret->angle_rms_rad > RAD(MAX_OFF_DEG))
         return cameras_refuse(
             error, CAMERAS_ERROR_FIT,
-            "the stops of the camera arm do not turn about one axis by the angles of the rig file: "
-            "they "
-            "are %.2g° from that (RMS). Does [axis arm] move, and are its steps_per_deg right?",
-            ret->angle_rms_rad * 180 / G_PI);
+            "the camera's poses at the stops of the camera arm deviate by %.2g° (RMS) from turns "
+            "about one axis by the angles in the rig file, and at most %d° is allowed: check that "
+            "the arm moves, and steps_per_deg of [axis arm]",
+            ret->angle_rms_rad * 180 / G_PI, MAX_OFF_DEG);
     const double off_deg =
         acos(CLAMP(vec3_dot(ret->swing.axis, work->nominal.arm.axis), -1, 1)) * 180 / G_PI;
     return off_deg < MAX_LEAN_DEG ||
-           cameras_refuse(
-               error, CAMERAS_ERROR_FIT,
-               "the camera arm turns about an axis that is %.0f° from that of the rig file: "
-               "check [rig] arm_axis_theta_deg and arm_axis_phi_deg, and the sign of "
-               "steps_per_deg of [axis arm]",
-               off_deg);
+           cameras_refuse(error, CAMERAS_ERROR_FIT,
+                          "the camera arm turns about an axis that is %.0f° from the axis in the "
+                          "rig file: check [rig] arm_axis_theta_deg and arm_axis_phi_deg, and the "
+                          "sign of steps_per_deg of [axis arm]",
+                          off_deg);
 }
 
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,

@@ -1,5 +1,6 @@
-/* Checks between the steps of a calibration. They turn a degenerate set of pictures, a wrong board
- * or a camera that moved into an error that names the cause, instead of a wrong result. */
+/* This file has the checks between the steps of a calibration. If the set of pictures is
+ * degenerate, the board is wrong or a camera has moved, a check fails with an error that names the
+ * cause, instead of a wrong result. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -10,7 +11,7 @@
 #define FLAT_DEG     2
 #define MIN_TILT_DEG 5
 #define MIN_PICTURES 3
-/* largest relative deviation of all cameras' distances together from the rig file */
+/* largest relative deviation of the cameras' mean distance from the rig file */
 #define MAX_SCALE    0.04
 #define MAX_RMS_PX   1.0
 #define MAX_DISTANCE 0.02 /* largest relative standard error of a camera's distance */
@@ -51,7 +52,7 @@ static const char *first_reason(const struct cameras_work *work, int camera) {
     for (int i = 0; i < work->task->n_pictures; i++)
         if (work->seen[i].camera == camera && !work->seen[i].corners && work->seen[i].why)
             return work->seen[i].why;
-    return "it has no pictures";
+    return "the camera has no pictures";
 }
 
 static int n_set_aside(const struct cameras_work *work, int camera) {
@@ -69,9 +70,9 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
     return (used >= MIN_PICTURES && 2 * used >= all) ||
            cameras_refuse(
                error, CAMERAS_ERROR_PICTURES,
-               "only %d of %d photographs agree on one lens, but %d must; the board was not found "
-               "in %d, and %d contradict the others; for example, %s; take out photographs of "
-               "another board, camera, zoom or focus, or give more",
+               "only %d of %d photographs agree on one lens, but at least %d must; the board was "
+               "not found in %d photographs, and %d contradict the others; for example, %s; take "
+               "out photographs of another board, camera, zoom or focus, or give more photographs",
                used, all, MAX(MIN_PICTURES, (all + 1) / 2), all - used - contradict, contradict,
                first_reason(work, 0));
 }
@@ -86,9 +87,10 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
         if (contradict > used)
             return cameras_refuse(
                 error, CAMERAS_ERROR_FIT,
-                "camera %s: %d of the %d pictures in which it sees the board contradict the "
-                "others: the camera or the board moved between them, or sessions are given that "
-                "do not belong together; for one, %s",
+                "camera %s: %d of the %d pictures in which it sees the board contradict the other "
+                "pictures: the camera or the board has moved between pictures, or the given "
+                "sessions do not belong together; for example, %s; capture again, or give only "
+                "sessions that belong together",
                 work->nominal.cameras[c].name, contradict, used + contradict,
                 first_reason(work, c));
     }
@@ -104,19 +106,17 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
         most = MAX(most, DEG(cameras_tilt_rad(&work->bundle.lays[l])));
     }
     if (most < MIN_TILT_DEG)
-        return cameras_refuse(
-            error, CAMERAS_ERROR_PICTURES,
-            "all boards are parallel (at most %.1f° from flat), so that no camera "
-            "sees how far away it stands: also capture the board leaning by 15° "
-            "to 30°, and give all sessions",
-            most);
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "the board is never tilted by more than %.1f°, so the pictures do "
+                              "not show how far away the cameras stand: also capture the board "
+                              "leaning by 15° to 30°, and give all sessions",
+                              most);
     if (least > FLAT_DEG)
-        return cameras_refuse(
-            error, CAMERAS_ERROR_PICTURES,
-            "the board never lies flat on the turntable (at least %.1f° from it), "
-            "so that nothing shows where the turntable's top is: also capture the board flat, and "
-            "give both sessions",
-            least);
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "the board never lies flat on the turntable (it is always tilted by "
+                              "at least %.1f°), so the pictures do not show where the turntable's "
+                              "top is: also capture the board flat, and give both sessions",
+                              least);
     return TRUE;
 }
 
@@ -139,11 +139,11 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
         for (int i = 0; i < work->task->n_pictures; i++)
             all += work->seen[i].camera == c;
         if (good < MIN_PICTURES && !cameras_is_predicted(work, c))
-            return cameras_refuse(
-                error, CAMERAS_ERROR_PICTURES,
-                "camera %s: the board was found in %d of its %d pictures, and at least %d "
-                "are needed; for one, %s",
-                work->nominal.cameras[c].name, good, all, MIN_PICTURES, first_reason(work, c));
+            return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                                  "camera %s: the board was found in %d of the camera's %d "
+                                  "pictures, and at least %d are needed; for example, %s",
+                                  work->nominal.cameras[c].name, good, all, MIN_PICTURES,
+                                  first_reason(work, c));
     }
     return check_lays(work, error);
 }
@@ -174,9 +174,10 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
         return TRUE;
     return cameras_refuse(
         error, CAMERAS_ERROR_FIT,
-        "all cameras would stand %.3f times as far away as the rig file says: are "
-        "the squares really %g mm, and not %.4g mm?",
-        sum, work->task->board.square_mm, work->task->board.square_mm / sum);
+        "by these pictures, the cameras stand %.3f times as far away as in the rig file: measure "
+        "the squares of the board, which may have %.4g mm instead of %g mm; if the squares are "
+        "right, correct distance_mm of the cameras in the rig file",
+        sum, work->task->board.square_mm / sum, work->task->board.square_mm);
 }
 
 gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
@@ -199,15 +200,14 @@ static gboolean check_lens(const struct cameras_work *work, GError **error) {
                 most = MAX(most, DEG(acos(CLAMP(cosine, -1, 1))));
         }
     if (most < MIN_TILT_DEG)
-        return cameras_refuse(
-            error, CAMERAS_ERROR_PICTURES,
-            "all boards are parallel, to %.1f°: hold the board at different tilts "
-            "before the camera, up to 45°",
-            most);
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "the tilts of the boards differ by at most %.1f°: hold the board at "
+                              "different tilts before the camera, up to 45°",
+                              most);
     return focal < MAX_DISTANCE ||
            cameras_refuse(error, CAMERAS_ERROR_PICTURES,
                           "the photographs determine the focal length only to %.2g %%: take more "
-                          "of them, with larger tilts",
+                          "photographs, with larger tilts of the board",
                           100 * focal);
 }
 
@@ -226,13 +226,12 @@ static double rms_px(const struct cameras_work *work) {
 
 gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
     if (rms_px(work) > MAX_RMS_PX)
-        return cameras_refuse(error, CAMERAS_ERROR_FIT,
-                              "corners are %.2f px from where they should be (RMS): the board is "
-                              "bent%s, or it is not the board that --board says",
-                              rms_px(work),
-                              work->free_boards ? ""
-                                                : ", the board moved on the turntable, a camera "
-                                                  "moved");
+        return cameras_refuse(
+            error, CAMERAS_ERROR_FIT,
+            "after the fit, the corners are %.2f px (RMS) from their predicted places, and at most "
+            "%g px is allowed: the board is bent%s, or it is not the board of --board",
+            rms_px(work), MAX_RMS_PX,
+            work->free_boards ? "" : ", the board has moved on the turntable, a camera has moved");
     if (work->free_boards)
         return check_lens(work, error);
     for (int c = 0; c < work->bundle.n_cameras; c++) {
@@ -241,8 +240,8 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
         if (!(distance < MAX_DISTANCE))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
-                "camera %s: the pictures do not determine its position (its distance only to %.2g "
-                "%%): take more, with the board at larger tilts and in all parts of the picture",
+                "camera %s: the pictures determine the camera's distance only to %.2g %%: take "
+                "more pictures, with the board at larger tilts and in all parts of the picture",
                 work->nominal.cameras[c].name, 100 * distance);
     }
     return check_scale(work, error);

@@ -1,15 +1,15 @@
-/* Lateral colour of lenses whose sensors have a colour filter. Each picture gives the magnification
- * of red and blue relative to green, from the edges at all of its corners with the geometry known.
- * The results of one lens are averaged. */
+/* This file measures the lateral colour of lenses whose sensors have a colour filter. Each picture
+ * gives the magnification of red and blue relative to green, from the edges at all of its corners
+ * with the geometry known. The results of one lens are averaged. */
 #include "cameras_private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define MIN_CORNERS  6 /* smallest number of corners with which a picture counts */
-#define MIN_PICTURES 3 /* smallest number of pictures that give the lateral colour of a lens */
-#define ROUNDS       4 /* largest number of Gauss-Newton steps for a picture */
-#define SETTLED      1e-7
+#define MIN_CORNERS  6    /* smallest number of corners with which a picture counts */
+#define MIN_PICTURES 3    /* smallest number of pictures that give the lateral colour of a lens */
+#define ROUNDS       4    /* largest number of Gauss-Newton steps for a picture */
+#define SETTLED      1e-7 /* change of the magnifications below which the steps end */
 /* smallest deviation of both colours together that is corrected, in standard errors */
 #define SIGNIFICANT 4
 

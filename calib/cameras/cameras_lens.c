@@ -1,5 +1,5 @@
-/* Chooses a lens model by cross-validation. Whole pictures are left out, because residuals of one
- * picture have errors in common and neighbouring corners predict each other. */
+/* This file chooses a lens model by cross-validation. Whole pictures are left out, because the
+ * residuals of one picture have errors in common, and neighbouring corners predict each other. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -11,7 +11,8 @@
 /* A model is better if it lowers the sum of losses by more than this many standard errors of the
  * differences. For a bend, one standard error is sufficient. */
 #define SIGNIFICANT 2
-/* prior sigma of a bend at half the longer side, relative to that length */
+/* prior standard deviation of z at a distance of half the longer side from the centre, relative to
+ * this distance */
 #define BENT 0.02
 
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
@@ -120,7 +121,7 @@ static void try_bend(const struct cameras_work *work, struct trial *flat) {
     g_free(trials[1].loss);
 }
 
-/* The polynomial is the default. Then the other models are compared with the best one so far, in
+/* The polynomial is the default. Then the other models are compared with the best model so far, in
  * the order of their number of parameters. If the lens model is given, only this model is fitted,
  * as a start of the refinement. A refinement that starts from a lens without distortion may end at
  * a minimum where the parameters of a rational lens are undetermined. */
@@ -147,9 +148,10 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
         if (trial->ok && (!best || is_better(best->loss, trial->loss, n, SIGNIFICANT)))
             best = trial;
     }
-    if (!best) /* the refinement reports why */
+    if (!best) /* no model could be fitted; the refinement will report why */
         best = &trials[work->task->lens_given ? work->task->lens : RIG_LENS_POLYNOMIAL];
-    /* Pixels per whitened unit, for display: the median over the corners. */
+    /* Computes how many pixels one unit of the whitened residual is, as a median over the corners.
+     * It converts losses to pixels for display. */
     g_autoptr(GArray) ratios = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; best->ok && i < best->bundle.n_observations; i++) {
         const double r = cameras_residual(&best->bundle, &best->bundle.observations[i], d);

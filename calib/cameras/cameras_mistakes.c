@@ -12,8 +12,9 @@
 #define SUSPICIOUS_PX 2.0
 #define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
 #define BETTER        5.0 /* factor by which the correction must also reduce the residual */
-#define MAX_PAIRED    8   /* with more cameras, only neighbours in the rig file are exchanged */
-#define REFINED       3   /* number of mistakes that are refined, those with the best start */
+/* With more cameras, only exchanges of neighbours in the rig file are tried. */
+#define MAX_PAIRED 8
+#define REFINED    3 /* number of mistakes that are refined, those with the best start */
 /* factor by which an exchanged camera is nearer to another camera's place than to its own */
 #define EXCHANGED 5.0
 
@@ -136,13 +137,12 @@ static void tell_cameras(const struct rig *rig, const struct mistake *mistake, c
             "cameras %s and %s are exchanged: in the right order %s; " CAMERAS_EXCHANGE_THEM, one,
             other, fit, one, other);
     else
-        cameras_refuse(
-            error, CAMERAS_ERROR_FIT,
-            "the cameras are in another order: the pictures of %s are in truth of %s, and so on; "
-            "in that order %s; correct the device of every [camera …] in the rig file, "
-            "or for imported pictures the names in the table, and capture or import "
-            "again",
-            one, other, fit);
+        cameras_refuse(error, CAMERAS_ERROR_FIT,
+                       "the cameras are in another order than noted: for example, the pictures "
+                       "noted for %s were taken by %s; in the right order %s; correct the device "
+                       "of every [camera …] in the rig file, or for imported pictures the names in "
+                       "the table, and capture or import again",
+                       one, other, fit);
 }
 
 static void tell_mistake(const struct rig *rig, const struct mistake *mistake, double as_noted_px,
@@ -155,10 +155,10 @@ static void tell_mistake(const struct rig *rig, const struct mistake *mistake, d
         tell_cameras(rig, mistake, fit, error);
     else if (mistake->turntable == -1)
         cameras_refuse(error, CAMERAS_ERROR_FIT,
-                       "the turntable turns the wrong way, clockwise seen "
-                       "from above: with the other sign %s; correct the sign of steps_per_deg of "
-                       "[axis turntable] in the rig file, or for imported pictures turntable_deg "
-                       "in the table, and capture or import again",
+                       "the turntable turns the wrong way, clockwise seen from above: with the "
+                       "other sign of the angles, %s; correct the sign of steps_per_deg of [axis "
+                       "turntable] in the rig file, or for imported pictures turntable_deg in the "
+                       "table, and capture or import again",
                        fit);
     else
         cameras_refuse(
@@ -204,7 +204,7 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
     return FALSE;
 }
 
-/* Cameras whose poses are free can fit well although they are exchanged. */
+/* The places are compared, because exchanged cameras can fit well if their poses are free. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error) {
     const struct rig *rig = &work->nominal;
     for (int i = 0; i < rig->n_cameras; i++) {
@@ -221,8 +221,8 @@ gboolean cameras_check_places(const struct cameras_work *work, GError **error) {
                 continue;
             return cameras_refuse(
                 error, CAMERAS_ERROR_FIT,
-                "camera %s stands %.0f mm from its place, and %.0f mm from that of camera %s: they "
-                "are exchanged; " CAMERAS_EXCHANGE_THEM,
+                "camera %s stands %.0f mm from its place in the rig file, but only %.0f mm from "
+                "the place of camera %s: the two cameras are exchanged; " CAMERAS_EXCHANGE_THEM,
                 rig->cameras[i].name, own_mm, other_mm, rig->cameras[k].name, rig->cameras[i].name,
                 rig->cameras[k].name);
         }

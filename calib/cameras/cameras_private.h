@@ -1,4 +1,4 @@
-/* State shared by cameras_*.c: pictures, corners, and the present geometry. */
+/* The files cameras_*.c share this state: pictures, corners, and the present geometry. */
 #pragma once
 
 #include "board_find.h"
@@ -12,7 +12,9 @@ struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
     int width, height; /* px */
-    GArray *corners;   /* struct corner; NULL if not found or set aside, see why */
+    /* struct corner; NULL if no corners were found or if they were set aside; `why` has the
+     * reason */
+    GArray *corners;
     /* corners of a picture that was rejected because it contradicts the others */
     GArray *set_aside;
     /* "picture: reason" why the picture is not used; NULL if it is used */
@@ -34,7 +36,7 @@ struct cameras_work {
     /* as in rig.h and calibration.h */
     double lateral_colour[RIG_MAX_CAMERAS][3], lateral_error[RIG_MAX_CAMERAS][3];
     struct lateral *lateral; /* result of each picture; see cameras_lateral.c */
-    int steps, step;
+    int steps, step;         /* progress: number of all steps, and of those that are done */
     double unexplained_px; /* typical residual of the first fit, if it is large and no known mistake
                               explains it; otherwise 0 */
 };
@@ -76,8 +78,8 @@ void cameras_align(struct cameras_work *work);
 void cameras_set_observations(struct cameras_work *work);
 double cameras_median(GArray *values); /* sorts the doubles; returns their median */
 
-/* A step of the calibration with picture i. Returns FALSE with an error to end the pass over all
- * pictures. */
+/* Does a step of the calibration for picture i. Returns FALSE with an error to end the pass over
+ * all pictures. */
 typedef gboolean (*CamerasPass)(struct cameras_work *work, int i, double reach_px, GError **error);
 /* cameras.c: runs a pass over pictures in several threads, and returns the first error. reach_px
  * has the search radius of each picture; a negative value skips the picture. If reach_px is NULL,
@@ -111,9 +113,9 @@ void cameras_estimate_noise(struct bundle *bundle);
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
-/* Returns the RMS in pixels that the noise of the corners leaves after the fit. camera −1 means all
- * cameras. Returns 0 if it is not known, which is so for photographs, because compression and
- * sharpening have changed their noise. */
+/* Returns the RMS residual in pixels that is expected after the fit from the noise of the corners
+ * alone. If camera is −1, this is over all cameras. Returns 0 for photographs, because compression
+ * and sharpening have changed their noise, and if no corners are used. */
 double cameras_expected_px(const struct cameras_work *work, int camera);
 
 /* cameras.c: makes one bundle adjustment with the corners found so far. */
@@ -127,8 +129,8 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
 /* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
-/* cameras_check.c: returns FALSE with an error if a camera has too few pictures, or if the boards
- * are all parallel, or none of them lies flat. */
+/* cameras_check.c: returns FALSE with an error if a camera has too few pictures, if no board is
+ * tilted, or if no board lies flat. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
 /* Returns whether a stop of the camera arm has no pictures and gets its pose from the arm's axis,
  * which two other stops of the camera determine. */

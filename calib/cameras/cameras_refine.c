@@ -1,13 +1,14 @@
-/* Bundle adjustment in rounds. Each round estimates the noise of each camera's corners, and rejects
- * corners and pictures that are outliers. Rejected pictures are tried again as the geometry
- * improves. */
+/* The bundle adjustment is made in rounds. Each round estimates the noise of each camera's corners,
+ * and rejects corners and pictures that are outliers. Rejected pictures are tried again as the
+ * geometry improves. */
 #include "cameras_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* in units of the noise; a corner whose error is only noise is rejected with probability 4e-5 */
+/* smallest residual of an outlier, in units of the noise; a corner whose error is only noise
+ * exceeds it with probability 4e-5 */
 #define OUTLIER         4.5
 #define OUTLIER_PX      0.1    /* smaller residuals are never outliers */
 #define ROBUST          3      /* threshold of Huber's loss, in units of the noise */
@@ -62,7 +63,8 @@ double cameras_expected_px(const struct cameras_work *work, int camera) {
 }
 
 /* Estimates the noise as the median of |residual| / √(2 ln 2). The corners' covariances contain
- * only the pixel noise. Compression, a warped print and errors of the lens model add to it. */
+ * only the pixel noise. Compression, a warped print and errors of the lens model only add to the
+ * noise, so the estimate is at least 1. */
 void cameras_estimate_noise(struct bundle *b) {
     double d[2];
     for (int c = 0; c < b->n_cameras; c++) {
@@ -187,8 +189,8 @@ static void set_aside(struct cameras_work *work, int picture) {
             work->bundle.observations[i].rejected = TRUE;
 }
 
-/* Rejects pictures in which too many corners are outliers. They show something else, or something
- * has moved. */
+/* Rejects pictures in which too many corners are outliers. Such pictures show something else, or
+ * something has moved. */
 static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
     g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
@@ -202,11 +204,10 @@ static void drop_pictures(struct cameras_work *work) {
         if (!seen->corners || rejected[i] <= MAX_REJECTED * all[i])
             continue;
         g_autofree char *why = g_strdup_printf(
-            "%d of its %d corners are not where all other pictures say they must be; %s",
-            rejected[i], all[i],
-            work->free_boards ? "was it taken with another zoom or focus, cropped or scaled, or is "
-                                "it blurred by motion?"
-                              : "did something move?");
+            "%d of the picture's %d corners contradict the other pictures; %s", rejected[i], all[i],
+            work->free_boards ? "check zoom and focus, and that the photograph is not cropped, "
+                                "scaled or blurred by motion"
+                              : "check whether something has moved");
         cameras_set_why(seen, why);
         set_aside(work, i);
     }

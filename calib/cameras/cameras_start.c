@@ -1,5 +1,5 @@
-/* Initial values for the bundle adjustment. Cameras are as in the rig file. The pose of each lay
- * comes from the picture that explains the other pictures best. */
+/* This file finds initial values for the bundle adjustment. Cameras begin as in the rig file. The
+ * pose of each lay comes from the picture that explains the other pictures best. */
 #include "cameras_private.h"
 
 #include "pictures/vision.h"
@@ -132,11 +132,10 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
         found += work->seen[i].corners != NULL;
         why = why ? why : work->seen[i].why;
     }
-    return cameras_refuse(
-        error, CAMERAS_ERROR_PICTURES,
-        "position %d of the board: no picture shows it well enough (it was found in %d of %d "
-        "pictures)%s%s",
-        lay + 1, found, all, why ? "; for one, " : "", why ? why : "");
+    return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                          "position %d of the board must be captured again: no picture shows the "
+                          "board well enough (the board was found in %d of %d pictures)%s%s",
+                          lay + 1, found, all, why ? "; for example, " : "", why ? why : "");
 }
 
 gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
@@ -151,14 +150,15 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
             if (seen->lay != lay || !seen->corners)
                 continue;
             g_clear_pointer(&seen->corners, g_array_unref);
-            cameras_set_why(seen, "too few corners of the board are clear enough");
+            cameras_set_why(
+                seen, "the clear corners of the board are too few to find the pose of the board");
         }
     }
     return TRUE;
 }
 
 /* The size of the camera's pictures is the size that most photographs have. Photographs of another
- * size were cropped or scaled, or were taken by another camera. They are left out. */
+ * size are left out, because they were cropped or scaled, or were taken by another camera. */
 static void take_common_size(struct cameras_work *work) {
     struct rig_camera *camera = &work->nominal.cameras[0];
     int most = 0;
@@ -178,8 +178,8 @@ static void take_common_size(struct cameras_work *work) {
         if (seen->width == camera->width && seen->height == camera->height)
             continue;
         g_autofree char *why = g_strdup_printf(
-            "it has %d × %d pixels, but %d of the %d photographs have %d × %d: photographs must be "
-            "whole and not scaled, all from one camera",
+            "the photograph has %d × %d pixels, but %d of the %d photographs have %d × %d: use "
+            "photographs of one camera that are neither cropped nor scaled",
             seen->width, seen->height, most, work->task->n_pictures, camera->width, camera->height);
         cameras_set_why(seen, why);
         g_clear_pointer(&seen->corners, g_array_unref);
@@ -211,7 +211,8 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     }
     if (views->len < 3) {
         return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
-                              "the board was found in %u of %d pictures; at least 3 are needed%s%s",
+                              "the board was found with at least 8 corners in %u of %d "
+                              "photographs, and at least 3 such photographs are needed%s%s",
                               views->len, n,
                               n > 0 && work->seen[0].why ? "; for example, not in " : "",
                               n > 0 && work->seen[0].why ? work->seen[0].why : "");

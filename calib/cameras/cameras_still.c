@@ -15,9 +15,9 @@ gboolean cameras_level(struct cameras_work *work, GError **error) {
     if (cameras_tilt_rad(flat) > MAX_TILT_RAD)
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
-            "no board lies flat: by the rig file the flattest is tilted by %.1f°. Without a "
-            "turntable, a flat board shows what is level: also capture the board lying where "
-            "samples lie, and give that session",
+            "no board lies flat: by the cameras of the rig file, the flattest board is tilted by "
+            "%.1f°. Without a turntable, a flat board shows what is level: also capture the board "
+            "lying where samples lie, and give that session",
             cameras_tilt_rad(flat) * 180 / G_PI);
     /* azimuth of the board's x axis */
     const double azimuth = atan2(flat->rotation[3], flat->rotation[0]);

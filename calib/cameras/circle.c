@@ -1,4 +1,5 @@
-/* Circles of a board. An ellipse with a blurred edge is fitted to the grey values around the edge:
+/* To find a circle of a board, an ellipse with a blurred edge is fitted to the grey values around
+ * the edge:
  *   I = (1 + gx·x + gy·y) · (a + b·erf(s / √2σ)),  s = (q − 1) · q / |LᵀL d|,  q = |L d|.
  * d is the pixel minus the centre. L is 2 × 2, lower triangular, with |L d| = 1 on the ellipse. s
  * is the distance from the ellipse to first order. b is positive for dark circles. */

@@ -210,7 +210,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
     *ret_total = sum(pixels, p, h, g);
     for (int i = 0; i < STEPS; i++) {
-        /* One damped step: (h + damping · diag h) · step = g. */
+        /* Make one damped step: (h + damping · diag h) · step = g. */
         double a[N * N], step[N];
         memcpy(a, h, sizeof a);
         memcpy(step, g, sizeof step);

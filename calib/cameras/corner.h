@@ -1,15 +1,18 @@
 /*
- * Subpixel position of a board's corner. Two crossing straight edges, blurred by lens and pixels,
- * are fitted to the grey values around the corner. Other print (markers, neighbouring corners) is
- * excluded with the known geometry of the board. Boards may therefore be seen at up to 75° from
- * their normal, where a square is a few pixels high. The model is point-symmetric about the corner,
- * so straight edges and an even blur do not shift it. The model includes a gradient of light.
+ * This module finds the subpixel position of a board's corner. Two crossing straight edges, blurred
+ * by lens and pixels, are fitted to the grey values around the corner. Other print (markers,
+ * neighbouring corners) is excluded with the known geometry of the board. Boards may therefore be
+ * seen at up to 75° from their normal, where a square is a few pixels high. The model includes a
+ * gradient of light. Turned by half a turn about its corner, the model looks the same, and so do
+ * straight edges with a symmetric blur. Such a blur therefore does not shift the corner that is
+ * found.
  *
  * For a marker that touches no black square, the corner is the end of two edges (one of the four
  * quadrants is black). For a circle, an ellipse with a blurred edge is fitted (circle.c).
- * Perspective shifts the centre of the ellipse relative to the image of the circle's centre.
+ * Perspective shifts the centre of the ellipse away from the image of the circle's centre; struct
+ * corner_guess predicts this shift.
  *
- * Pure functions; any thread.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -22,9 +25,9 @@ struct corner_guess {
     double px_a_mm[2][2];
     /* Only for circles: centre of the seen ellipse minus the image of the circle's centre. */
     double off_centre_px[2];
-    /* Straightens edges that lens distortion has bent. With x, y relative to the guess, x increases
-     * by straighten[0] · (x², xy, y²) and y by straighten[1] · (x², xy, y²). If all values are 0,
-     * the edges are straight already. */
+    /* Straightens edges that lens distortion has bent. With x, y of a pixel relative to the guess,
+     * straighten[0] · (x², xy, y²) is added to x and straighten[1] · (x², xy, y²) to y. If all
+     * values are 0, the edges are straight already. */
     double straighten[2][3];
 };
 
@@ -69,6 +72,6 @@ struct corner_lateral {
 gboolean corner_lateral(const struct picture *picture, const struct board *board, int id,
                         const struct corner_guess *guess, struct corner_lateral *lateral);
 
-/* Does the same as corner_fit() for the centre of a circle. */
+/* Finds the centre of a circle in the same way as corner_fit() finds a corner. */
 gboolean circle_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret);

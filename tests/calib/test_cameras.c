@@ -104,7 +104,8 @@ TEST(empty) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Picture) picture = read_empty(0, NULL, NULL);
     g_assert_null(board_find(picture, &f.board, FALSE, &error));
-    g_assert_cmpstr(error->message, ==, "no board is visible");
+    g_assert_cmpstr(error->message, ==,
+                    "no board is visible: no marker of the dictionary 4x4_50 was found");
 }
 
 TEST(mirrored) {
@@ -132,14 +133,15 @@ static const struct refusal {
     CamerasRead read;
     int n_pictures; /* 0: all */
 } refusals[] = {
-    {"/cameras/all parallel", "all boards are parallel", NULL, boards_read, 3 * N_STOPS},
+    {"/cameras/all parallel", "the board is never tilted by more than", NULL, boards_read,
+     3 * N_STOPS},
     {"/cameras/too few angles", "axis cannot be found from 2 angle(s)", NULL, boards_read, 2 * 3},
-    {"/cameras/square size", "are the squares really 12.6 mm",
-     "7x7,square=12.6,marker=9.45,thickness=3", boards_read, 0},
+    {"/cameras/square size", "mm instead of 12.6 mm", "7x7,square=12.6,marker=9.45,thickness=3",
+     boards_read, 0},
     {"/cameras/upside down", "looks the same upside down", "8x8,square=10.5", boards_read, 0},
     {"/cameras/other size", "has 88 × 80 pixels, but camera cam0 has 176 × 160", NULL, read_scaled,
      0},
-    {"/cameras/no board", "it was found in 0 of 24 pictures", NULL, read_empty, 0},
+    {"/cameras/no board", "the board was found in 0 of 24 pictures", NULL, read_empty, 0},
     {"/cameras/read error", "the disk has gone", NULL, read_broken, 0},
 };
 
@@ -163,10 +165,10 @@ static const struct noted {
 } noted[] = {
     {"/cameras/noted/reversed", "the turntable turns the wrong way", -1, {0, 1, 2}},
     {"/cameras/noted/radians", "angles seem to be in radians", G_PI / 180, {0, 1, 2}},
-    {"/cameras/noted/exchanged", "that of camera cam1: they are exchanged", 1, {1, 0, 2}},
-    {"/cameras/noted/order", "mm from that of camera cam", 1, {1, 2, 0}},
+    {"/cameras/noted/exchanged", "of camera cam1: the two cameras are exchanged", 1, {1, 0, 2}},
+    {"/cameras/noted/order", "mm from the place of camera cam", 1, {1, 2, 0}},
     /* No single mistake explains these: none is named. */
-    {"/cameras/noted/half the angles", "nor exchanged cameras explain it", 0.5, {0, 1, 2}},
+    {"/cameras/noted/half the angles", "nor exchanged cameras explain this", 0.5, {0, 1, 2}},
 };
 
 static void test_noted(gconstpointer data) {

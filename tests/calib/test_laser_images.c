@@ -542,9 +542,10 @@ static int print_table(void) {
 TEST(wrong_board) {
     static const struct {
         const char *real, *given, *says;
-    } boards[] = {{CHESS, "8x6,square=20", "the pictures show 8 × 6 inner corners = 9 × 7 squares"},
-                  {CHARUCO, "8x6,square=20,marker=14,dictionary=4x4_50",
-                   "its markers do not lie as on the board of 8 × 6: it is another board"}};
+    } boards[] = {
+        {CHESS, "8x6,square=20", "the pictures show 8 × 6 inner corners = 9 × 7 squares"},
+        {CHARUCO, "8x6,square=20,marker=14,dictionary=4x4_50",
+         "but they do not lie as on the board of 8 × 6: the picture shows another board"}};
     for (gsize i = 0; i < G_N_ELEMENTS(boards); i++) {
         struct scene scene = usual;
         struct test test;

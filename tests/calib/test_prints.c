@@ -241,7 +241,7 @@ TEST(first_square) {
     g_autoptr(Picture) picture = prints_draw(old, &view, board.square_mm);
     g_assert_null(board_find(picture, &board, FALSE, &error));
     g_assert_error(error, BOARD_ERROR, BOARD_ERROR_SPEC);
-    g_assert_nonnull(strstr(error->message, "first square is white: add first=white to --board"));
+    g_assert_nonnull(strstr(error->message, "square is white: add first=white to --board"));
     board.white_first = TRUE;
     g_autoptr(GArray) corners = board_find(picture, &board, FALSE, NULL);
     g_assert_nonnull(corners);

@@ -59,7 +59,7 @@ TEST(capture_refuses) {
     g_strlcpy(calibration->rig.id, "other", sizeof calibration->rig.id);
     g_assert_true(calibration_write(calibration, path, &error));
     g_autofree char *other = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_has(other, "is of rig other, but this is rig small");
+    assert_has(other, "a calibration of rig other, but this is rig small");
     g_assert_true(g_file_set_contents(path, "[rig]\nformat=mesorig-cal", -1, NULL));
     g_autofree char *cut = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
     assert_has(cut, "not a calibration file of this version");
@@ -166,7 +166,7 @@ TEST(board) {
     assert_has(told, "\"corners\": 49");
     g_autofree char *images = RUN(1, "calibrate", "cameras", "--images", folder, "-o", calibration,
                                   "--board", "8x8,square=9,marker=6.75");
-    assert_has(images, "found in 1 of 1 pictures; at least 3 are needed");
+    assert_has(images, "in 1 of 1 photographs, and at least 3 such photographs are needed");
     g_unlink(png);
     g_free(RUN(2, "board", png));
     g_free(RUN(1, "board", "/nowhere/board.svg", "--board", "8x8,square=9,marker=6.75"));
