@@ -1,7 +1,7 @@
-/* Light directions from mirror balls. With n the normal at the highlight and v the direction to the
- * camera, the light's direction is the reflection 2 (n·v) n − v. Each ball gives a ray. Every pair
- * of rays proposes a model: a common direction, or the point where they meet. The model that most
- * rays agree with is fitted by least squares. */
+/* A mirror ball shows the direction of the light. With n the normal at the highlight and v the
+ * direction to the camera, the light's direction is the reflection 2 (n·v) n − v. Each ball gives a
+ * ray. Every pair of rays proposes a model: a common direction, or the point where they meet. The
+ * model that most rays agree with is fitted by least squares. */
 #include "ball_light.h"
 
 #include <math.h>
@@ -12,8 +12,9 @@
 #define AGREE     3.0
 #define AGREE_RAD (0.5 * G_PI / 180)
 #define NEAREST   3.0 /* smallest distance of a light from the balls, in radii */
-#define KNOWN     0.5 /* largest relative error at which a position counts as known */
-#define CONE_RAYS 24  /* number of rays of the outline from which a ball is located */
+/* largest error of a known position, relative to its distance from the ball */
+#define KNOWN     0.5
+#define CONE_RAYS 24 /* number of rays of the outline from which a ball is located */
 
 /* Solves A x = b. If A has the rows r₀, r₁, r₂, its inverse has the columns r₁ × r₂, r₂ × r₀, r₀ ×
  * r₁, divided by det A. */
@@ -196,8 +197,8 @@ struct vote {
 };
 
 /* Counts the rays that agree with a model, and replaces best if they are more. sigma_rad is the
- * standard deviation of the model. If another model has the same number of rays, the one with the
- * smaller misfit is kept; best is tied if the rays are others. */
+ * standard deviation of the model. If another model has the same number of rays, the model with the
+ * smaller misfit is kept. best->tied is set if the two models have different rays. */
 static void vote(const struct ball_ray *rays, int n, const struct model *model, double sigma_rad,
                  struct vote *best) {
     struct vote mine = {.model = *model};

@@ -1,7 +1,8 @@
 /*
- * Computes the direction of a photograph's light from balls in it. The focal length of the camera
- * may be known. If it is not, the camera is assumed to be far away (orthographic projection, as in
- * reflectance transformation imaging). Frame: x to the right, y up, z towards the camera.
+ * This module computes the direction of the light in a photograph from balls in the photograph. If
+ * the focal length of the camera is not known, the camera is assumed to be far away (orthographic
+ * projection, as in reflectance transformation imaging). In the frame of the directions, x is to
+ * the right, y up, and z towards the camera.
  */
 #pragma once
 
@@ -12,9 +13,9 @@ struct ball_outline { /* in the picture, y down */
 };
 
 struct ball_camera {
-    /* Focal length in px. 0: not known; the camera is taken as far away. Directions then have
-     * errors of up to a ball's radius over its distance, plus the angle between the ball and the
-     * middle of the picture. */
+    /* Focal length in px. If it is not known, it is 0, and the camera is assumed to be far away.
+     * Directions then have errors of up to a ball's radius over its distance, plus the angle
+     * between the ball and the middle of the picture. */
     double focal_px;
     double x_px, y_px; /* principal point: the picture's middle; used only with a focal length */
 };
@@ -23,9 +24,9 @@ struct ball_camera {
  * the given second moments. This is the mean direction of the highlight's light. It is further
  * outwards than the direction at the highlight's centroid. *ret_from is the highlight's place on
  * the ball, in radii of the ball. With a focal length, this place is relative to the camera,
- * otherwise to the middle of the ball. *ret_shift_rad is the angle from the mean direction to that
- * at the centroid. The direction at the centroid is better if blur determines the highlight's size.
- * Returns FALSE if the point is outside the ball. */
+ * otherwise to the middle of the ball. *ret_shift_rad is the angle between the mean direction and
+ * the direction at the centroid. If the highlight is mainly blur, the direction at the centroid is
+ * more accurate. Returns FALSE if the point is outside the ball. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,
@@ -43,18 +44,19 @@ struct ball_ray {     /* the direction of the light at one ball; lengths are in 
                          which are equal */
     struct vec3 from; /* place of the highlight on its ball, relative to any origin */
     struct vec3 direction; /* unit */
-    double sigma_rad;      /* root mean square */
+    double sigma_rad;      /* RMS error of the direction */
 };
 
 struct ball_light {
     struct vec3 direction; /* unit vector: mean direction of the rays that agree */
-    double sigma_rad;      /* root mean square */
+    double sigma_rad;      /* RMS error of the direction */
     gboolean placed; /* the rays determine the position of the light, not only its direction */
     /* position of the light in radii, if placed; its standard deviations */
     struct vec3 place, place_error;
-    double miss; /* RMS distance of the rays from the position, in radii */
-    gboolean left_out[BALL_LIGHT_MAX];
-    double off_rad[BALL_LIGHT_MAX]; /* angle of each ray from the result */
+    double miss;                       /* RMS distance of the rays from the position, in radii */
+    gboolean left_out[BALL_LIGHT_MAX]; /* the ray contradicts the majority */
+    /* angle between each ray and the direction that the result predicts for its ball */
+    double off_rad[BALL_LIGHT_MAX];
 };
 
 /* Finds the light that 1 … BALL_LIGHT_MAX rays agree on: a position, or a direction if the light is

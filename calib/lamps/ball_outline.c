@@ -18,9 +18,9 @@
 #define ABOVE  2.0   /* smallest edge above the ray's median change, in robust deviations */
 #define LEAST  0.002 /* smallest edge, in the square root of light */
 #define TRIALS 400
-#define SEEN                                                                                       \
-    0.48        /* share of the rays that must agree: half of the outline; a circle through        \
-                   less may be the horizon's, mirrored in the ball */
+/* Smallest share of the rays that must have an edge on the circle: about half of the outline. A
+ * circle through fewer edges may be the horizon, mirrored in the ball. */
+#define SEEN  0.48
 #define EDGES 3 /* candidate edges per ray, strongest first; the ball itself also has edges */
 /* factor of the standard error, because neighbouring edges are correlated */
 #define NEIGHBOURS  3.0
@@ -167,7 +167,7 @@ static gboolean is_near(const struct ball_outline *a, const struct ball_outline 
 }
 
 /* Finds the circle near the given one with which most rays agree (RANSAC with a fixed seed).
- * Returns their number, or 0 if there is no circle. */
+ * Returns the number of these rays, or 0 if no circle is found. */
 static int most_agreed(const struct edges *e, const struct ball_outline *given, double reach_px,
                        double within_px, struct ball_outline *ret) {
     GRand *rand = g_rand_new_with_seed(1);
@@ -189,8 +189,8 @@ static int most_agreed(const struct edges *e, const struct ball_outline *given, 
 }
 
 /* Makes one Gauss-Newton step that minimises Σ (|e − c| − r)² over the agreeing edges e. Returns
- * FALSE if they do not determine a circle. *ret_sigma_px is the largest standard error of centre
- * and radius, estimated from the residuals. */
+ * FALSE if the edges do not determine a circle. *ret_sigma_px is the largest standard error of
+ * centre and radius, estimated from the residuals. */
 static gboolean improve(const struct edges *e, double within_px, struct ball_outline *circle,
                         double *ret_sigma_px) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};

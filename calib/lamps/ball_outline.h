@@ -1,8 +1,9 @@
 /*
- * Finds the outline of a ball in pictures: the circle near a given one on which most edges lie.
- * Edges are gathered picture by picture. The edges of the outline are at the same place in all
- * pictures, but the edges of shadows and highlights are not. A mean picture would not do, because
- * it has no outline where the shadows of many lamps hide it. Pure; any thread.
+ * This module finds the outline of a ball in pictures: the circle near a given circle on which most
+ * edges lie. Edges are gathered picture by picture. The edges of the outline are at the same place
+ * in all pictures, but the edges of shadows and highlights are not. A mean picture would not do,
+ * because it has no outline where the shadows of many lamps hide the outline. The functions are
+ * pure, and any thread may call them.
  */
 #pragma once
 
@@ -20,7 +21,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BallEdges, ball_edges_free)
 /* Adds a picture with linear values. */
 void ball_edges_add(BallEdges *edges, const struct picture *picture);
 
-/* Finds a circle whose centre and radius are within reach_px of those of the given circle. reach_px
+/* Finds a circle whose centre and radius differ by at most reach_px from the given circle. reach_px
  * is at most a quarter of the radius. *ret_sigma_px is the standard deviation of the centre, per
  * axis, and of the radius. Returns FALSE if too little of such an outline is visible. */
 gboolean ball_outline_find(const BallEdges *edges, double reach_px, struct ball_outline *ret,

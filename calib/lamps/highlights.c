@@ -1,8 +1,8 @@
 /* Highlights are connected regions above a share of their peak. The lamp is the highlight with the
  * largest energy Σ (I − background)². Its position is the centroid of the light above that share.
- * The share is EDGE, or a larger one if the region would otherwise be too large. This happens with
- * glare, or with a plate that the ball mirrors as a ring, if they are brighter than a fifth of the
- * lamp. */
+ * The share is EDGE, or a larger share if the region would otherwise be too large. This happens
+ * with glare, or with a plate that the ball mirrors as a ring, if they are brighter than a fifth of
+ * the lamp. */
 #include "highlights.h"
 
 #include "geometry/fit.h"
@@ -60,7 +60,7 @@ struct window {
     int n_members;
     /* background, and smallest height of a peak above it */
     float level, floor;
-    float *sorted; /* values within the circle */
+    float *sorted; /* values within the circle, in ascending order */
     int n_sorted;
 };
 
@@ -72,13 +72,13 @@ struct spot {
     double energy;
     struct highlight light; /* x_px, y_px are relative to the window */
     double share;           /* share of the peak above which pixels belong to the light */
-    /* streak: the aspect ratio is at least STREAK. halo: the spot touches a brighter one. cut: the
+    /* streak: the aspect ratio is at least STREAK. halo: the spot touches a brighter spot. cut: the
      * spot reaches the border of the circle. stays: other photographs also show the spot. */
     gboolean streak, halo, cut, stays;
     gboolean large; /* too large to be a lamp's mirror image */
 };
 
-/* Copies the pixels of a circle. Returns FALSE if it is not completely in the picture. */
+/* Copies the pixels of a circle. Returns FALSE if the circle is not completely in the picture. */
 static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     w->left = (int)ceil(x - r);
     w->top = (int)ceil(y - r);
@@ -198,8 +198,8 @@ static void weigh(const struct window *w, const struct spot *spot, double share,
 }
 
 /* Returns √(λ₁ / λ₂) of the second moments of the spot's pixels above a share of its peak. Each
- * pixel is a square with the variance 1/12. Returns infinity if there are less than SPECK
- * pixels. */
+ * pixel is a square with the variance 1/12. Returns infinity if fewer than SPECK pixels are above
+ * that share. */
 static double aspect(const struct window *w, const struct spot *spot, double share) {
     const float least = w->level + (float)share * spot->height;
     double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
@@ -309,11 +309,11 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
             brightest_large = spot;
     }
     if (brightest_large && (!best || best->height * (float)LOWER < brightest_large->height))
-        return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
-                        "enough?");
+        return g_strdup(
+            "shows a spot too large to be a lamp; use a glossy ball, or put the lamp farther away");
     if (!best)
         return g_strdup(
-            spots->len == 0 ? "shows no lamp: nothing in it is brighter than the rest"
+            spots->len == 0 ? "shows no lamp: no spot on it is much brighter than the rest"
             : any_stays(spots)
                 ? "shows no lamp: its bright spots are specks or streaks, or other "
                   "photographs also show them; light each photograph from another direction"
@@ -325,13 +325,14 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
                                x, y);
     if (other && alike(best, other))
         return g_strdup_printf("shows two highlights, at %.1f, %.1f and at %.1f, %.1f px, either "
-                               "of which may be the lamp; cover what else shines",
+                               "of which may be the lamp; cover other lights and shiny things",
                                x, y, w->left + other->light.x_px, w->top + other->light.y_px);
     return NULL;
 }
 
-/* Returns whether a spot is better than the best one so far. If only one of the two reaches the
- * border of the circle, that one must be clearly higher to win. Otherwise the energy decides. */
+/* Returns whether a spot is better than the best spot so far. If only one of the two reaches the
+ * border of the circle, this spot is better only if it is clearly higher. Otherwise the energy
+ * decides. */
 static gboolean is_better(const struct spot *spot, const struct spot *best) {
     if (best && spot->cut != best->cut)
         return spot->cut ? spot->height * (float)LOWER > best->height
@@ -482,9 +483,10 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
     const struct rig_camera *camera = &rig->cameras[from->camera];
     if (from->picture->width != camera->width || from->picture->height != camera->height) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s has %d × %d pixels, but camera %s has %d × %d", from->picture->name,
-                    from->picture->width, from->picture->height, camera->name, camera->width,
-                    camera->height);
+                    "%s has %d × %d pixels, but camera %s has %d × %d: use pictures of this camera "
+                    "that are neither cropped nor scaled",
+                    from->picture->name, from->picture->width, from->picture->height, camera->name,
+                    camera->width, camera->height);
         return FALSE;
     }
     for (int mark = 0; mark < target->n; mark++)

@@ -1,6 +1,6 @@
 /*
- * Finds a lamp's mirror image in glossy balls: the centroid of the bright spot near its expected
- * position. Pure; any thread.
+ * This module finds a lamp's mirror image in glossy balls, as the centroid of the bright spot near
+ * the expected position. The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -14,9 +14,9 @@ struct highlight_picture {
 };
 
 /* Appends a struct lamp_sight for each ball that shows the lamp. For each ball that should show the
- * lamp but has no usable spot, appends a text with the picture and the reason to rejected. The
- * balls are within reach_mm of their position in the target. Returns FALSE if the picture's size is
- * not the camera's. */
+ * lamp but has no usable spot, appends a text with the picture and the reason to rejected. reach_mm
+ * is the largest distance of a ball from its position in the target. Returns FALSE if the picture's
+ * size is not the camera's. */
 gboolean highlights_measure(const struct rig *rig, const struct lamp_target *target,
                             const struct highlight_picture *from, double reach_mm, GArray *sights,
                             GPtrArray *rejected, GError **error);
@@ -30,18 +30,18 @@ struct highlight {
     gboolean saturated;
 };
 
-/* Mean of the square roots of n photographs under different lamps, which shows what they have in
- * common. */
+/* A highlight_mean is the mean of the square roots of n photographs under different lamps. It shows
+ * what the photographs have in common. */
 struct highlight_mean {
     const struct picture *root;
     int n;
 };
 
 /* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
- * largest energy. For a saturated spot, only its border counts. Specks and streaks are ignored.
- * Spots that the other photographs in mean also show (dust, windows, lamps of the room) are ignored
- * if there are at least two other photographs; mean may be NULL. Spots larger than max_px are not
- * mirror images of a lamp. Returns NULL on success. Otherwise returns the reason, to be freed with
- * g_free(). */
+ * largest energy. A saturated spot is less accurate, because only its border determines its
+ * position. Specks and streaks are ignored. Spots that the other photographs in mean also show
+ * (dust, windows, lamps of the room) are ignored if there are at least two other photographs; mean
+ * may be NULL. Spots larger than max_px are not mirror images of a lamp. Returns NULL on success.
+ * Otherwise returns the reason, to be freed with g_free(). */
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
                      double y_px, double radius_px, double max_px, struct highlight *ret);

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Default standard deviations of sizes. Posts are cut and set by hand. Balls are made for
- * bearings. */
+/* Default standard deviations of sizes. The value for posts is larger, because posts are cut and
+ * set by hand, while balls are made for bearings. */
 #define POST_MM 0.02
 #define BALL_MM 0.005
 
@@ -40,7 +40,7 @@ static void check_marks(const struct config_section *section, const struct optio
     if (places->n == 0 || places->n % 3 != 0 || places->n / 3 > LAMP_MAX_MARKS) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
                        "%d numbers are given: give x; y; height of each post or x; y; radius of "
-                       "each ball, for 1 to %d of them",
+                       "each ball, for 1 to %d posts or balls",
                        places->n, LAMP_MAX_MARKS);
         return;
     }
@@ -49,13 +49,14 @@ static void check_marks(const struct config_section *section, const struct optio
         target->marks[i] = (struct lamp_mark){p[0], p[1], p[2]};
         if (!(p[2] > 0.1))
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                           "the height or radius of number %d is %g mm, and must be above 0.1; "
-                           "give millimetres",
+                           "the height or radius of post or ball %d is %g mm, and must be above "
+                           "0.1; give millimetres",
                            i + 1, p[2]);
         for (int j = 0; j < i; j++)
             if (hypot(p[0] - target->marks[j].x_mm, p[1] - target->marks[j].y_mm) < 0.1)
                 config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                               "posts or balls %d and %d have the same position (within 0.1 mm)",
+                               "posts or balls %d and %d have the same position (within 0.1 mm); "
+                               "correct one of them",
                                j + 1, i + 1);
     }
 }
@@ -71,8 +72,8 @@ static void take_fields(const struct config_section *section, const struct field
     check_marks(section, &read->places_mm, target, mistakes);
     if (target->plane_mm > 0 && target->plane_mm < 0.05)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "plane_mm",
-                       "%g mm is no height of a plate; give millimetres, or 0 if the posts or "
-                       "balls stand on the turntable itself",
+                       "%g mm is too small for the height of a plate; give at least 0.05 mm, or 0 "
+                       "if the posts or balls stand on the turntable itself",
                        target->plane_mm);
     if (target->kind == LAMP_BALLS)
         return;
@@ -94,7 +95,7 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
     struct fields read = {0};
     memset(target, 0, sizeof *target);
     if (config && !section && config_has_all_sections(config))
-        config_lacks(mistakes, config, "it has no section [target]; see etc/demo/poles.conf");
+        config_lacks(mistakes, config, "the file has no section [target]; see etc/demo/poles.conf");
     if (section && options_read(&(struct option_target){fields, &read}, 1, section, NULL, mistakes))
         take_fields(section, &read, target, mistakes);
     options_clear(fields, &read);

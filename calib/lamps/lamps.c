@@ -19,8 +19,8 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 #define MIN_ARC         (60 * G_PI / 180)
 #define MAX_LAMP_MM     10.0 /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
-/* A lamp counts as exchanged if it is nearer to another lamp's place than to its own by this
- * factor. */
+/* A lamp counts as exchanged with another lamp if the distance from its own place is more than this
+ * factor times the distance from the other lamp's place. */
 #define EXCHANGED 5.0
 /* Constants of the search for other sizes of the marks. LOOSE: standard deviation of a size, as a
  * share of the largest. BETTER: factor by which the sights must fit better. EXPLAINED: largest
@@ -216,8 +216,8 @@ static double spread_rad(const struct problem *problem) {
 
 static gboolean refuse_few(const char *what, const char *name, int n, GError **error) {
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
-                "more pictures of it",
+                "%s %s: %d usable shadow(s) or highlight(s) were found, and at least %d are needed "
+                "to locate it; take more pictures with this lamp",
                 what, name, n, MIN_SIGHTS);
     return FALSE;
 }
@@ -259,8 +259,8 @@ static int *new_depends(const struct problem *problem) {
     return depends;
 }
 
-/* Assigns the indices of the parameters. Returns FALSE with an error if nothing is seen, or a lamp
- * too rarely. */
+/* Assigns the indices of the parameters. Returns FALSE with an error if there is no sight, or if a
+ * lamp has too few sights. */
 static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
@@ -275,8 +275,7 @@ static gboolean lay_out(struct problem *problem, GError **error) {
     if (seen == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "no picture shows a post or ball lit by a lamp; check the target's "
-                    "description, its place and "
-                    "the exposure");
+                    "description, the target's place on the turntable, and the exposure");
         return FALSE;
     }
     problem->fit_arc = spread_rad(problem) >= MIN_ARC;
@@ -477,22 +476,23 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
          * because they do not fit. If sights that contradict each other cause the large error,
          * another arrangement of the target does not help. */
         if (fit->undetermined < 0 && is_misfit(ret, problem->n))
-            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                        "lamp %s: its position has a standard error of %.3g mm, because the sights "
-                        "contradict each other: %d of %d do not fit, and the others are %.2g %s "
-                        "from where they should be (RMS), %.1f times what noise explains. Is the "
-                        "target's description right, does the target lie on the turntable without "
-                        "moving, does the turntable's bearing wobble (calibrate cameras measures "
-                        "that), and have the cameras not moved since they were calibrated?",
-                        name, spread, problem->n - ret->n_used, problem->n, ret->rms,
-                        problem->target->kind == LAMP_POLES ? "mm" : "px", ret->sigma);
+            g_set_error(
+                error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                "lamp %s: its position has a standard error of %.3g mm, because the measured "
+                "shadows or highlights contradict each other: %d of %d do not fit, and the others "
+                "are %.2g %s (RMS) from their predicted places, %.1f times what noise explains. "
+                "Check the target's description, that the target lies on the turntable without "
+                "moving, that the cameras have not moved since they were calibrated, and whether "
+                "the turntable's bearing wobbles (“mesorig calibrate cameras” measures the wobble)",
+                name, spread, problem->n - ret->n_used, problem->n, ret->rms,
+                problem->target->kind == LAMP_POLES ? "mm" : "px", ret->sigma);
         else {
             g_autofree char *known = fit->undetermined < 0 && spread > 0
                                          ? g_strdup_printf(" (standard error %.3g mm)", spread)
                                          : g_strdup("");
             g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                        "lamp %s: the pictures do not determine its position%s; use posts or balls "
-                        "further apart, or more angles of arc and turntable",
+                        "lamp %s: the pictures do not determine the lamp's position%s; use posts "
+                        "or balls farther apart, or more angles of arc and turntable",
                         name, known);
         }
         return FALSE;
@@ -511,11 +511,12 @@ static gboolean check_places(const struct rig *rig, const struct lamps_result *r
             const double other_mm = vec3_length(vec3_sub(at, rig->lamps[k].position_mm));
             if (k == i || other_mm > own_mm / EXCHANGED)
                 continue;
-            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-                        "lamp %s stands %.1f mm from its place, and %.1f mm from that of lamp %s: "
-                        "they are exchanged; " LAMPS_EXCHANGE_THEM,
-                        rig->lamps[i].name, own_mm, other_mm, rig->lamps[k].name,
-                        rig->lamps[i].name, rig->lamps[k].name);
+            g_set_error(
+                error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                "lamp %s stands %.1f mm from its place in the rig file, but only %.1f mm from the "
+                "place of lamp %s: the two lamps are exchanged; " LAMPS_EXCHANGE_THEM,
+                rig->lamps[i].name, own_mm, other_mm, rig->lamps[k].name, rig->lamps[i].name,
+                rig->lamps[k].name);
             return FALSE;
         }
     }
@@ -558,11 +559,10 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
             ok = check_places(rig, ret, error) && check_result(&problem, &fitted, ret, error);
             fit_result_clear(&fitted);
         } else {
-            g_set_error(
-                error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                "%d sights are too few for %d unknowns, or a sight is not finite; take more "
-                "pictures",
-                n, problem.n_parameters);
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                        "%d usable shadows or highlights are too few to determine %d unknown "
+                        "values; take more pictures",
+                        n, problem.n_parameters);
         }
     }
     if (!ok)
@@ -619,13 +619,12 @@ gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *targ
                              BETTER * (n - found.n_used) < n - as_said->n_used);
     const char *unit = target->kind == LAMP_POLES ? "mm" : "px";
     if (sizes && better)
-        g_set_error(
-            error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
-            "the %s of the target are not as its description says: with %s, %d of %d sights "
-            "fit, to %.2g %s (RMS), instead of %d to %.2g %s; measure them again, and "
-            "correct places_mm",
-            target->kind == LAMP_POLES ? "heights of the posts" : "radii of the balls", sizes,
-            found.n_used, n, found.rms, unit, as_said->n_used, as_said->rms, unit);
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+                    "the %s differ from the target's description: with %s, %d of %d measured "
+                    "shadows or highlights fit (RMS %.2g %s); as described, %d fit (RMS %.2g %s); "
+                    "measure the sizes again, and correct places_mm",
+                    target->kind == LAMP_POLES ? "heights of the posts" : "radii of the balls",
+                    sizes, found.n_used, n, found.rms, unit, as_said->n_used, as_said->rms, unit);
     lamps_result_clear(&found);
     return !(sizes && better);
 }

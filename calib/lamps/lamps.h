@@ -25,7 +25,7 @@
  * the axis and its zero are not adjusted, and each lamp's position is estimated directly in the rig
  * frame.
  *
- * Pure; any thread.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -71,7 +71,7 @@ struct lamp_target {
  * lists all mistakes of the file. */
 gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error);
 
-/* A measurement of one post or ball in one picture. */
+/* A sight: the measured shadow, highlight or outline of one post or ball in one picture. */
 struct lamp_sight {
     int picture; /* any number, for the caller's messages */
     int lamp; /* −1 (posts only) for a sight of the post itself, the part of the plate that it hides
@@ -92,7 +92,8 @@ struct lamps_result {
     int sights[RIG_MAX_LAMPS]; /* number of sights that were used */
     /* standard error of the zero of the arc's angle */
     double zero_error_rad;
-    gboolean arc_known; /* whether the axis was determined; otherwise it is the nominal axis */
+    /* whether the arc's axis was determined; if not, rig has the nominal axis */
+    gboolean arc_known;
     /* standard errors of the arc's axis; 0 if it was not determined */
     double tilt_error_rad[2], centre_error_mm[2];
     struct lamp_target target;      /* the target with the estimated positions of its marks */
@@ -107,9 +108,9 @@ struct lamps_result {
     guint8 *rejected; /* one flag per sight; owned */
 };
 
-/* Estimates lamps and arc. rig has calibrated cameras, and nominal lamps and arc. A lamp that is
- * found five times nearer to the nominal place of another one than to its own gives
- * LAMPS_ERROR_MISTAKE. Call lamps_result_clear() after success. After LAMPS_ERROR_DEGENERATE, ret
+/* Estimates lamps and arc. rig has calibrated cameras, and nominal lamps and arc. The error is
+ * LAMPS_ERROR_MISTAKE if a lamp is found five times nearer to the nominal place of another lamp
+ * than to its own place. Call lamps_result_clear() after success. After LAMPS_ERROR_DEGENERATE, ret
  * owns nothing and has rms, sigma and n_used of the attempt, or 0 if there was no attempt. */
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
@@ -127,8 +128,8 @@ void lamps_result_clear(struct lamps_result *result);
 
 /* Predict the end of a post's shadow, and a ball's highlight. They return FALSE if the shadow or
  * highlight does not exist or is not visible. lamp_mm, foot_mm and centre_mm are in the same frame,
- * with z up from the turntable. ret_radius_mm gets the radius of the shadow's end. It may be
- * NULL. */
+ * with z up from the turntable. ret_radius_mm gets the radius of the shadow's end. ret_radius_mm
+ * may be NULL. */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm);
 gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,

@@ -118,15 +118,28 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     gsize n = (gsize)picture->width * (gsize)picture->height;
     if (picture->width != view->map->width || picture->height != view->map->height) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s has %d × %d pixels, but the camera has %d × %d", picture->name,
-                    picture->width, picture->height, view->map->width, view->map->height);
+                    "%s has %d × %d pixels, but camera %s has %d × %d: use pictures of this camera "
+                    "that are neither cropped nor scaled",
+                    picture->name, picture->width, picture->height,
+                    view->rig->cameras[view->camera].name, view->map->width, view->map->height);
         return FALSE;
     }
     g_autofree float *values = shade(view, picture, lamp, arc_rad);
     double level = median_of(values, n);
     if (!(level > 0)) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: the plate is dark, or not in the picture", picture->name);
+        gsize shown = 0; /* number of pixels that show the plate */
+        for (gsize i = 0; i < n; i++)
+            shown += isfinite(values[i]);
+        if (shown > 0)
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                        "%s: the plate is dark; check that lamp %s is lit, and the exposure",
+                        picture->name, view->rig->lamps[lamp].name);
+        else
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                        "%s: camera %s does not see the plate, or lamp %s does not light it, by "
+                        "the rig file and the target's description; correct these",
+                        picture->name, view->rig->cameras[view->camera].name,
+                        view->rig->lamps[lamp].name);
         return FALSE;
     }
     for (gsize i = 0; i < n; i++)
@@ -202,8 +215,8 @@ static void take_pixel(struct window *w, gsize i, double reach_mm, double margin
     double away = hypot(p.x - w->streak.to.x, p.y - w->streak.to.y);
     double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
     double beyond = (p.x - w->streak.to.x) * ax + (p.y - w->streak.to.y) * ay;
-    /* Use only the far half of a post's top. It is evenly bright, but the side of the post is
-     * not. */
+    /* Use only the far half of a post's top. This half is evenly bright, but the side of the post
+     * is not. */
     if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !(beyond > 0)))
         return;
     gboolean near_end = away < w->streak.to_mm + w->pixel_mm;
@@ -243,16 +256,16 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
     const char *why = NULL;
     if (w->hidden > MAX_HIDDEN * w->near_end || w->pixels->len < MIN_PIXELS)
-        why = "hides the end of its shadow from the camera, or another shadow overlaps it";
+        why = "has a shadow whose end is hidden from the camera or overlaps another shadow";
     else if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) ||
              !shadow_fit_shape(w, 0, &f))
-        why = "has no shadow where it should end";
+        why = "has no shadow where the shadow should end";
     else if (f.p[2] - f.p[3] < MIN_CONTRAST * f.p[2] ||
              hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y) >
                  (near ? 1.0 : 2.5) * w->streak.to_mm)
-        why = "has no clear shadow where it should end";
+        why = "has no clear shadow where the shadow should end";
     else if (f.rms > (near ? 1 : 2) * MAX_RESIDUAL * f.p[2])
-        why = "throws a shadow that is not that of a round post";
+        why = "has a shadow that is not that of a round post";
     if (why && rejected)
         g_ptr_array_add(rejected,
                         g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));

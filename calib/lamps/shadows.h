@@ -1,11 +1,11 @@
 /*
- * Measures the ends of the shadows of posts on their plate. A view has pictures of one camera at
- * one angle of the turntable under different lamps. What all of them show is the plate's own
- * pattern, which is divided out.
+ * This module measures the ends of the shadows of posts on their plate. A view has pictures of one
+ * camera at one angle of the turntable under different lamps. What all pictures show is the plate's
+ * own pattern, which is divided out.
  *
  * A post's shadow from a point light is the convex hull of two discs: the post's foot, and the
  * projection of its top. This shape, blurred by the pixels, is fitted to the grey values around its
- * end. One thread per view.
+ * end. Different threads may use different views at the same time.
  */
 #pragma once
 

@@ -134,10 +134,10 @@ gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *tar
     const double score = find_pose(views, n, target, reach_mm, reach_rad, &pose, &shots);
     if (score < SHADOWS_MIN_SCORE) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s and %d other picture(s): the posts' shadows are not where the target's "
-                    "description has them, within %g mm and %.3g° (only %.0f %% of them are dark); "
-                    "is it this target, laid with its x along the turntable's, and are the posts "
-                    "as high as it says?",
+                    "%s and %d other picture(s): no position of the target within %g mm and %.3g° "
+                    "of its description fits the shadows: only %.0f %% of the predicted shadows is "
+                    "dark; check that it is this target, that its x axis lies along the "
+                    "turntable's x axis, and the heights of the posts",
                     shots ? g_array_index(views[0]->shots, struct shot, 0).name : "no picture",
                     MAX(shots - 1, 0), reach_mm, reach_rad * 180 / G_PI, 100 * score);
         return FALSE;

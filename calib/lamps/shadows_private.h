@@ -1,4 +1,4 @@
-/* Shared by shadows*.c. */
+/* Declarations that shadows.c, shadows_locate.c and shadows_shape.c share. */
 #pragma once
 
 #include "shadows.h"
@@ -11,7 +11,7 @@ struct shot {
 };
 
 struct pattern { /* statistics of one pixel over the pictures */
-    float sum;   /* sum of the values in the pictures in which it is lit */
+    float sum;   /* sum of the values in the pictures in which the pixel is lit */
     int n;       /* number of those pictures */
     float least; /* least value that counts as lit */
 };
@@ -57,7 +57,7 @@ struct window { /* around the end of one shadow */
     const struct lamp_target *target;
     int mark;
     struct streak streak;
-    struct streak others[2 * LAMP_MAX_MARKS]; /* posts and shadows that may overlap it */
+    struct streak others[2 * LAMP_MAX_MARKS]; /* posts and shadows that may overlap the end */
     int n_others;
     double slope[4]; /* mm on the plate per pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
     double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, and along its longer side */

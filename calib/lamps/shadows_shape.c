@@ -1,5 +1,5 @@
-/* Shape of a shadow's end: value = lit + (dark − lit) · coverage. An edge at the signed distance d
- * covers ½ erfc(d / (√2 σ)) of a quarter of a pixel. σ is the blur across the edge. */
+/* The shape of a shadow's end is value = lit + (dark − lit) · coverage. An edge at the signed
+ * distance d covers ½ erfc(d / (√2 σ)) of a quarter of a pixel. σ is the blur across the edge. */
 #include "shadows_private.h"
 
 #include <math.h>

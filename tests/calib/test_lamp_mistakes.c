@@ -96,12 +96,12 @@ static const struct mistaken {
      {1.06, 1.06, 1.06, 1.06, 1.06, 1.06},
      0,
      "with all posts 1.06 times what the target's description says",
-     "further apart"},
-    {"/lamp mistakes/two posts", {1, 1.1, 1, 1, 0.9, 1}, 0, "post 2 13.2", "further apart"},
+     "farther apart"},
+    {"/lamp mistakes/two posts", {1, 1.1, 1, 1, 0.9, 1}, 0, "post 2 13.2", "farther apart"},
     {"/lamp mistakes/wobble",
      {1, 1, 1, 1, 1, 1},
      1.5,
-     "does the turntable's bearing wobble",
+     "the turntable's bearing wobbles",
      "heights of the posts"},
 };
 

@@ -51,15 +51,15 @@ TEST(mistakes) {
         {"[target]\nkind = balls\nplane_cm = 2\nplaces_mm = 1;2;8\n",
          {":3: [target] plane_cm: the unit is part of the name: write plane_mm"}},
         {"[target]\nkind = balls\nplane_mm = 0.002\nplaces_mm = 1;2;0.008;1;2;8\n",
-         {":3: [target] plane_mm: 0.002 mm is no height of a plate",
-          ":4: [target] places_mm: the height or radius of number 1 is 0.008 mm",
+         {":3: [target] plane_mm: 0.002 mm is too small for the height",
+          ":4: [target] places_mm: the height or radius of post or ball 1 is 0.008 mm",
           ":4: [target] places_mm: posts or balls 1 and 2 have the same position"}},
         {"[target]\nkind = balls\nplane_mm = 2\nplaces_mm = 1;2\n",
          {":4: [target] places_mm: 2 numbers are given: give x; y; height"}},
         {"[target]\nkind = poles\nplane_mm = 2\nplate_mm = 84\nplaces_mm = 1;2;8\n",
          {"[target] radius_mm: 0 mm is no radius of posts",
           ":4: [target] plate_mm: 1 numbers are given: give two, the size of"}},
-        {"[session]\nname = x\n", {"it has no section [target]; see etc/demo/poles.conf"}},
+        {"[session]\nname = x\n", {"the file has no section [target]; see etc/demo/poles.conf"}},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         struct lamp_target target;
