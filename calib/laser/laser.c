@@ -25,8 +25,8 @@ G_DEFINE_QUARK(laser_error, laser_error)
 /* A sheet is determined if each of the two heights has at least this number of points. */
 #define STEP_POINTS 12
 
-/* A laser counts as exchanged if it is nearer to another laser's place than to its own by this
- * factor. */
+/* A laser counts as exchanged with another laser if the distance from its own place is more than
+ * this factor times the distance from the other laser's place. */
 #define EXCHANGED 5.0
 
 #define MISFIT_MM 0.03 /* RMS from which the heights of the planes are checked */
@@ -198,8 +198,9 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
                         sweep_names[l.sweep], name, l.low_mm, MIN_HEIGHTS);
         else if (MIN(l.n_low, l.n_high) < MIN_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                        "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are "
-                        "needed on each plane: is it bright enough, and the plane in view?",
+                        "%s: laser %s is seen in %d pixel(s) at %.3f mm and in %d at %.3f mm, and "
+                        "at least %d are needed on each plane; expose longer, make the laser "
+                        "brighter, or put the plane in the cameras' view",
                         sweep_names[l.sweep], name, l.n_low, l.low_mm, l.n_high, l.high_mm,
                         MIN_POINTS);
         else
@@ -219,7 +220,8 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
     problem->n_parameters += !isnan(problem->plane_mm);
     if (!any)
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "no laser's line is seen in any sweep");
+                    "no laser's line is seen in any sweep; check that the lasers are lit, the "
+                    "exposure, and that the planes are in the cameras' view");
     return any;
 }
 
@@ -414,9 +416,9 @@ static void take_sheet(const struct problem *problem, const struct fit_result *f
     ret->sheet_error_mm[laser] = sqrt(sum / MAX(ret->points[laser], 1));
 }
 
-/* Determines which errors come from the priors. More than the share PRIOR_SHARE of the variance of
- * such an error comes from one parameter of the arc, whose own error the lines leave at more than
- * half of its prior. */
+/* Determines which errors come from the priors. This is so if more than the share PRIOR_SHARE of
+ * the variance comes from one parameter of the arc that the lines hardly determine. The standard
+ * error of such a parameter is more than half of its prior. */
 static void take_priors(const struct problem *problem, const struct fit_result *fitted,
                         const struct laser_arc *arc, int laser, struct laser_result *ret) {
     const int n = problem->n_parameters, at = problem->at[laser];
@@ -568,23 +570,24 @@ static gboolean check_places(const struct problem *problem, const double *x, GEr
             const double other_mm = vec3_length(vec3_sub(at, rig->lasers[k].position_mm));
             if (k == i || other_mm > own_mm / EXCHANGED)
                 continue;
-            g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                        "laser %s stands %.1f mm from its place, and %.1f mm from that of laser "
-                        "%s: they are exchanged; exchange theta_deg and distance_mm of [laser %s] "
-                        "and [laser %s] in the rig file, or their wiring, or for imported pictures "
-                        "their names in the table, and capture or import again",
-                        rig->lasers[i].name, own_mm, other_mm, rig->lasers[k].name,
-                        rig->lasers[i].name, rig->lasers[k].name);
+            g_set_error(
+                error, LASER_ERROR, LASER_ERROR_MISTAKE,
+                "laser %s stands %.1f mm from its place in the rig file, but only %.1f mm from the "
+                "place of laser %s: the two lasers are exchanged; exchange theta_deg and "
+                "distance_mm of [laser %s] and [laser %s] in the rig file, or their wiring, or for "
+                "imported pictures their names in the table, and capture or import again",
+                rig->lasers[i].name, own_mm, other_mm, rig->lasers[k].name, rig->lasers[i].name,
+                rig->lasers[k].name);
             return FALSE;
         }
     }
     return TRUE;
 }
 
-/* Adjusts all parameters. *ret_mm is the RMS distance of all points except the share WORST with the
- * largest distances. Each distance counts as at most MAX_OFF_MM. *ret_height_error_mm is the
- * standard error of the plane's height, or 0 if no height is adjusted. Returns FALSE if the fit
- * fails. */
+/* Adjusts the parameters x in place. *ret_mm is the RMS distance of the points from their sheets.
+ * For this figure, the share WORST of the points with the largest distances is left out, and each
+ * distance counts as at most MAX_OFF_MM. *ret_height_error_mm is the standard error of the plane's
+ * height, or 0 if no height is adjusted. Returns FALSE if the fit fails. */
 static gboolean solve(struct problem *problem, const struct laser_arc *arc, double *x,
                       struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
@@ -649,7 +652,7 @@ static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc
 
 /* Adjusts with the height of the plane at plane_mm as a further parameter, and returns the RMS.
  * *ret_by_mm is how much higher the plane is found. Returns INFINITY if the fit fails, if the
- * height does not change significantly, or if the plane would coincide with another one. */
+ * height does not change significantly, or if the plane would coincide with another plane. */
 static double with_height(struct problem *problem, const struct laser_arc *arc,
                           const char *const *sweep_names, double plane_mm, double *ret_by_mm,
                           double *ret_error_mm) {
@@ -663,7 +666,8 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
         return INFINITY;
     *ret_by_mm = x[problem->height_at];
     gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
-    for (int i = 0; i < problem->n && tells; i++) /* if two planes coincide, every height fits */
+    /* every height fits if two planes coincide, so such a height tells nothing */
+    for (int i = 0; i < problem->n && tells; i++)
         tells = problem->points[i].point_mm.z == plane_mm ||
                 fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= MIN_HEIGHTS;
     fit_result_clear(&fitted);
@@ -673,12 +677,12 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
 /* Checks that no other height of one plane explains the lines much better. is_mm is the RMS of the
  * lines with the given heights. All cameras see the same line where a sheet cuts a plane. This
  * determines the height of each plane. A single camera that sees a sheet from several sides
- * determines only the ratio of the planes' distances from it, so that either height may be wrong.
- * In all other cases the standard error of a height is large, and nothing is reported. */
+ * determines only the ratio of the planes' distances from the camera, so either height may be
+ * wrong. In all other cases the standard error of a height is large, and nothing is reported. */
 static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
                               const char *const *sweep_names, double is_mm, GError **error) {
     struct height {
-        const struct laser_point *of; /* one of its points */
+        const struct laser_point *of; /* a point of the plane */
         double rms_mm, by_mm, error_mm;
     } best = {NULL, is_mm / HEIGHT_BETTER, 0, 0}, second = {NULL, INFINITY, 0, 0};
     const int step = 1 + problem->n / (HEIGHT_POINTS * problem->rig->n_lasers);
@@ -719,18 +723,17 @@ static gboolean check_heights(const struct problem *problem, const struct laser_
     g_autofree char * or
         = second.of && second.rms_mm < HEIGHT_AS_GOOD * best.rms_mm
               ? g_strdup_printf(
-                    "; or the plate of %s, given as %g mm high, is in truth %.3f ± %.3f mm high",
+                    ", or else the height of the plate of %s is not %g mm, but %.3f ± %.3f mm",
                     sweep_names[second.of->sweep], second.of->point_mm.z,
                     second.of->point_mm.z + second.by_mm, second.error_mm)
               : g_strdup("");
-    g_set_error(
-        error, LASER_ERROR, LASER_ERROR_MISTAKE,
-        "%s: its plate is given as %g mm high, but the lines show %.3f ± %.3f mm%s (they lie "
-        "%.3g mm from the sheets, and %.3g mm with the height corrected); measure it, and correct "
-        "its "
-        "height in --planes, or reference_mm in [sample] of its session file",
-        sweep_names[best.of->sweep], plane_mm, plane_mm + best.by_mm, best.error_mm, or, is_mm,
-        best.rms_mm);
+    g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
+                "%s: the height of the plate is given as %g mm, but the lines show %.3f ± %.3f "
+                "mm%s (the RMS distance of the lines from the sheets is %.3g mm as given, and %.3g "
+                "mm with the corrected height); measure the plate, and correct its height in "
+                "--planes, or reference_mm in [sample] of the session file",
+                sweep_names[best.of->sweep], plane_mm, plane_mm + best.by_mm, best.error_mm, or,
+                is_mm, best.rms_mm);
     return FALSE;
 }
 
@@ -762,7 +765,9 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                        "the sweeps' points are too few or not finite");
+                        "%d points of the lines are too few to determine %d unknown values; sweep "
+                        "a larger part of the planes",
+                        n, problem.n_parameters);
         }
     }
     drive_clear(drive);
@@ -787,9 +792,9 @@ static gboolean plane_point(const struct rig_camera *camera, const struct laser_
 }
 
 /* Returns the standard deviation of a peak's time that is caused by noise, in frames: the spread of
- * t(−h) − 2 t(0) + t(h) over √6, for pixels h apart in rows and columns. On a flat plate, times
- * change evenly from pixel to pixel, so that only noise is left. Returns NAN if there are too few
- * pixels. */
+ * t(−h) − 2 t(0) + t(h), divided by √6, for pixels h apart in rows and columns. On a flat plate,
+ * times change evenly from pixel to pixel, so that only noise is left. Returns NAN if there are too
+ * few pixels. */
 static double laser_noise_frames(const struct laser_plate_sweep *sweep, int width, int height) {
     g_autoptr(GArray) off = g_array_new(FALSE, FALSE, sizeof(double));
     const int step = 1 + width * height / PIXELS;

@@ -8,7 +8,7 @@
  * All sheets of a sweep contain its axis. The position of the source along the axis is therefore
  * undetermined and stays nominal.
  *
- * Pure; any thread.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -17,8 +17,8 @@
 #define LASER_ERROR laser_error_quark()
 GQuark laser_error_quark(void);
 enum laser_error {
-    LASER_ERROR_PICTURES,   /* too few points of a laser */
-    LASER_ERROR_DEGENERATE, /* planes of only one height, or too few steps */
+    LASER_ERROR_PICTURES,   /* a laser has too few points */
+    LASER_ERROR_DEGENERATE, /* all planes have one height, or the sweeps have too few steps */
     LASER_ERROR_SWEEP,   /* the direction of a sweep is reversed, or its range differs much from the
                             commanded one */
     LASER_ERROR_MISTAKE, /* the given facts about the sweeps are wrong; the message says which */
@@ -57,7 +57,8 @@ struct laser_result {
     /* For the variances of position, axis, zero and stretch: TRUE if more than a quarter of the
      * variance comes from the prior of the arc's axis instead of the measurement. */
     gboolean from_prior[RIG_MAX_LASERS][4];
-    /* includes the part of the RMS that noise does not explain */
+    /* Errors of the sheets. They include the part of the RMS residual that noise does not
+     * explain. */
     struct rig_sheet_errors sheet[RIG_MAX_LASERS];
     /* error of the sheets, RMS over the points, computed from sheet */
     double sheet_error_mm[RIG_MAX_LASERS];
@@ -102,7 +103,7 @@ gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *p
 void laser_result_clear(struct laser_result *result);
 
 /* A sweep seen by one camera. peak has the peak times of sweep_finish(), and −1 where there is no
- * peak. Frame k was taken at the sweep angle from + k·step. */
+ * peak. Frame k was taken at the sweep angle from_rad + k · step_rad. */
 struct laser_plate_sweep {
     int sweep, laser, camera;
     double arc_rad, from_rad, step_rad;

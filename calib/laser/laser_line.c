@@ -1,8 +1,8 @@
 /* The board is sampled on a grid with a step of about a pixel. The background is subtracted from
- * each sample. The background is proportional to the reflectance, if that is known. Otherwise it is
- * the median of the samples on the same print (white or black). A sheet of light meets a plane in a
- * straight line, so bright samples vote for a straight line (RANSAC). The line's middle is then
- * measured in profiles across it in the picture. */
+ * each sample. If the reflectance is known, the background is proportional to it. Otherwise the
+ * background is the median of the samples on the same print (white or black). A sheet of light
+ * meets a plane in a straight line, so bright samples vote for a straight line (RANSAC). The line's
+ * middle is then measured in profiles across it in the picture. */
 #include "laser_line.h"
 
 #include "base/robust.h"
@@ -20,11 +20,12 @@
 /* number of parts in a row and column of the board, for the background */
 #define CELLS 12
 /* smallest brightness above the background of a sample that votes, in units of the noise */
-#define BRIGHT        6.0
-#define MAX_VOTES     4000 /* largest number of votes: the brightest samples */
-#define TRIES         2000 /* number of lines that are tried */
-#define WITHIN_PX     2.0  /* largest distance of samples that vote for a line */
-#define MIN_SHARE     0.35 /* smallest share of bright places of a line on white print */
+#define BRIGHT    6.0
+#define MAX_VOTES 4000 /* largest number of votes: the brightest samples */
+#define TRIES     2000 /* number of lines that are tried */
+#define WITHIN_PX 2.0  /* largest distance of samples that vote for a line */
+/* smallest share of a line's places on white print that must be bright */
+#define MIN_SHARE     0.35
 #define MIN_DOTS      20
 #define HALF_PX       12  /* largest half length of a profile */
 #define WIDE          3.0 /* half the length of a profile, in standard deviations of the line */
@@ -112,8 +113,8 @@ static void pose_residuals(const double *p, double *ret, gconstpointer data) {
     }
 }
 
-/* Sets problem->start to a first pose, from the viewing rays of the corners. Returns FALSE if there
- * is none. */
+/* Sets problem->start to a first pose, from the viewing rays of the corners. Returns FALSE if no
+ * pose is found. */
 static gboolean first_pose(struct pose_problem *problem) {
     const guint n = problem->corners->len;
     g_autofree double *points = g_new(double, 4 * n);
@@ -258,7 +259,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return x->value < y->value ? 1 : x->value > y->value ? -1 : 0;
 }
 
-/* Returns the median of doubles, or 0 if there are none. */
+/* Returns the median of an array of doubles, or 0 if the array is empty. */
 static double median_of(GArray *values) {
     return values->len ? robust_median((double *)(gpointer)values->data, (int)values->len) : 0;
 }
@@ -430,8 +431,8 @@ struct profile {
     double u[4 * HALF_PX + 1], value[4 * HALF_PX + 1], reflectance[4 * HALF_PX + 1];
 };
 
-/* Reads a profile every half pixel, and subtracts the background. Returns FALSE if it leaves the
- * picture. */
+/* Reads a profile every half pixel, and subtracts the background. Returns FALSE if the profile
+ * leaves the picture. */
 static gboolean read_profile(const struct look *look, const double from[2], const double across[2],
                              double half, double background, struct profile *ret) {
     ret->n = 0;
@@ -472,8 +473,8 @@ static double profile_sum(const struct profile *profile, const double p[N], int 
 }
 
 /* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). If width is 0, the
- * width is fitted as well. Returns FALSE if the profile shows no line, or one that is too weak. p
- * gets the parameters, and *ret_sigma the standard error of the middle in px. */
+ * width is fitted as well. Returns FALSE if the profile shows no line, or if the line is too weak.
+ * p gets the parameters, and *ret_sigma the standard error of the middle in px. */
 static gboolean fit_profile(const struct profile *profile, double half, double noise, double width,
                             double p[N], double *ret_sigma) {
     const int free = width > 0 ? 2 : 3;
@@ -572,7 +573,8 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
     struct straight line;
     double width, a[2], b[2];
     if (!pixel_of(&look, middle, a) || !pixel_of(&look, (const double[]){1, 0}, b))
-        return refuse(error, "the board's middle is outside of the picture");
+        return refuse(error, "the camera cannot see the middle of the board; hold the board nearer "
+                             "to the middle of the picture");
     look.mm_a_px = 1 / hypot(b[0] - a[0], b[1] - a[1]);
     pixel_of(&look, (const double[]){0, 1}, b);
     look.mm_a_px = MIN(look.mm_a_px, 1 / hypot(b[0] - a[0], b[1] - a[1]));
@@ -586,17 +588,18 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
     g_array_set_size(votes, MIN(votes->len, MAX_VOTES));
     const double within_mm = WITHIN_PX * look.mm_a_px;
     if (votes->len < MIN_DOTS || !vote(votes, within_mm, &line))
-        return refuse(error,
-                      "no line on the board is %g times brighter than the noise; let the laser be "
-                      "the brightest light on it, or give photographs without it (--dark-images)",
-                      BRIGHT);
-    const double share = share_of(samples, &line, within_mm, BRIGHT * look.noise);
-    if (share < MIN_SHARE)
         return refuse(
             error,
-            "the bright spots on the board do not form a line across it: only %.0f %% of the "
-            "white print along the best line is bright",
-            100 * share);
+            "no line on the board is %g times brighter than the noise; let the laser be the "
+            "brightest light on the board, or give photographs without the laser (--dark-images)",
+            BRIGHT);
+    const double share = share_of(samples, &line, within_mm, BRIGHT * look.noise);
+    if (share < MIN_SHARE)
+        return refuse(error,
+                      "the bright spots on the board do not form a line across it: only %.0f %% of "
+                      "the white print along the best line is bright, and at least %.0f %% must "
+                      "be; remove other lights",
+                      100 * share, 100 * MIN_SHARE);
     g_autoptr(GArray) first = dots_along(&look, &line, FIRST_HALF_PX, 0, &width);
     const double half = CLAMP(WIDE * width, MIN_HALF_PX, HALF_PX);
     GArray *dots =
@@ -606,8 +609,8 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
     const guint n = dots->len;
     g_array_unref(dots);
     return refuse(error,
-                  "the laser's line is clear at %u places away from the print's edges; %d are "
-                  "needed: turn the board so that the line crosses the squares askew, or take a "
-                  "board with larger squares",
+                  "the laser's line is clear at only %u places away from the print's edges, and at "
+                  "least %d are needed: turn the board so that the line crosses the squares askew, "
+                  "or take a board with larger squares",
                   n, MIN_DOTS);
 }

@@ -1,10 +1,11 @@
 /*
- * Finds the line of a laser on a calibration board in a photograph. Pure; any thread.
+ * This module finds the line of a laser on a calibration board in a photograph. The functions are
+ * pure, and any thread may call them.
  *
  * A profile across the line is the profile of the sheet of light times the print's reflectance. The
- * reflectance therefore shifts the line's middle at edges of the print. It is known from a
- * photograph without the laser, or from the colours that the laser does not have. If neither is
- * available (one grey photograph), only the parts of the line are used around which the print is
+ * reflectance therefore shifts the line's middle at edges of the print. The reflectance is known
+ * from a photograph without the laser, or from the colours that the laser does not have. If neither
+ * is available (one grey photograph), only the parts of the line are used around which the print is
  * all white or all black.
  */
 #pragma once
@@ -41,7 +42,7 @@ gboolean laser_board_point(const struct rig_camera *camera, const struct laser_p
 void laser_strength(const float *rgb, const float *dark, gsize n, int colour, float *ret,
                     float *ret_reflectance);
 /* Returns the colour in which the brightest pixels of a photograph differ most from grey. Returns
- * −1 if there is none, or if dark is given. */
+ * −1 if no colour differs, or if dark is given. */
 int laser_colour(const float *rgb, const float *dark, gsize n);
 
 struct laser_dot { /* a point of the middle of the line */

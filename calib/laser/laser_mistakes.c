@@ -105,7 +105,7 @@ static void tell(const struct rig *rig, const struct planes *planes, const struc
                  GError **error) {
     const int a = mistake->a, b = mistake->b;
     g_autofree char *fit = g_strdup_printf(
-        "the lines lie %.3g° from where the sheets should be; with this corrected, %.3g°",
+        "the lines deviate by %.3g° from the sheets, and by %.3g° with this corrected",
         is_rad * DEG, would_be_rad * DEG);
     if (mistake->kind == ARC_REVERSED)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
@@ -118,7 +118,7 @@ static void tell(const struct rig *rig, const struct planes *planes, const struc
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
                     "the angles of the arc are in radians (%s); give arc_deg in degrees in the "
                     "table of the pictures, or steps_per_deg of [axis arc] in the rig file in "
-                    "steps a degree, and import or capture again",
+                    "steps per degree, and import or capture again",
                     fit);
     else if (mistake->kind == LASERS_SWAPPED)
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
@@ -129,9 +129,9 @@ static void tell(const struct rig *rig, const struct planes *planes, const struc
                     rig->lasers[b].name);
     else
         g_set_error(error, LASER_ERROR, LASER_ERROR_MISTAKE,
-                    "%s and %s: their planes of %g and %g mm are exchanged (%s); exchange the "
-                    "heights in --planes, or the order of the sessions, or correct reference_mm in "
-                    "[sample] of the session files",
+                    "%s and %s: the heights of their planes, %g and %g mm, are exchanged (%s); "
+                    "exchange the heights in --planes, or the order of the sessions, or correct "
+                    "reference_mm in [sample] of the session files",
                     sweep_names[planes->sweep[a]], sweep_names[planes->sweep[b]], planes->z_mm[a],
                     planes->z_mm[b], fit);
 }

@@ -78,9 +78,9 @@ static double line_of(const struct moments *m, double ret_middle[2], double ret_
     return sqrt(MAX((xx + yy) / 2 + hypot((xx - yy) / 2, xy), 0));
 }
 
-/* Fits a straight line to the dots on the board. Its errors are estimated from the scatter of the
- * means of pieces of it, because the errors of neighbouring dots are correlated. mm has the dots'
- * places on the board. Returns FALSE if there are too few dots. */
+/* Fits a straight line to the dots on the board. The errors of the line are estimated from the
+ * scatter of the means of pieces of the line, because the errors of neighbouring dots are
+ * correlated. mm has the dots' places on the board. Returns FALSE if there are too few dots. */
 static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret) {
     const int n = (int)dots->len, most = MIN(BLOCKS, n / 2);
     g_autofree double *off = g_new(double, n + 1), *sorted = g_new(double, n + 1);
@@ -214,7 +214,7 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
                                  struct vec3 normal, double ret[2][2]) {
     const struct mat3 *r = &view->pose.rotation;
     const struct vec3 on_board = mat3_mul_vec(r, vec3(view->across[0], view->across[1], 0));
-    /* The normal in the camera's frame. */
+    /* n is the normal in the camera's frame. */
     const struct vec3 n = mat3_mul_vec(&camera->rotation, normal);
     const struct vec3 board_normal = vec3(r->m[0][2], r->m[1][2], r->m[2][2]);
     const double share = vec3_dot(n, on_board);
@@ -320,8 +320,8 @@ static void weigh(const struct rig_camera *camera, const struct view *views, int
     *ret_expected_mm = sqrt(sum / MAX(used, 1));
 }
 
-/* Computes χ² of each view with respect to a plane. Returns their median over the median of χ² with
- * two degrees of freedom. */
+/* Computes χ² of each view with respect to a plane. Returns their median divided by the median of
+ * the χ² distribution with two degrees of freedom. */
 static double all_chi2(const struct view *views, const struct weights *weights, int n,
                        const struct rig_plane *plane, double *ret) {
     g_autofree double *sorted = g_new(double, n);
@@ -445,9 +445,10 @@ static struct rig_camera changed(const struct rig_camera *camera,
     return to;
 }
 
-/* Adds the effect of the camera's errors, which are the same in all photographs: Σ δ δᵀ. δ is the
- * change of the plane when the camera's parameters change by one standard deviation along a
- * principal axis of their covariance. */
+/* Adds Σ δ δᵀ to the covariance, for the camera's errors, which are the same in all photographs. δ
+ * is the change of the plane when the camera's parameters change by one standard deviation along a
+ * principal axis of their covariance. Returns FALSE if the plane cannot be fitted with changed
+ * parameters. */
 static gboolean
 add_camera_covariance(const struct rig_camera *camera, const struct calibration_camera *errors,
                       const struct board *board, const struct laser_photograph *photographs, int n,
@@ -542,17 +543,16 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     struct weights weights = {inverse, to->left_out};
     if (n < LASER_PLANE_MIN) {
         refuse(error, LASER_PLANE_ERROR_PICTURES,
-               "%d photographs show board and line; at least %d are needed, with the board at "
-               "different distances and tilts",
+               "only %d photographs show both the board and the line, and at least %d are needed, "
+               "with the board at different distances and tilts",
                n, LASER_PLANE_MIN);
         return NULL;
     }
     for (int i = 0; i < n; i++)
         if (!view_of(camera, board, &photographs[i], NULL, &views[i])) {
             refuse(error, LASER_PLANE_ERROR_PICTURES,
-                   "%s: the pose of its board or the line of the laser on it cannot be computed; "
-                   "leave "
-                   "this photograph out",
+                   "%s: the pose of the board, or the laser's line on the board, cannot be "
+                   "computed; leave this photograph out",
                    photographs[i].name);
             return NULL;
         }
@@ -579,8 +579,8 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     }
     if (to->used < LASER_PLANE_MIN || 2 * to->used <= n) {
         refuse(error, LASER_PLANE_ERROR_PICTURES,
-               "the lines of only %d of %d photographs lie in one plane: laser and camera must not "
-               "move relative to each other between them",
+               "the lines of only %d of %d photographs lie in one plane: the laser or the camera "
+               "has moved between photographs; take the photographs again",
                to->used, n);
         return NULL;
     }
@@ -612,8 +612,8 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
         !add_camera_covariance(camera, errors, board, photographs, n, views, &weights, &frame,
                                &to->plane, to->covariance)) {
         refuse(error, LASER_PLANE_ERROR_PICTURES,
-               "the camera is known too badly to place a plane; calibrate its lens from more "
-               "photographs");
+               "the errors of the camera's calibration are too large to determine the plane; "
+               "calibrate the camera's lens from more photographs");
         return NULL;
     }
     /* Let the normal point away from the camera. */
@@ -624,11 +624,10 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     }
     set_errors(to);
     if (to->tilt_error_rad * DEG > MAX_TILT_DEG) {
-        refuse(
-            error, LASER_PLANE_ERROR_DEGENERATE,
-            "the photographs determine the laser's plane to ± %.1f° only; hold the board nearer, "
-            "farther away and at other tilts",
-            to->tilt_error_rad * DEG);
+        refuse(error, LASER_PLANE_ERROR_DEGENERATE,
+               "the photographs determine the laser's plane only to ± %.1f°, and ± %g° is needed; "
+               "hold the board nearer, farther away and at other tilts",
+               to->tilt_error_rad * DEG, MAX_TILT_DEG);
         return NULL;
     }
     return g_steal_pointer(&to);

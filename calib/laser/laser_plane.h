@@ -7,10 +7,10 @@
  * Two numbers of each photograph are adjusted: the distances of two points of its line from the
  * plane. Their covariance includes the line's scatter, and the error of the board's pose, which
  * moves both points. Photographs that contradict the others are left out. The plane's covariance
- * also includes that of the camera's parameters, whose errors are the same in all photographs. It
- * grows if the photographs scatter more than their errors explain.
+ * also includes that of the camera's parameters, whose errors are the same in all photographs. If
+ * the photographs scatter more than their errors explain, the plane's covariance is increased.
  *
- * Pure; any thread.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -23,7 +23,7 @@
 GQuark laser_plane_error_quark(void);
 enum laser_plane_error {
     LASER_PLANE_ERROR_PICTURES,   /* too few photographs, or they contradict each other */
-    LASER_PLANE_ERROR_DEGENERATE, /* their lines do not determine a plane */
+    LASER_PLANE_ERROR_DEGENERATE, /* the lines in the photographs do not determine a plane */
 };
 
 struct laser_photograph {
@@ -43,7 +43,7 @@ struct laser_plane {
     /* RMS distance of the lines from the plane, and its expected value */
     double rms_mm, expected_rms_mm;
     double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
-    /* number of photographs that were used, and of their dots */
+    /* number of photographs that were used, and number of dots in these photographs */
     int used, dots;
     /* RMS distance of each photograph's line from the plane, also if it was left out */
     double *off_mm;

@@ -182,7 +182,7 @@ TEST(refused) {
     g_autofree char *one = RUN(1, "planes of one height only, 1.000 mm", "calibrate", "laser",
                                "low.session", "-o", "no.conf");
     assert_has(one, "low.session/laser/");
-    g_free(RUN(1, "the posts' shadows are not where", "calibrate", "lights", "low.session", "-t",
+    g_free(RUN(1, "of its description fits the shadows", "calibrate", "lights", "low.session", "-t",
                "target.conf", "-o", "no.conf"));
     g_free(RUN(1, "the session has no laser sweeps", "calibrate", "laser", "poles.session", "-o",
                "no.conf"));
@@ -193,11 +193,11 @@ TEST(refused) {
     g_free(RUN(1, "heights are in millimetres", "calibrate", "laser", "low.session", "high.session",
                "--planes", "0.001;0.016", "-o", "no.conf"));
     write_text("metres.conf", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=-0.02;-0.018;0.024\n");
-    g_free(RUN(1, "radius of number 1 is 0.024 mm, and must be above 0.1; give millimetres",
+    g_free(RUN(1, "radius of post or ball 1 is 0.024 mm, and must be above 0.1; give millimetres",
                "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     write_text("metres.conf", "[target]\nkind=balls\nplane_mm=0.002\nplaces_mm=1;2;8\n");
-    g_free(RUN(1, "metres.conf:3: [target] plane_mm: 0.002 mm is no height of a plate", "calibrate",
-               "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
+    g_free(RUN(1, "metres.conf:3: [target] plane_mm: 0.002 mm is too small for the height",
+               "calibrate", "lights", "poles.session", "-t", "metres.conf", "-o", "no.conf"));
     g_free(RUN(2, "--target", "calibrate", "lights", "poles.session", "-o", "no.conf"));
     g_free(RUN(2, "-o", "calibrate", "laser", "low.session", "high.session"));
     g_free(RUN(2, "--ball", "calibrate", "lights", "-i", ".", "--ball", "1,2", "-o", "no.lp"));
@@ -295,8 +295,8 @@ TEST(mistakes_of_balls) {
                "-t", "balls.target", "-o", "no.conf"));
     note("balls.session", ARC_BACK);
     note("balls.session", LAMPS(0, 1));
-    g_autofree char *told = RUN(1, "of lamp l40: they are exchanged", "calibrate", "lights",
-                                "balls.session", "-t", "balls.target", "-o", "no.conf");
+    g_autofree char *told = RUN(1, "of lamp l40: the two lamps are exchanged", "calibrate",
+                                "lights", "balls.session", "-t", "balls.target", "-o", "no.conf");
     assert_has(told, "exchange the indexes of [lamp l20] and [lamp l40] in the rig file");
 }
 
@@ -305,10 +305,10 @@ TEST(mistakes_of_sweeps) {
     static const char *const sessions[] = {"low.session", "high.session"};
     g_autofree char *here = in_folder("no.conf");
     g_autofree char *planes =
-        RUN(1, "their planes of 16 and 1 mm are exchanged", "calibrate", "laser", "low.session",
+        RUN(1, "planes, 16 and 1 mm, are exchanged", "calibrate", "laser", "low.session",
             "high.session", "--planes", "16;1", "-c", "one.conf", "-o", "no.conf");
     assert_has(planes, "exchange the heights in --planes");
-    g_free(RUN(1, "given as 15.5 mm high, but the lines show ", "calibrate", "laser", "low.session",
+    g_free(RUN(1, "given as 15.5 mm, but the lines show ", "calibrate", "laser", "low.session",
                "high.session", "--planes", "1;15.5", "-c", "one.conf", "-o", "no.conf"));
     for (int i = 0; i < 2; i++)
         note(sessions[i], ARC_BACK);

@@ -202,7 +202,7 @@ TEST(exchanged) {
         double other_deg;
         const char *what;
     } cases[] = {{60, "lasers one and two are exchanged"},
-                 {42, "of laser two: they are exchanged; exchange theta_deg"}};
+                 {42, "of laser two: the two lasers are exchanged; exchange theta_deg"}};
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         struct rig rig;
         struct laser_result found;
@@ -258,8 +258,8 @@ TEST(heights) {
         double is_mm, said_mm;
         const char *what, * or ; /* NULL: it is not told */
     } cases[] = {
-        {2, FALSE, 20, 20.4, "given as 20.4 mm high, but the lines show ", NULL},
-        {1, FALSE, 20, 23, "given as 23 mm high, ", "given as 1 mm high, "},
+        {2, FALSE, 20, 20.4, "given as 20.4 mm, but the lines show ", NULL},
+        {1, FALSE, 20, 23, "given as 23 mm, ", "is not 1 mm, but "},
         {1, TRUE, 20, 23, NULL, NULL},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
@@ -281,7 +281,7 @@ TEST(heights) {
         if (cases[i].what && !cases[i].or)
             assert_height(error->message, cases[i].what, cases[i].is_mm);
         if (cases[i].or) {
-            g_assert_nonnull(strstr(error->message, "; or the plate of a.exr, "));
+            g_assert_nonnull(strstr(error->message, ", or else the height of the plate of a.exr "));
             g_assert_nonnull(strstr(error->message, cases[i].what));
             g_assert_nonnull(strstr(error->message, cases[i].or));
         }
