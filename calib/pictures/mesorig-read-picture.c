@@ -1,4 +1,4 @@
-/* The program that runs LibRaw and FFmpeg for other programs; see picture_child.h. */
+/* mesorig-read-picture runs LibRaw and FFmpeg for other programs; see picture_child.h. */
 #include "raw.h"
 #include "video.h"
 

@@ -1,4 +1,4 @@
-/* Grey pictures and the balance of colour filter mosaics. */
+/* This file makes grey pictures, and balances colour filter mosaics. */
 #include "picture.h"
 
 #include "base/srgb.h"

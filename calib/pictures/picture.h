@@ -1,6 +1,6 @@
 /*
- * Pictures for calibration: one grey value per pixel, linear in light, and the source of the
- * picture. Any thread.
+ * A picture for calibration has one grey value per pixel, linear in light, and the source of the
+ * picture. Any thread may call the functions.
  */
 #pragma once
 

@@ -18,8 +18,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* File descriptors of the program: the file, a file in memory for its result, a pipe for its
- * progress. */
+/* The file descriptors of the program are the file, a file in memory for the result, and a pipe for
+ * the progress. */
 enum { CHILD_FILE = 3, CHILD_RESULT, CHILD_TOLD };
 
 struct told {
@@ -29,7 +29,7 @@ struct told {
 /* A child that fails writes this, and then the text of the error, into the file in memory instead
  * of a result. */
 struct child_error {
-    gboolean is_input; /* INPUT_FILE_ERROR, otherwise PICTURE_FILE_ERROR */
+    gboolean is_input; /* TRUE: the code is an INPUT_FILE_ERROR; FALSE: a PICTURE_FILE_ERROR */
     int code;
 };
 
@@ -44,12 +44,10 @@ void picture_child_tell(int done, int n) {
 }
 
 G_NORETURN static void picture_child_end(const GError *error) {
-    const struct child_error head = {error && error->domain == INPUT_FILE_ERROR,
-                                     error ? error->code : PICTURE_FILE_ERROR_FAILED};
-    const char *message = error ? error->message : "what was read cannot be kept in memory";
+    const struct child_error head = {error->domain == INPUT_FILE_ERROR, error->code};
     if (ftruncate(CHILD_RESULT, 0) == 0 && lseek(CHILD_RESULT, 0, SEEK_SET) == 0 &&
         picture_child_write(&head, sizeof head))
-        picture_child_write(message, strlen(message) + 1);
+        picture_child_write(error->message, strlen(error->message) + 1);
     _exit(1);
 }
 
@@ -59,7 +57,8 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     struct stat file;
     if (argc != 4 || fstat(CHILD_FILE, &file) != 0 || fcntl(CHILD_RESULT, F_GETFD) < 0 ||
         fcntl(CHILD_TOLD, F_GETFD) < 0) {
-        fprintf(stderr, "%s: a part of mesorig, which starts it to read a picture\n", argv[0]);
+        fprintf(stderr, "%s: this program is a part of mesorig, and only mesorig can start it\n",
+                argv[0]);
         _exit(2);
     }
     const struct picture_job job = {argv[2], argv[1], CHILD_FILE, (guint64)file.st_size,
@@ -69,6 +68,11 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     setrlimit(RLIMIT_CORE, &none);
     if (func(&job, &error))
         _exit(0);
+    if (!error) /* picture_child_write() has failed */
+        g_set_error(
+            &error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+            "%s: there is too little memory for what was read; close other programs and try again",
+            job.path);
     picture_child_end(error);
 }
 
@@ -111,13 +115,14 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
         }
     }
     if (WIFSIGNALED(status))
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                    "%s: %s has crashed on this file (%s); the file is probably damaged", path,
-                    library, g_strsignal(WTERMSIG(status)));
+        g_set_error(
+            error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
+            "%s: %s has crashed on this file (%s); the file is probably damaged, so copy it again",
+            path, library, g_strsignal(WTERMSIG(status)));
     else
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                    "%s: %s has ended without a result; the file is damaged, or there is too "
-                    "little memory",
+                    "%s: %s has ended without a result; copy the file again if it is damaged, or "
+                    "close other programs if there is too little memory",
                     path, library);
     return NULL;
 }
@@ -159,7 +164,8 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
     const int result = memfd_create("mesorig-picture", MFD_CLOEXEC);
     if (result < 0 || pipe2(ends, O_CLOEXEC) != 0) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: no process can be started to read it: %s", job->path, g_strerror(errno));
+                    "%s: the program that reads this file cannot be started: %s", job->path,
+                    g_strerror(errno));
     } else {
         const pid_t pid = start(job, result, ends[1], error);
         close(ends[1]);

@@ -1,8 +1,8 @@
 /*
- * Runs libraries that read files of any content (LibRaw, FFmpeg) in a separate program,
+ * LibRaw and FFmpeg read files of any content. They run in a separate program,
  * mesorig-read-picture, with limited processor time. If a library crashes on a file, the result is
- * an error that names the file. The program that needs the picture continues. The output of the
- * libraries is dropped. Any thread.
+ * an error that names the file, and the program that needs the picture continues. The output of the
+ * libraries is dropped. Any thread may call the functions.
  */
 #pragma once
 
@@ -40,7 +40,8 @@ gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
  * so nothing needs to be freed. */
 typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **error);
 
-/* Returns FALSE if the bytes cannot be written; the program then ends with that error. */
+/* Returns FALSE, without an error, if there is too little memory for the bytes. The
+ * PictureChildFunc must then return FALSE. */
 gboolean picture_child_write(gconstpointer bytes, gsize n);
 /* Reports to the caller of picture_child_run() that done of n steps are finished. */
 void picture_child_tell(int done, int n);

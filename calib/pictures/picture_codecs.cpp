@@ -1,4 +1,4 @@
-/* A separate module; see picture_codecs.h. */
+/* This file is a module that is loaded at run time; see picture_codecs.h. */
 #include "picture_codecs.h"
 
 #include <opencv2/imgcodecs.hpp>
@@ -11,8 +11,7 @@ bool decode(const guint8 *bytes, gsize length, enum picture_channels channels,
             struct picture_pixels *ret) {
     const cv::Mat from(1, (int)length, CV_8U, const_cast<guint8 *>(bytes));
     const int colours = channels == PICTURE_GREY ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR;
-    /* IMREAD_UNCHANGED is not a flag that can be combined with others. It also ignores the
-     * orientation. */
+    /* IMREAD_UNCHANGED cannot be combined with other flags. It also ignores the orientation. */
     const cv::Mat m =
         cv::imdecode(from, channels == PICTURE_ALPHA
                                ? cv::IMREAD_UNCHANGED
@@ -35,7 +34,8 @@ extern "C" PictureCodecsDecode picture_codecs_decode;
 gboolean picture_codecs_decode(const guint8 *bytes, gsize length, enum picture_channels channels,
                                struct picture_pixels *ret, char **ret_what) {
     *ret_what = nullptr;
-    /* OpenCV also prints the errors that it throws. One message is enough. */
+    /* OpenCV prints the errors that it throws. This handler prevents that, because the caller
+     * reports the error. */
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     try {
         return decode(bytes, length, channels, ret);

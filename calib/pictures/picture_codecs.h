@@ -1,8 +1,8 @@
 /*
- * The module mesorig-picture-codecs.so: OpenCV's codecs for JPEG, PNG, TIFF, BMP and portable
- * anymaps, behind a C interface. They need 140 shared libraries, which take longer to load than
- * most commands take to run. picture_read.c therefore loads the module when it reads the first
- * picture. Any thread.
+ * The module mesorig-picture-codecs.so has OpenCV's codecs for JPEG, PNG, TIFF, BMP and portable
+ * anymaps behind a C interface. The codecs need 140 shared libraries, which take longer to load
+ * than most commands take to run. picture_read.c therefore loads the module when it reads the first
+ * picture. Any thread may call the function.
  */
 #pragma once
 

@@ -27,7 +27,7 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
         return FALSE;
     for (gsize at = 2; at + 9 <= length;) {
-        if (bytes[at] != 0xff || bytes[at + 1] == 0xff) { /* decoders skip both */
+        if (bytes[at] != 0xff || bytes[at + 1] == 0xff) { /* decoders skip such bytes */
             at++;
             continue;
         }
@@ -96,7 +96,8 @@ static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     return tiff_number(at, MIN(size, room), tiff->big_endian);
 }
 
-/* Tiles that extend beyond the picture are decoded completely, so the larger size counts. */
+/* A tile that extends beyond the picture is decoded completely, so the size is at least that of a
+ * tile. */
 static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
     const guint64 at = tiff_first(tiff);
@@ -123,7 +124,7 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     return ret->width > 0 && ret->height > 0;
 }
 
-/* The size is checked before decoding, so that a small file cannot claim a large amount of
+/* The size is checked before decoding, so that a small file cannot make the decoder allocate much
  * memory. */
 gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
     struct size size = {0};
@@ -144,9 +145,9 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
     if (size.bits <= 16 || size.height <= most / size.width)
         return TRUE;
     g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                "%s: with %" G_GUINT64_FORMAT " bits a value, a file of %" G_GSIZE_FORMAT
+                "%s: with %" G_GUINT64_FORMAT " bits per value, a file of %" G_GSIZE_FORMAT
                 " bytes may have at most %" G_GUINT64_FORMAT " pixels, not %" G_GUINT64_FORMAT
-                " × %" G_GUINT64_FORMAT "; save it with 16 bits",
+                " × %" G_GUINT64_FORMAT "; save the picture with 16 bits per value",
                 path, size.bits, length, most, size.width, size.height);
     return FALSE;
 }

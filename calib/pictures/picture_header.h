@@ -1,6 +1,6 @@
 /*
- * Reads the size of JPEG, PNG, TIFF, BMP and portable anymap (PGM, PPM) files before they are
- * decoded. Any thread.
+ * This module reads the size of JPEG, PNG, TIFF, BMP and portable anymap (PGM, PPM) files before
+ * the files are decoded. Any thread may call the function.
  */
 #pragma once
 

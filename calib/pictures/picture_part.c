@@ -16,7 +16,7 @@
 struct part_reading {
     FILE *file;
     const struct picture_part *part;
-    guint8 *row, *rows; /* row: the whole width; rows: the part */
+    guint8 *row, *rows; /* row: one whole row of the picture; rows: the part */
     gsize pixel;        /* bytes of a pixel */
     int channels, bits;
     /* first error of libpng; NULL if there was none */
@@ -70,11 +70,11 @@ static gboolean decode_rows(png_structp png, png_infop info, struct part_reading
     reading->bits = png_get_bit_depth(png, info);
     reading->pixel = (gsize)reading->channels * (gsize)reading->bits / 8;
     if (row > MAX_ROW)
-        png_error(png, "its rows are too long");
+        png_error(png, "a row needs more than 64 MiB");
     reading->row = g_malloc(row);
     reading->rows = g_try_malloc0_n((gsize)part->width * (gsize)part->height, reading->pixel);
     if (!reading->rows)
-        png_error(png, "the part is larger than memory");
+        png_error(png, "there is too little memory for this part");
     const gsize bytes = (gsize)part->width * reading->pixel;
     for (int y = 0; y < part->y + part->height; y++) {
         png_read_row(png, reading->row, NULL);

@@ -1,7 +1,7 @@
 /*
- * Reads a part of a PNG row by row, with memory for that part only, so that a picture may be much
- * larger than one that is decoded as a whole. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR.
- * Any thread.
+ * This module reads a part of a PNG row by row, with memory for that part only. The picture may
+ * therefore be much larger than a picture that is decoded as a whole. Errors are PICTURE_FILE_ERROR
+ * and INPUT_FILE_ERROR. Any thread may call the functions.
  */
 #pragma once
 

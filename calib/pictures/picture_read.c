@@ -10,7 +10,7 @@
 #include "raw.h"
 
 /* Returns the function of the codecs' module. The first call loads the module, which stays loaded.
- * Returns NULL with an error if it cannot be loaded. */
+ * Returns NULL with an error if the module cannot be loaded. */
 static PictureCodecsDecode *load_codecs(GError **error) {
     static GMutex mutex;
     static PictureCodecsDecode *decode;
@@ -25,7 +25,9 @@ static PictureCodecsDecode *load_codecs(GError **error) {
         *(void **)&decode = dlsym(module, PICTURE_CODECS_DECODE);
     if (!decode)
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "the picture codecs cannot be loaded: %s; install Mesorig again", dlerror());
+                    "the picture codecs (mesorig-picture-codecs.so) cannot be loaded: %s; install "
+                    "Mesorig again",
+                    dlerror());
     return decode;
 }
 
@@ -53,7 +55,10 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
     }
     picture_says_clear(ret_says);
     if (what)
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", path, what);
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+                    "%s: the picture cannot be decoded (%s); copy the file again, or save it in "
+                    "another program",
+                    path, what);
     else
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
                     "%s: is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "

@@ -1,7 +1,8 @@
 /*
- * Pictures from files: JPEG, PNG, TIFF, BMP and portable anymaps (PGM, PPM). EXIF orientation is
- * ignored: pixels stay as on the sensor. The size in the header is checked before anything is
- * decoded. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR. Any thread.
+ * This module reads pictures from JPEG, PNG, TIFF, BMP and portable anymap (PGM, PPM) files. EXIF
+ * orientation is ignored: pixels stay as on the sensor. The size in the header is checked before
+ * anything is decoded. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR. Any thread may call the
+ * functions.
  */
 #pragma once
 
@@ -11,8 +12,8 @@
 G_BEGIN_DECLS
 
 /* Reads a picture as grey; camera raw is read like raw_read_grey(). The values are made linear with
- * the tone curve that the file gives. If it gives none, files of 8 bits are taken as sRGB, and
- * others as linear. 1 is white. */
+ * the tone curve that the file gives. If the file gives no tone curve, 8 bits are taken as sRGB,
+ * and other numbers as linear. 1 is white. */
 struct picture *picture_read(const char *path, GError **error);
 
 /* The numbers of a colour picture that is not camera raw. */

@@ -64,10 +64,10 @@ double picture_tone_light(const struct picture_tone *tone, double number) {
     }
 }
 
-/* Reads the curve of an ICC profile: that of green, or of grey. */
+/* Reads the curve for green or for grey of an ICC profile. */
 static void read_profile(const guint8 *bytes, gsize length, struct picture_tone *ret) {
     char name[80] = "";
-    /* without a logger, so that it prints nothing */
+    /* The context has no logger, so Little CMS prints nothing. */
     cmsContext context = cmsCreateContext(NULL, NULL);
     cmsHPROFILE profile = length <= MAX_PROFILE
                               ? cmsOpenProfileFromMemTHR(context, bytes, (cmsUInt32Number)length)
@@ -94,7 +94,7 @@ static void read_profile(const guint8 *bytes, gsize length, struct picture_tone 
 }
 
 /* Parses a time such as "2026:11:27 18:57:13", and a fraction of a second such as "042", which may
- * be NULL. Returns µs since 1970, or 0 if it is not a time. */
+ * be NULL. Returns µs since 1970, or 0 if the text is not a time. */
 static gint64 parse_time(const struct tiff_value *time, const struct tiff_value *fraction) {
     int d[6];
     g_autofree char *text = g_strndup((const char *)time->at, (gsize)MIN(time->n, 32));
@@ -199,8 +199,8 @@ static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     }
 }
 
-/* Sets the tone curve of a PNG's cICP chunk. transfer is its number of transfer characteristics in
- * ITU-T H.273. */
+/* Sets the tone curve of a PNG's cICP chunk. transfer is the number of the transfer characteristics
+ * in ITU-T H.273. */
 static void read_cicp(int transfer, struct picture_tone *ret) {
     char *said = g_strdup_printf("PNG cICP %d", transfer);
     if (transfer == 8)
@@ -279,8 +279,8 @@ const struct picture_tone *picture_tone_choose(const struct picture_tone *said, 
                                      srgb = {.tones = PICTURE_TONES_SRGB};
     if (wanted == PICTURE_TONES_UNSAID && said->tones == PICTURE_TONES_OTHER) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-                    "%s: its tone curve (%s) is not one that can be undone; save it as sRGB or "
-                    "linear, or say which it is with --transfer where there is that option",
+                    "%s: the picture's tone curve (%s) is not supported; save the picture as sRGB "
+                    "or linear, or state the curve with --transfer if the command has this option",
                     path, said->said);
         return NULL;
     }

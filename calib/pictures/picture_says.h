@@ -1,7 +1,8 @@
 /*
- * What a picture's file says about the picture: its tone curve, whether pixels may be transparent,
- * and when it was taken. Read from PNG (cICP, iCCP, sRGB, gAMA, tRNS, eXIf), JPEG (ICC profile,
- * EXIF), and TIFF and camera raw of the same form (ICC profile, EXIF). Any thread.
+ * This module reads what a file says about its picture: the tone curve, whether pixels may be
+ * transparent, and when the picture was taken. It reads PNG (cICP, iCCP, sRGB, gAMA, tRNS, eXIf),
+ * JPEG (ICC profile, EXIF), and TIFF and camera raw of the same form (ICC profile, EXIF). Any
+ * thread may call the functions.
  */
 #pragma once
 
@@ -30,7 +31,7 @@ struct picture_tone {
     /* where the file gives the curve, such as "PNG gAMA 0.45455"; NULL for PICTURE_TONES_UNSAID */
     char *said;
 };
-#define PICTURE_CURVE 65536 /* so that each number of 8 or 16 bits has an entry */
+#define PICTURE_CURVE 65536 /* number of entries: each number of 8 or 16 bits has one */
 
 struct picture_says {
     struct picture_tone tone;
@@ -48,9 +49,9 @@ void picture_says_clear(struct picture_says *says);
 void picture_says_read_file(const char *path, struct picture_says *ret);
 
 /* Chooses the tone curve for numbers of 8, 16 or 0 bits (floating-point). wanted is used unless it
- * is PICTURE_TONES_UNSAID. Otherwise the curve of the file is used. If the file gives none, 8 bits
- * are taken as sRGB, and others as linear. The result is borrowed from said. Returns NULL with
- * PICTURE_FILE_ERROR_FAILED if the file gives a curve that is not supported. */
+ * is PICTURE_TONES_UNSAID. Otherwise the curve of the file is used. If the file gives no curve, 8
+ * bits are taken as sRGB, and other numbers as linear. The result may point into said. Returns NULL
+ * with PICTURE_FILE_ERROR_FAILED if the file gives a curve that is not supported. */
 const struct picture_tone *picture_tone_choose(const struct picture_tone *said, int bits,
                                                enum picture_tones wanted, const char *path,
                                                GError **error);

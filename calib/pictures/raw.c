@@ -1,4 +1,4 @@
-/* Camera raw, read by a separate program. */
+/* A separate program reads the camera raw file. This file starts it and takes its result. */
 #include "raw.h"
 
 #include "base/input_file.h"

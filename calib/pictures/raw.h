@@ -1,11 +1,12 @@
 /*
- * Camera raw (LibRaw): the numbers of a sensor with a colour filter, linear in light. Any thread.
+ * This module reads camera raw files, which have the numbers of a sensor with a colour filter,
+ * linear in light. Any thread may call the functions.
  *
  * A pixel with the number n has the value (n − b) / (w − b). b is the black level at its place, and
  * w is white. Both come from the file or from LibRaw's table of cameras. 0 is black and 1 is white.
- * Noise around black gives values below 0. Nothing else is done to the numbers: no white balance,
- * no demosaicing. Orientation is ignored: pixels stay as on the sensor. LibRaw runs in a separate
- * program (picture_child.h).
+ * Noise around black gives values below 0. The numbers are not changed otherwise: there is no white
+ * balance and no demosaicing. Orientation is ignored: pixels stay as on the sensor. LibRaw runs in
+ * a separate program (picture_child.h).
  */
 #pragma once
 
@@ -29,8 +30,8 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
  * picture_balance(). A pixel that is white in the file is at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
 
-/* Used between raw_read() and the program: the head of the program's output. The values of the
- * picture follow this head. */
+/* A raw_head is the first part of what the separate program writes for raw_read(). The values of
+ * the picture follow it. */
 struct raw_head {
     int width, height;
     char cfa[RAW_CFA], sum[65];

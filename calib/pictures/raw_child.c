@@ -1,4 +1,4 @@
-/* Reads camera raw with LibRaw, in the separate program. */
+/* This part of the separate program reads camera raw with LibRaw. */
 #include "raw.h"
 
 #include "base/input_file.h"
@@ -13,7 +13,7 @@ static gboolean fail(const char *path, GError **error, const char *why) {
     return FALSE;
 }
 
-/* Gives the name of the mosaic. Returns FALSE if it is not a known one. */
+/* Gives the name of the mosaic. Returns FALSE if the mosaic is not known. */
 static gboolean raw_cfa(libraw_data_t *raw, char ret[RAW_CFA]) {
     static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};
     if (raw->idata.filters == 0 && raw->idata.colors == 1) {
@@ -58,8 +58,9 @@ static gboolean fill(const char *path, libraw_data_t *raw, const char *cfa, stru
                                                     (gsize)x + sizes->left_margin];
             if (!(white > black)) {
                 g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                            "%s: its black level of %g is not below its white level of %g", path,
-                            black, white);
+                            "%s: the black level of %g is not below the white level of %g; copy "
+                            "the file again, or convert it to DNG",
+                            path, black, white);
                 return FALSE;
             }
             picture->values[(gsize)y * (gsize)picture->width + (gsize)x] =
@@ -78,22 +79,25 @@ static struct picture *decode(const char *path, libraw_data_t *raw, char *bytes,
         code = libraw_unpack(raw);
     if (code != LIBRAW_SUCCESS) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                    "%s is not a camera raw picture that can be read: LibRaw: %s", path,
-                    libraw_strerror(code));
+                    "%s is not a camera raw picture that can be read (LibRaw: %s); copy the file "
+                    "again, or convert it to DNG",
+                    path, libraw_strerror(code));
         return NULL;
     }
     const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
     if (!raw->rawdata.raw_image || !raw_cfa(raw, ret_cfa)) {
         fail(path, error,
-             "it holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
-             "bits, linear");
+             "the picture has no mosaic of 2 × 2 colour filters and is not grey; convert it to a "
+             "linear TIFF of 16 bits");
         return NULL;
     }
     if (sizes->width == 0 || sizes->height == 0 ||
         sizes->left_margin + sizes->width > sizes->raw_width ||
         sizes->top_margin + sizes->height > sizes->raw_height ||
         sizes->raw_pitch < sizeof(ushort) * sizes->raw_width) {
-        fail(path, error, "its visible part is not within its pixels");
+        fail(path, error,
+             "the visible part is not within the sensor's pixels: the file is damaged, so copy it "
+             "again");
         return NULL;
     }
     g_autofree char *sum =
@@ -108,8 +112,9 @@ gboolean raw_child_read(const struct picture_job *job, GError **error) {
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
     char *bytes = g_try_malloc(job->length + 1);
     if (!raw || !bytes)
-        return fail(job->path, error,
-                    "there is no memory to read it; close other programs and try again");
+        return fail(
+            job->path, error,
+            "there is too little memory to read the file; close other programs and try again");
     if (!input_file_read_at(job->fd, job->path, bytes, job->length, 0, error))
         return FALSE;
     const struct picture *picture = decode(job->path, raw, bytes, job->length, head.cfa, error);

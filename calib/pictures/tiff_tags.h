@@ -1,4 +1,5 @@
-/* Tags of TIFF files, of EXIF data and of camera raw, which have the same form. Any thread. */
+/* This module reads the tags of TIFF files, EXIF data and camera raw files, which have the same
+ * form. Any thread may call the functions. */
 #pragma once
 
 #include <glib.h>
@@ -27,10 +28,11 @@ guint64 tiff_number(const guint8 *at, int n, gboolean big_endian);
 gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret);
 /* Returns the offset of the first directory. */
 guint64 tiff_first(const struct tiff *tiff);
-/* Finds a tag in the directory at an offset. Returns FALSE if it is not there, or not within the
- * file. */
+/* Finds a tag in the directory at an offset. Returns FALSE if the directory does not have the tag,
+ * or if the values are not within the file. */
 gboolean tiff_find(const struct tiff *tiff, guint64 directory, guint tag, struct tiff_value *ret);
-/* Returns the first value of a tag with unsigned integers, or 0 if it is not there. */
+/* Returns the first value of a tag with unsigned integers, or 0 if the directory does not have the
+ * tag. */
 guint64 tiff_find_number(const struct tiff *tiff, guint64 directory, guint tag);
 
 G_END_DECLS

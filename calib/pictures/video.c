@@ -1,4 +1,4 @@
-/* Videos, read by a separate program. */
+/* A separate program reads the video. This file starts it and takes its result. */
 #include "video.h"
 
 #include "base/input_file.h"

@@ -1,5 +1,6 @@
 /*
- * Reads the sharpest frames of a video (OpenCV's videoio, with FFmpeg). Any thread.
+ * This module reads the sharpest frames of a video (OpenCV's videoio, with FFmpeg). Any thread may
+ * call the functions.
  *
  * A video is divided into windows of equal length, and the sharpest frame of each window is kept.
  * Sharpness is the mean squared gradient divided by the variance of the picture. A camera or board
@@ -15,7 +16,7 @@ G_BEGIN_DECLS
 
 struct video_frame {
     int index; /* number of the frame in the video, from 0 */
-    /* mean squared gradient over variance */
+    /* mean squared gradient divided by the variance */
     double sharpness;
     guint8 *grey; /* height × width, sRGB */
 };
@@ -38,8 +39,8 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
  * sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
-/* Used between video_read() and the program: the head of the program's output. A struct video_frame
- * and the values of its picture follow for each frame that is kept. */
+/* A video_head is the first part of what the separate program writes for video_read(). For each
+ * frame that is kept, a struct video_frame and the values of its picture follow. */
 struct video_head {
     int width, height, n_frames;
     guint n_kept;

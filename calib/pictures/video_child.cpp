@@ -1,4 +1,4 @@
-/* Reads videos with OpenCV's videoio and FFmpeg, in the separate program. */
+/* This part of the separate program reads videos with OpenCV's videoio and FFmpeg. */
 #include "video.h"
 
 #include "base/input_file.h"
@@ -15,7 +15,8 @@
 
 namespace {
 
-/* Returns the mean squared gradient over the variance, at half size, which has less noise. */
+/* Returns the mean squared gradient divided by the variance, both at half size, which has less
+ * noise. */
 double sharpness_of(const cv::Mat &grey) {
     cv::Mat half, dx, dy;
     cv::Scalar mean, deviation;
@@ -77,8 +78,9 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
         }
         if (grey.cols != video->width || grey.rows != video->height) {
             g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                        "%s: frame %d has %d × %d pixels, but the first frame has %d × %d", path,
-                        video->n_frames, grey.cols, grey.rows, video->width, video->height);
+                        "%s: frame %d has %d × %d pixels, but the first frame has %d × %d; convert "
+                        "the video to one size",
+                        path, video->n_frames, grey.cols, grey.rows, video->width, video->height);
             return false;
         }
         /* If a frame would open one window too many, windows are merged in pairs. The number of
@@ -93,7 +95,8 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
     }
     if (video->frames->len == 0)
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
-                    "%s: no frame of it can be read", path);
+                    "%s: no frame of the video can be read; copy the file again, or convert it",
+                    path);
     return video->frames->len > 0;
 }
 
@@ -142,7 +145,7 @@ gboolean tell(int done, int n, gpointer, GError **) {
 } // namespace
 
 gboolean video_child_read(const struct picture_job *job, GError **error) {
-    /* Opens the descriptor and not the path, which may have another file by now. */
+    /* The video is opened by its descriptor, because the path may lead to another file by now. */
     g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job->fd);
     struct video video = {};
     video.frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
@@ -161,8 +164,9 @@ gboolean video_child_read(const struct picture_job *job, GError **error) {
                       error))
             return FALSE;
     } catch (const std::exception &e) {
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", job->path,
-                    e.what());
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+                    "%s: the video cannot be read (%s); copy the file again, or convert it",
+                    job->path, e.what());
         return FALSE;
     }
     const struct video_head head = {video.width, video.height, video.n_frames, video.frames->len};

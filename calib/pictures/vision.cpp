@@ -14,8 +14,9 @@ namespace {
 constexpr int MAX_SAMPLES = 2000;
 constexpr int FEWEST_CIRCLES = 9; /* smallest number of circles of a grid that is searched */
 
-/* OpenCV also prints the errors that it throws. One message is enough. OpenCV must not start
- * threads, because the callers work on several pictures at the same time. */
+/* OpenCV prints the errors that it throws; this is switched off, because the caller reports the
+ * error. OpenCV must not start threads, because the callers work on several pictures at the same
+ * time. */
 const bool set_up = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     cv::setNumThreads(0);
@@ -27,8 +28,8 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
     try {
         return work();
     } catch (const cv::Exception &e) {
-        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: OpenCV: %s", what,
-                    e.err.c_str());
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+                    "%s: OpenCV has failed: %s", what, e.err.c_str());
     } catch (const std::exception &e) {
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", what, e.what());
     }
@@ -121,9 +122,9 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
     }
 }
 
-/* Finds the corners of a chessboard. If by_sectors is TRUE, corners are found by the sectors around
- * them. Otherwise they are found by the outlines of the dark squares, which finds boards that the
- * first method misses. */
+/* Finds the corners of a chessboard. If by_sectors is TRUE, a corner is found by the light and dark
+ * sectors around it. Otherwise they are found by the outlines of the dark squares, which finds
+ * boards that the first method misses. */
 bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_sectors,
                   double *ret_xy_px) {
     std::vector<cv::Point2f> corners;
@@ -308,7 +309,7 @@ gboolean vision_try_homography(const double *from_xy, const double *to_xy_px, in
 
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
                              int height, double ret_focal_px[2], GError **error) {
-    return guarded(error, "initial camera parameters", [&] {
+    return guarded(error, "initial focal length from the photographs", [&] {
         std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
         std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
         for (int v = 0; v < n_views; v++)

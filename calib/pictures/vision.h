@@ -1,9 +1,10 @@
 /*
  * OpenCV for calibration, behind a C interface: markers, chessboards, circles, homographies,
- * initial camera parameters. No exception leaves it. Errors of OpenCV are
+ * initial camera parameters. No exception leaves these functions. Errors of OpenCV are
  * PICTURE_FILE_ERROR_FAILED.
  *
- * Pixel coordinates are as in rig.h: the centre of the top left pixel is (0, 0). Any thread.
+ * Pixel coordinates are as in rig.h: the centre of the top left pixel is (0, 0). Any thread may
+ * call the functions.
  */
 #pragma once
 
@@ -16,8 +17,8 @@ G_BEGIN_DECLS
  * marker, without the black border, or 0 if the name is unknown. ret_markers gets the number of
  * markers, and may be NULL. */
 int vision_dictionary(const char *name, int *ret_markers);
-/* Gives the cells × cells bits of a marker, row by row, where 1 is white. Returns FALSE if there is
- * no such marker. */
+/* Gives the cells × cells bits of a marker, row by row, where 1 is white. Returns FALSE if the
+ * dictionary is unknown or has no marker with this number. */
 gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits);
 
 struct vision_marker {
@@ -40,18 +41,18 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
 GArray *vision_measure_chessboard(const struct picture *picture, int *ret_columns, int *ret_rows,
                                   GError **error);
 
-/* Finds the centres of all dark round spots, or of all bright ones. Returns doubles x, y, or NULL
- * on error. */
+/* Finds the centres of all round spots: of bright spots if bright is TRUE, otherwise of dark spots.
+ * Returns doubles x, y, or NULL on error. */
 GArray *vision_find_spots(const struct picture *picture, gboolean bright, GError **error);
 
-/* Finds dark circles on a bright ground, or if there are none, bright circles on a dark ground, row
- * by row. If staggered is TRUE, every second row is shifted by half the distance of the circles.
- * Returns FALSE without an error if there are none. */
+/* Finds a grid of circles, row by row: dark circles on a bright ground or, if the picture shows no
+ * such grid, bright circles on a dark ground. If staggered is TRUE, every second row is shifted by
+ * half the distance of the circles. Returns FALSE without an error if there is no grid. */
 gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
                              gboolean staggered, double *ret_xy_px, GError **error);
 
 /* Computes a robust homography (row by row, last element 1) from n pairs of points. ret_good (n)
- * flags the pairs within tolerance_px. Returns FALSE if none was found. */
+ * flags the pairs within tolerance_px. Returns FALSE if no homography was found. */
 gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
                            double tolerance_px, double ret_h[9], guint8 *ret_good);
 

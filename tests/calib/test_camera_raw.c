@@ -90,11 +90,11 @@ TEST(refused) {
     for (int i = 0; i < 4; i++)
         dng.black[i] = 512;
     write_dng(path, &dng);
-    expect_error(path, "its black level of 512 is not below its white level of 300");
+    expect_error(path, "the black level of 512 is not below the white level of 300");
     dng.white = WHITE;
     dng.repeat = 6;
     write_dng(path, &dng);
-    expect_error(path, "holds no mosaic of 2 × 2 filters");
+    expect_error(path, "has no mosaic of 2 × 2 colour filters");
     dng.repeat = 0;
     write_dng(path, &dng);
     g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));

@@ -257,7 +257,7 @@ TEST(tones) {
         {"png",
          {.png_chunk = "cICP", .chunk = cicp[3], .chunk_bytes = 4},
          (double)NAN,
-         "its tone curve (PNG cICP 16) is not one that can be undone"},
+         "tone curve (PNG cICP 16) is not supported"},
         {"png", {.icc_gamma = 1}, 1, "linear, as the file says (ICC profile"},
         {"png", {.icc_gamma = 1.8}, 1.8, "by a curve, as the file says (ICC profile"},
         {"jpg", {0}, -1, "sRGB, assumed for 8 bits"},
