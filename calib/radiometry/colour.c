@@ -9,7 +9,8 @@
 #define FEW_PATCHES 6
 #define MAX_OFF     10.0 /* smallest RMS difference ΔE*ab at which a fit is refused */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-/* Smallest pivot relative to the trace. With a smaller one the patches do not span all colours. */
+/* Smallest pivot relative to the trace. If a pivot is smaller, the patches do not span all
+ * colours. */
 #define MIN_PIVOT 1e-6
 
 G_DEFINE_QUARK(colour_error, colour_error)
@@ -95,7 +96,12 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
         for (int k = 0; k < 3; k++)
             if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
                 g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                            "patch %d has a value that is not a number", i + 1);
+                            isfinite(patches[i].rgb[k])
+                                ? "patch %d: the chart's value is not a number; correct the file "
+                                  "of the chart"
+                                : "patch %d: the measured colour is not a number; check that the "
+                                  "pictures show the whole patch",
+                            i + 1);
                 return FALSE;
             }
     if (n < FEW_PATCHES) {
@@ -113,8 +119,9 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     }
     for (int row = 0; row < 3; row++)
         fit_row(patches, n, inverse, row, &found);
-    /* White has the chromaticity of equal R, G and B. Its Y is 1, as in the chart's values. The Y
-     * that the matrix gives is not used, because it depends on how dark the pictures are. */
+    /* White has the chromaticity of equal R, G and B, and Y = 1 as in the chart's values. The Y
+     * that the matrix gives for white is not used, because that Y depends on how dark the pictures
+     * are. */
     colour_apply(found.matrix, grey, scaled);
     const double white[3] = {scaled[0] / scaled[1], 1, scaled[2] / scaled[1]};
     for (int i = 0; i < n; i++) {
@@ -126,8 +133,9 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     found.residual = sqrt(sum);
     if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MAX_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                    "the patches differ from their values by %.1f ΔE on average; check that the "
-                    "file is that of this chart, and that the chart lies as the file says",
+                    "the measured colours of the patches differ from the chart's values by %.1f "
+                    "ΔE*ab (RMS); check that the file belongs to this chart, and that the chart "
+                    "lies as the file says",
                     found.residual);
         return FALSE;
     }

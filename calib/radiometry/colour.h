@@ -1,6 +1,6 @@
 /*
- * Colour calibration: finds the conversion of a camera's colours to CIE XYZ from a chart with known
- * patches. Pure functions. Any thread may call them.
+ * This module finds the conversion of a camera's colours to CIE XYZ from a chart with known
+ * patches. The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -24,7 +24,7 @@ struct colour_matrix {
 GQuark colour_error_quark(void);
 enum colour_error {
     COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
-    COLOUR_ERROR_MISFIT,  /* the chart is another one, or lies in another orientation */
+    COLOUR_ERROR_MISFIT,  /* the chart is not the given chart, or lies in another orientation */
     COLOUR_ERROR_FILE,    /* the file of the chart's values has a mistake */
 };
 

@@ -1,7 +1,7 @@
 /* Fiducials are white discs. The value of a pixel is divided by the expected value of white, w =
- * response · flat · cos θ · E / π. Its share of white is s = (value − ground) / (level − ground).
- * The displacement is the centroid Σ s x / Σ s over the window, minus the centroid of the projected
- * disc. The mean value of the interior gives the output of the lamp. */
+ * response · flat · cos θ · E / π. The pixel's share of white is s = (value − ground) / (level −
+ * ground). The displacement is the centroid Σ s x / Σ s over the window, minus the centroid of the
+ * projected disc. The mean value of the interior gives the output of the lamp. */
 #include "fiducials.h"
 
 #include <string.h>
@@ -17,8 +17,9 @@
 #define CONTRAST   1.5 /* smallest ratio of white to surround */
 /* relative standard deviation from which a fiducial counts as partly in shadow */
 #define UNEVEN 0.1
-/* Standard deviation of the share of white of a pixel at the edge. Its value is not proportional to
- * the covered area, because real pixels do not integrate evenly over their area. */
+/* Standard deviation of the share of white of a pixel at the edge. The value of such a pixel is not
+ * exactly proportional to the covered area, because real pixels do not integrate evenly over their
+ * area. */
 #define EDGE_SHARE 0.12
 /* Displacement of the centroid, in radii, per unit of the surround's first moment, if the window is
  * as uneven as the ring. It is (WINDOW³ − 1) · 2/3. */
@@ -29,9 +30,9 @@
 #define MIN_OUTPUT 0.2
 #define MAX_OUTPUT 5
 
-/* A grid of nodes, one every few pixels. A node has the point where the pixel's ray meets the plane
- * of the fiducial's face, and the expected value of white there. The values in between are
- * interpolated, which is much faster than computing them. */
+/* Expected values are computed for a grid of nodes, one every few pixels. A node has the point
+ * where the pixel's ray meets the plane of the fiducial's face, and the expected value of white
+ * there. The values in between are interpolated, which is much faster than computing them. */
 #define STEPS 64 /* nodes along a picture's diagonal: with 20 % vignetting the error is 1e-4 */
 struct node {
     double x_mm, y_mm, white; /* rig frame; DN per ms, before colour factors */
@@ -100,7 +101,7 @@ struct pixel {
     int colour;
     double from;     /* distance from the centre, in radii */
     double along[2]; /* unit direction from the centre; rig frame */
-    double reach;    /* distance of its farthest corner from the centre, in radii */
+    double reach;    /* distance of the pixel's farthest corner from the centre, in radii */
     double value;    /* relative to expected white */
 };
 
@@ -394,7 +395,8 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
     return n;
 }
 
-/* Half of the pixels of a colour filter are green. */
+/* Green has twice the weight of red and of blue, because half of the pixels behind colour filters
+ * are green. */
 double fiducials_white(const struct fiducial_scene *scene, int fiducial) {
     const struct rig_camera *camera = &scene->rig->cameras[scene->camera];
     const struct rig_fiducial *it = &scene->rig->fiducials[fiducial];

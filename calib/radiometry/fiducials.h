@@ -1,7 +1,7 @@
 /*
  * Fiducials are white discs on the turntable (rig_fiducial). A picture of a fiducial gives the
- * output of the lamp and the position of the fiducial. The surround of a fiducial must be darker:
- * nothing equally bright may be nearer to its edge than its radius.
+ * output of the lamp and the position of the fiducial. The surround of a fiducial must be darker
+ * than the fiducial, up to one radius of the fiducial beyond its edge.
  *
  * Pure functions over plain data. Any thread may call them.
  */
@@ -9,7 +9,8 @@
 
 #include "radiometry.h"
 
-/* The commanded state in which a picture was taken. The pointers are not owned. */
+/* A fiducial_scene is the commanded state in which a picture was taken. The struct does not own
+ * what its pointers refer to. */
 struct fiducial_scene {
     const struct rig *rig;
     int camera, lamp;
@@ -21,7 +22,7 @@ struct fiducial_scene {
 struct fiducial_seen {
     int camera, fiducial;
     double turntable_rad;
-    double x_px, y_px; /* centroid of its area in the picture */
+    double x_px, y_px; /* centroid of the fiducial's area in the picture */
     double error_px;   /* standard error of x_px and of y_px: noise, pixels, uneven surround */
     double expected_x_px, expected_y_px;
     /* Output of the lamp, relative to its calibration, and its standard error. The error is
@@ -37,12 +38,13 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
                       GArray *seen);
 
 /* Returns the value expected at the centre of a fiducial if the lamp has its calibrated output: DN
- * per ms, a mean over the colours. The outputs that fiducials_measure() finds are relative to it.
- * Returns 0 if the centre is not in the picture or not lit. */
+ * per ms, a mean over the colours. The outputs that fiducials_measure() finds are relative to this
+ * value. Returns 0 if the centre is not in the picture or not lit. */
 double fiducials_white(const struct fiducial_scene *scene, int fiducial);
 
-/* Computes the mean output of n sightings (of one shot, by all cameras), weighted by their standard
- * errors. Returns FALSE, an output of 1 and an error of 0 if no sighting has an output. */
+/* Computes the mean output of n sightings of one shot by all cameras, weighted by the squared
+ * inverse of the standard errors. Returns FALSE, an output of 1 and an error of 0 if no sighting
+ * has an output. */
 gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
                           double *ret_error);
 
@@ -54,9 +56,9 @@ struct fiducial_fit {
     int n_seen;
 };
 
-/* Estimates a fiducial from those of the n sightings that show it. Cameras and turntable are taken
- * as correct. If cameras and turntable are not calibrated, set place to FALSE; the fiducial then
- * keeps its position. Returns FALSE if there are too few sightings. */
+/* Estimates a fiducial from those of the n sightings that show this fiducial. Cameras and turntable
+ * are taken as correct. If cameras and turntable are not calibrated, set place to FALSE; the
+ * fiducial then keeps its position. Returns FALSE if there are too few sightings. */
 gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
                        gboolean place, struct fiducial_fit *ret);
 
@@ -74,9 +76,9 @@ struct fiducials_check {
     } cameras[RIG_MAX_CAMERAS];
 };
 
-/* Compares n sightings with the calibration. systematic_px is the error of a good calibration; its
- * square is added to those of the standard errors. Only angles that exceed both least_deg and four
- * standard errors are reported. */
+/* Compares n sightings with the calibration. systematic_px is the error of a good calibration; the
+ * square of systematic_px is added to the squared standard errors. Only angles that exceed both
+ * least_deg and four standard errors are reported. */
 void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, int n,
                      double systematic_px, double least_deg, struct fiducials_check *ret);
 

@@ -1,7 +1,8 @@
-/* A greedy search. Each hypothesis is fitted to the displacements d_i (with weights w_i) by least
- * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d, where a are its angles, J the derivatives of d with
- * respect to a, and σ is PRIOR_RAD. The hypothesis with the largest decrease of χ², which is aᵀ Σ w
- * Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is significant. */
+/* The causes are found by a greedy search. Each hypothesis is fitted to the displacements d_i (with
+ * weights w_i) by least squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d, where a are its angles, J the
+ * derivatives of d with respect to a, and σ is PRIOR_RAD. The hypothesis with the largest decrease
+ * of χ², which is aᵀ Σ w Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is
+ * significant. */
 #include "fiducials.h"
 
 #include <lapacke.h>
@@ -37,7 +38,7 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
 }
 
 /* Computes the derivatives of sighting i's x and y with respect to an unknown of a hypothesis, in
- * pixels per radian, with central differences. They are 0 if the hypothesis does not concern its
+ * pixels per radian, with central differences. They are 0 if the hypothesis is about another
  * camera. */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
@@ -51,8 +52,8 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
         double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
         struct rig_camera now = *camera;
         if (cause->camera >= 0) {
-            /* The camera rotated about one of its axes, with its centre fixed. In its frame, points
-             * therefore rotate in the opposite direction. */
+            /* The camera rotated about one of its axes, while its centre stayed in place. In the
+             * camera's frame, points therefore rotate in the opposite direction. */
             struct vec3 eye = rig_camera_centre_mm(camera);
             for (int column = 0; column < 3; column++) {
                 struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
@@ -182,8 +183,8 @@ void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, in
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        /* The pixel grid causes an error that is common to all pictures of a pose. Together they
-         * therefore count as one picture. */
+        /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of
+         * a pose together therefore count as one picture. */
         int same = 0;
         for (int k = 0; k < n; k++)
             same += seen[k].camera == seen[i].camera && seen[k].fiducial == seen[i].fiducial &&

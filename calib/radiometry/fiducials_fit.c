@@ -45,8 +45,8 @@ static void add_seen(struct position *position, const struct fiducial_seen *seen
     }
     double off[2] = {seen->x_px - seen->expected_x_px - (now[0] - start[0]),
                      seen->y_px - seen->expected_y_px - (now[1] - start[1])};
-    /* The pixel grid causes an error that is common to all pictures of a pose. Together they
-     * therefore count as one picture. */
+    /* The pixel grid causes an error that is common to all pictures of a pose. All pictures of a
+     * pose together therefore count as one picture. */
     int n = 0;
     for (int i = 0; i < position->n; i++)
         n += position->seen[i]->camera == seen->camera &&
@@ -63,7 +63,7 @@ static void add_seen(struct position *position, const struct fiducial_seen *seen
 
 static gboolean fit_place(struct position *position, struct fiducial_fit *ret) {
     for (int i = 0; i < STEPS; i++) {
-        /* One step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
+        /* Make one step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
         const double prior = 1 / (PRIOR_MM * PRIOR_MM);
         struct vec3 off = vec3_sub(position->start, position->now);
         memset(position->matrix, 0, sizeof position->matrix);

@@ -1,5 +1,5 @@
-/* Veiling glare is light that lens and sensor scatter over the whole picture. It is g times the
- * mean of the picture without glare. M is the mean of the picture with glare. A cell c of a
+/* Veiling glare is light that lens and sensor scatter over the whole picture. The glare is g times
+ * the mean of the picture without glare. M is the mean of the picture with glare. A cell c of a
  * camera's picture that shows a dark surface has, in shots s under lamp l, the signal
  *   d_s = γ M_s + ρ_(c,l) e_s,   γ = g / (1 + g),
  * where e_s is the signal of a white surface in its place. The lamp moves about the turntable, so
@@ -22,11 +22,11 @@
  * tile throws light and shadow. */
 #define BORDER_MM 4
 #define MAX_ROWS  256
-#define DARK      0.25 /* a surface is dark if it is darker than this part of the picture's mean */
-#define ALIKE     2.0  /* largest factor between a shot and the median of its group */
-#define FEW_SHOTS 4    /* smallest number of shots of a group */
-#define OUTLIER   4.0  /* number of standard deviations from which a cell is an outlier */
-#define MAX_ERROR 0.002
+#define DARK      0.25  /* a surface is dark if it is darker than this part of the picture's mean */
+#define ALIKE     2.0   /* largest factor between a shot and the median of its group */
+#define FEW_SHOTS 4     /* smallest number of shots of a group */
+#define OUTLIER   4.0   /* number of standard deviations from which a cell is an outlier */
+#define MAX_ERROR 0.002 /* largest standard error of a glare that is corrected */
 /* A glare whose error is too large for a correction contributes to ret_error if it exceeds this
  * number of standard errors. */
 #define PLAIN 3.0
@@ -231,7 +231,8 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
         else
             scale = HUGE_VAL;
     }
-    /* Effects that the model lacks, such as gloss of the surround, differ from lamp to lamp. */
+    /* The glare is also found for each lamp alone, because effects that the model lacks, such as
+     * gloss of the surround, differ from lamp to lamp. */
     for (int l = 0; l < RIG_MAX_LAMPS; l++)
         if (pass.lamp_down[l] > 0) {
             scatter += pass.lamp_down[l] * pow(pass.lamp_up[l] / pass.lamp_down[l] - g, 2);

@@ -76,19 +76,18 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
     }
     if (!finite)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the %s pair at %g µs has a pixel that is not a number", what,
-                    pair->exposure_us);
+                    "the %s pair at %g µs has a pixel that is not a number; capture the pair again",
+                    what, pair->exposure_us);
     else if (same == n && first > 0)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
                     "the %s pair at %g µs is the same picture twice, so its noise cannot be "
                     "measured; take two pictures",
                     what, pair->exposure_us);
     else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
-        g_set_error(
-            error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-            "the pictures of the %s pair at %g µs differ by %.1f %%; let the lamps warm up, "
-            "and keep other light out",
-            what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                    "the mean brightnesses of the %s pair at %g µs differ by %.1f %%; let the "
+                    "lamps warm up, and keep other light out",
+                    what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
     else
         return TRUE;
     return FALSE;
@@ -154,13 +153,13 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                "all dark pairs have the same exposure; the dark current needs two exposures, as "
-                "far apart as those of the session");
+                "the usable dark pairs all have one exposure; give dark pairs of two exposures, as "
+                "far apart as the exposures of the session");
     return FALSE;
 }
 
 /* Returns the dark level of a tile: the mean of the dark pairs at this exposure, or the value of
- * the fitted line if there are none. */
+ * the fitted line if no dark pair has this exposure. */
 static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     double sum = 0;
     int n = 0;
@@ -204,8 +203,9 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
         top = MAX(top, g_array_index(points, struct tile, i).mean);
     if (top < MIN_RANGE * (full_scale(fit) - fit->to->black_dn)) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                    "the brightest part that is not saturated is %.0f of %.0f DN; expose so that "
-                    "some pictures are between a third and two thirds of full scale",
+                    "the brightest part of the lit pictures that is not saturated is %.0f DN above "
+                    "dark, and full scale is %.0f DN; expose so that some pictures are between a "
+                    "third and two thirds of full scale",
                     top, full_scale(fit));
         return FALSE;
     }
@@ -216,10 +216,16 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
             double model = MAX(floor + slope * p->mean, ROUNDING);
             line_add(&line, p->mean, p->variance, (p->n - 1) / (2 * model * model));
         }
-        if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error) || !(slope > 0)) {
+        if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error)) {
+            g_set_error(
+                error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+                "all parts of all pictures are equally bright; give pairs of different exposures");
+            return FALSE;
+        }
+        if (!(slope > 0)) {
             g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                        "the noise does not grow with the light; the pictures were processed "
-                        "(denoised, sharpened) or are equally bright; use raw pictures");
+                        "the noise does not grow with the light, so the pictures were processed "
+                        "(denoised or sharpened); use raw pictures");
             return FALSE;
         }
     }
@@ -245,8 +251,8 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     return TRUE;
 }
 
-/* One tile over the exposures, for the fit of y = a·t·(1 − c·a·t / range). Each tile has another
- * a. */
+/* The signals of one tile at all exposures, for the fit of y = a·t·(1 − c·a·t / range). Each tile
+ * has another a. */
 struct ramp {
     double *t, *y, *weight; /* one block, which t owns */
     int n;

@@ -1,10 +1,11 @@
 /*
- * Characterises a sensor from pairs of single exposures, after EMVA 1288 (release 4.0 linear):
- * black level, dark current, gain, read noise and linearity. The noise of a pixel is measured by
- * the difference of two pictures of the same scene, so the lighting need not be even. The picture
- * is divided into tiles. Their different brightness gives many points of the transfer curve.
+ * This module finds black level, dark current, gain, read noise and linearity of a sensor from
+ * pairs of single exposures, after EMVA 1288 (release 4.0 linear). The noise of a pixel is measured
+ * by the difference of two pictures of the same scene, so the lighting need not be even. The
+ * picture is divided into tiles. Tiles of different brightness give many points of the transfer
+ * curve.
  *
- * Pure functions over arrays. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
@@ -27,9 +28,10 @@ struct transfer {
     double read_noise_e, read_noise_error_e; /* read noise of a pixel, without quantisation */
     /* signal = linear·(1 − curvature·linear/(full scale − black)), both in DN above dark */
     double curvature, curvature_error;
-    double linearity; /* largest relative deviation of an exposure's signal from a line */
-    double quality;   /* χ² per degree of freedom of the transfer curve; should be near 1 */
-    int n_points;     /* number of points of the transfer curve */
+    /* largest relative deviation of an exposure's mean signal from a line through 0 */
+    double linearity;
+    double quality; /* χ² per degree of freedom of the transfer curve; should be near 1 */
+    int n_points;   /* number of points of the transfer curve */
 };
 
 #define TRANSFER_ERROR transfer_error_quark()
@@ -41,9 +43,9 @@ enum transfer_error {
 };
 
 /* Computes the result from dark pairs at two or more exposures and lit pairs at three or more
- * exposures. The brightest tile that is not saturated must reach a certain part of full scale.
- * Saturated tiles are left out. Returns FALSE with an error if the pictures do not suffice, or if
- * those of a pair differ in brightness, for example because a lamp was warming up. */
+ * exposures. The brightest tile that is not saturated must reach 15 % of full scale. Saturated
+ * tiles are left out. Returns FALSE with an error if the pictures do not suffice, or if the two
+ * pictures of a pair differ in brightness, for example because a lamp was warming up. */
 gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfer_pair *dark,
                       int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
                       GError **error);

@@ -57,8 +57,8 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
 }
 
 /* Sums over the pixels of one colour in a cell. squares and triples are for the noise: the sum of
- * its variance estimates, and their number. run is the number of such pixels that follow each other
- * in the row. */
+ * its variance estimates, and their number. run is the number of pixels of this colour that follow
+ * each other in the row. */
 struct sums {
     double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
     struct vec3 point;
@@ -171,7 +171,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     m->shot = &shots[shot];
     m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
     m->eye = rig_camera_centre_mm(c);
-    /* Use whole rows, because neighbouring pixels measure the noise. */
+    /* Use whole rows, because the noise is measured with neighbouring pixels. */
     int stride = 2 * MAX(c->height / (2 * MAX_ROWS), 1);
     for (int y = 0; y + 1 < c->height; y += stride)
         for (int x = 0; x < 2 * c->width; x++)

@@ -1,6 +1,6 @@
 /*
- * Radiometric calibration: flat field, response and colour of each camera, and intensity,
- * fall-off and colour of each lamp, estimated together from pictures of a white tile.
+ * The radiometric calibration estimates the flat field, response and colour of each camera together
+ * with the intensity, fall-off and colour of each lamp, from pictures of a white tile.
  *
  * A pixel at (x, y) with colour filter k that sees a matt surface of reflectance ρ_k has the
  * signal
@@ -10,14 +10,15 @@
  * in each colour. A lamp's intensity is its mean over the tile's shots. The output of each shot is
  * a separate unknown, so that drift during the capture does no harm.
  *
- * Pure functions over plain data. Any thread may call them.
+ * The functions are pure, and any thread may call them.
  */
 #pragma once
 
 #include "geometry/rig.h"
 
-#define RADIOMETRY_SMOOTH 9  /* number of terms of a lens's flat field */
-#define RADIOMETRY_FLAT   11 /* including the two steps between the halves of a sensor */
+#define RADIOMETRY_SMOOTH 9 /* number of terms of a lens's flat field */
+/* number of terms with the two steps between the halves of a sensor */
+#define RADIOMETRY_FLAT 11
 
 /* The radiometry of the camera in rig.cameras with the same index. */
 struct radiometry_camera {
@@ -30,9 +31,9 @@ struct radiometry_camera {
     double flat[RADIOMETRY_FLAT];
     double response_error;                               /* standard error of ln(response) */
     double colour_error[3], flat_error[RADIOMETRY_FLAT]; /* standard errors */
-    /* Veiling glare: light that is added everywhere, as a share of the mean light behind the same
-     * filter. If the glare is not known, glare is 0, and glare_error is 0 or the ret_error of
-     * glare_fit(). */
+    /* Veiling glare is light that is added everywhere. It is given as a share of the mean light
+     * behind the same filter. If the glare is not known, glare is 0, and glare_error is 0 or the
+     * ret_error of glare_fit(). */
     double glare, glare_error;
     double excess; /* relative RMS of the tile's residuals that noise does not explain */
     /* number of cells of the tile that were used */
@@ -60,7 +61,7 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
 /* Computes the veiling glare of a picture behind each filter: glare / (1 + glare) times the mean of
  * the finite pixels there. mosaic is as in frames/rectify.h, in any unit. A picture with the cfa
  * "rgb" is given one plane at a time, with "mono". ret_mean has the means of red, green and blue
- * pixels with the glare; both are 0 for a colour without pixels. */
+ * pixels with the glare. ret_mean and ret_glare are 0 for a colour without pixels. */
 void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,
                       int height, const float *mosaic, double ret_mean[3], float ret_glare[3]);
 
@@ -84,11 +85,11 @@ struct tile_shot {
 struct tile_cell {
     int shot, camera, colour;
     double basis[RADIOMETRY_FLAT]; /* means of the flat field's basis functions over the pixels */
-    struct vec3 point_mm;
-    double signal;   /* DN per second */
-    double error;    /* standard error of signal */
-    double expected; /* prediction of the nominal rig, with the tile's reflectance */
-    double mean;     /* mean of all pixels of this colour in the picture, DN per second */
+    struct vec3 point_mm;          /* mean point of the tile that the pixels see, rig frame */
+    double signal;                 /* DN per second */
+    double error;                  /* standard error of signal */
+    double expected;               /* prediction of the nominal rig, with the tile's reflectance */
+    double mean; /* mean of all pixels of this colour in the picture, DN per second */
 };
 
 /* Appends a picture's cells and returns their number. mosaic is height × width, in DN per ms above
@@ -115,8 +116,8 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
  * first. The dark surface in a cell has an unknown reflectance. Its signal depends on the distance
  * of the lamp, while glare does not, so the two can be separated. Returns FALSE if no cell is dark
  * enough, or if the error of the glare is 0.2 % or more. ret_glare is then 0. ret_error is then 0
- * as well, unless there certainly is some glare: in that case it holds the size of the glare and
- * its error together. */
+ * as well, except if the glare found is more than three times its standard error: then it is
+ * √(glare² + standard error²). */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 
@@ -138,7 +139,8 @@ struct tile_fit {
     double quality; /* χ² per degree of freedom; 1 if model and noise are right */
     int degrees;    /* degrees of freedom */
     int rejected;   /* number of rejected cells */
-    /* Output of each shot's lamp relative to the mean of that lamp, and its standard error. */
+    /* Output of each shot's lamp relative to the mean output of that lamp, and the standard error
+     * of the output. */
     double *output;
     double *output_error;
 };

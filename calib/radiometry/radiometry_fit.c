@@ -247,8 +247,8 @@ static double lit_from_rad(const struct problem *p, int shot) {
 }
 
 /* Refuses shots that do not light the tile from several sides. Such light separates a lamp's
- * fall-off from the cameras' vignetting. It is the light of the lamp at several angles of the arc
- * or, in a rig where no lamp ever turns, the light of all lamps together. For a lamp that stands by
+ * fall-off from the cameras' vignetting. Several sides are lit by the lamp at several angles of the
+ * arc or, in a rig where no lamp ever turns, by all lamps together. For a lamp that stands by
  * itself next to an arc, the lamps on the arc determine the vignetting. The fall-off of such a lamp
  * is less certain, as its error says. The product of its fall-off and the vignetting is as certain
  * as for other lamps, and the pictures of the rig depend only on this product. */
@@ -269,7 +269,7 @@ static gboolean check_shots(const struct problem *p, GError **error) {
         if (n == 0 || apart >= APART_RAD || (turns && p->rig->lamps[l].fixed))
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                    "lamp %s lights the tile from one side only (%s within %.0f°), so its "
+                    "lamp %s lights the tile from one side only (%s within %.0f°), so the lamp's "
                     "fall-off and the cameras' vignetting cannot be separated; capture the tile at "
                     "several arc angles, or with fixed lamps on several sides",
                     p->rig->lamps[l].name, turns ? "arc angles" : "all lamps stand",
@@ -285,18 +285,19 @@ static gboolean check_cells(const struct problem *p, GError **error) {
         seen[p->cells[i].camera]++;
     for (int c = 0; c < p->rig->n_cameras; c++)
         if (seen[c] > 0 && seen[c] < FEW_CELLS) {
-            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                        "camera %s sees too little of the tile (%d cells in all pictures); use a "
-                        "larger tile, or put the tile where the camera looks",
-                        p->rig->cameras[c].name, seen[c]);
+            g_set_error(
+                error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                "camera %s sees too little of the tile (%d cells in all pictures, and at least %d "
+                "are needed); use a larger tile, or put the tile where the camera looks",
+                p->rig->cameras[c].name, seen[c], FEW_CELLS);
             return FALSE;
         }
     if (p->n_cells >= FEW_CELLS)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                "no picture shows the tile (%d cells were lit); put it in the middle of the "
-                "turntable, under the lamps",
-                p->n_cells);
+                "the pictures show too little of the lit tile (%d cells in all, and at least %d "
+                "are needed); put the tile in the middle of the turntable, under the lamps",
+                p->n_cells, FEW_CELLS);
     return FALSE;
 }
 
@@ -353,17 +354,18 @@ static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, 
         if (!fit->cameras[c].known)
             continue;
         if (fit->cameras[c].response_error > MAX_GAIN_ERROR)
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                        "the response of camera %s relative to the other cameras is known only to "
+                        "%.1f %%, and %g %% is needed, because too few shots show the tile to "
+                        "several cameras; plan views of all cameras at the same turntable angles",
+                        rig->cameras[c].name, 100 * fit->cameras[c].response_error,
+                        100 * MAX_GAIN_ERROR);
+        else if (!(worst < MAX_FLAT_ERROR))
             g_set_error(
                 error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                "camera %s and the other cameras never see the tile in the same shot, so the drift "
-                "of the lamps cannot be separated from the differences of the cameras; plan views "
-                "of all cameras at the same turntable angles",
-                rig->cameras[c].name);
-        else if (!(worst < MAX_FLAT_ERROR))
-            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                        "the flat field of camera %s is known only to %.0f %%; capture the tile at "
-                        "more arc and turntable angles, or use a larger tile",
-                        rig->cameras[c].name, 100 * worst);
+                "the flat field of camera %s is known only to %.0f %%, and %g %% is needed; "
+                "capture the tile at more arc and turntable angles, or use a larger tile",
+                rig->cameras[c].name, 100 * worst, 100 * MAX_FLAT_ERROR);
         else
             continue;
         return FALSE;
@@ -510,10 +512,9 @@ static gboolean run(struct problem *p, struct tile_fit *ret, GError **error) {
         return finish(p, ret, error);
     g_set_error(
         error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-        "the pictures do not show a matt white tile under these lamps: the difference is "
-        "%.1f %% on average, and %d of %d cells are quite different; check that the tile is "
-        "clean, matt, level, and where the session says, and that no other light falls on "
-        "it",
+        "the pictures do not show a matt white tile under these lamps: the cells differ from the "
+        "fitted model by %.1f %% (RMS), and %d of %d cells are outliers; check that the tile is "
+        "clean, matt, level, and where the session says, and that no other light falls on the tile",
         100 * rms, ret->rejected, p->n_cells);
     return FALSE;
 }

@@ -216,7 +216,7 @@ TEST(bad_pairs) {
     refused(&pairs, 4, 2, TRANSFER_ERROR_TOO_FEW, "three lit");
     changed = pairs;
     changed.dark[0].exposure_us = changed.dark[1].exposure_us;
-    refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "the same exposure");
+    refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "all have one exposure");
     changed = pairs;
     changed.lit[1].second = changed.lit[1].first;
     refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "the same picture twice");
@@ -320,7 +320,8 @@ TEST(bad_tiles) {
     radiometry_fixture_rig(&rig);
     g_autoptr(GArray) cells = tile_cells(world, &rig, shots);
     g_autoptr(GArray) none = g_array_new(FALSE, FALSE, sizeof(struct tile_cell));
-    tile_refused(shots, N_SHOTS, none, RADIOMETRY_ERROR_TOO_FEW, "no picture shows the tile");
+    tile_refused(shots, N_SHOTS, none, RADIOMETRY_ERROR_TOO_FEW,
+                 "the pictures show too little of the lit tile");
     for (int s = 0; s < N_SHOTS; s++)
         same[s] = (struct tile_shot){shots[s].lamp, 0.3, shots[s].turntable_rad};
     tile_refused(same, N_SHOTS, cells, RADIOMETRY_ERROR_TOO_FEW, "from one side only");
@@ -335,7 +336,7 @@ TEST(bad_tiles) {
         if ((cell[i].camera == 1) == (cell[i].shot % 2 == 1))
             g_array_append_val(apart, cell[i]);
     }
-    tile_refused(shots, N_SHOTS, apart, RADIOMETRY_ERROR_DEGENERATE, "never see the tile");
+    tile_refused(shots, N_SHOTS, apart, RADIOMETRY_ERROR_DEGENERATE, "too few shots show the tile");
 }
 
 /* Pictures that are coded as sRGB is, nearly, and taken for linear: the fit takes it for another
