@@ -202,7 +202,7 @@ static void stall(Axis *axis) {
     axis_report(axis, AXIS_FAULT,
                 device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
                                  "stalled at %.3f° on its way to %.3f°" ERROR_ADVICE
-                                 "check what blocks it",
+                                 "check what blocks the axis",
                                  sim->position_deg, sim->to_deg));
 }
 

@@ -30,8 +30,8 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time of the rendering */
 };
 
-/* One exposure. Another thread renders it. The picture is delivered when it is due and rendered. It
- * exists until the thread has finished, even if the camera was closed. */
+/* A struct picture is one exposure, which another thread renders. The picture is delivered when it
+ * is due and rendered. It exists until the thread has finished, even if the camera was closed. */
 struct picture {
     Camera *camera; /* NULL after the camera was closed or disarmed */
     World *world;
@@ -158,8 +158,8 @@ static void sim_camera_render(gpointer data, gpointer unused) {
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
     picture->rendering_us = processor_us() - begun_us;
-    /* Not g_main_context_invoke(), which would call on_rendered() in this thread while no main loop
-     * iteration owns the context. */
+    /* g_main_context_invoke() would call on_rendered() in this thread while no main loop iteration
+     * owns the context. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
@@ -196,7 +196,7 @@ static void sim_camera_on_exposed(gpointer data) {
 
 static gboolean refuse_gone(const Camera *camera, GError **error) {
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                            "it is disconnected" ERROR_ADVICE "check its cable");
+                            "the camera is disconnected" ERROR_ADVICE "check the camera's cable");
 }
 
 static void sim_camera_on_gone(gpointer data) {

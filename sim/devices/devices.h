@@ -1,8 +1,8 @@
 /*
- * Simulated devices: drivers of every class that act on a World or look at it. They work in real
- * and in virtual time, have the delays that their options give, and can fail on request. `mesorig
- * drivers` describes every option. The axis is the simplest driver to read before you write
- * another.
+ * The simulated devices are drivers of every class that act on a World or look at it. They work in
+ * real and in virtual time, have the delays that their options give, and can fail on request.
+ * `mesorig drivers` describes every option. The axis is the simplest driver to read before you
+ * write another.
  */
 #pragma once
 

@@ -103,8 +103,8 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     return found;
 }
 
-/* Moves the laser to the place of the laser that is called place in the world file. The name of
- * this device means the place of its own part. */
+/* Moves the laser to the place of the world file's laser with the name `place`. If `place` is the
+ * name of this device, the laser returns to its own place. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     if (!sim->world)

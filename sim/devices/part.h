@@ -1,5 +1,5 @@
-/* For the check() of drivers: checks the part of a world file that a simulated device acts on or
- * looks at. */
+/* A check for drivers of simulated devices: it checks the part of the world file that the device
+ * acts on or looks at. */
 #pragma once
 
 #include "base/options.h"

@@ -16,6 +16,7 @@ gboolean sim_unheard_obeys(struct sim_unheard *fault, const Clock *clock, gboole
 
 GError *sim_unheard_error(const struct device *device) {
     return device_error_new(DEVICE_ERROR_TIMEOUT, device->who,
-                            "no answer within %d ms" ERROR_ADVICE "check its power and cable",
+                            "no answer within %d ms" ERROR_ADVICE
+                            "check the device's power and cable",
                             SIM_UNHEARD_US / 1000);
 }

@@ -1,19 +1,19 @@
 /*
- * A fault of simulated devices, which imitates a line that fails: the answer to one command is
- * lost, and the device may then be dead for a while.
+ * This fault of simulated devices imitates a line that fails: the answer to one command is lost,
+ * and the device may then be dead for a while.
  */
 #pragma once
 
 #include "drivers/device.h"
 
-/* The time after which the driver reports that a command was not answered. */
+/* Time after which the driver reports that a command was not answered. */
 #define SIM_UNHEARD_US 500000
 
 struct sim_unheard {
-    int nth; /* options */
-    double dead_s;
+    int nth;       /* number of the command whose answer is lost; 0: none */
+    double dead_s; /* time after this command in which the device is dead */
     int n_commands;
-    gint64 dead_until_us;
+    gint64 dead_until_us; /* on the rig's clock */
 };
 
 /* The options of a struct sim_unheard at the offset `at` of the driver's struct, for its table of
@@ -31,4 +31,5 @@ struct sim_unheard {
  * the command is answered. */
 gboolean sim_unheard_obeys(struct sim_unheard *fault, const Clock *clock, gboolean *ret_answers);
 gboolean sim_unheard_is_dead(const struct sim_unheard *fault, const Clock *clock);
+/* Returns the error of a command that was not answered. */
 GError *sim_unheard_error(const struct device *device);
