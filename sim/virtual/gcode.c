@@ -40,7 +40,7 @@ void gcode_say(VirtualGcode *board, const char *format, ...) {
     g_queue_push_tail(&board->out, out);
 }
 
-/* Sends what is due, with the faults. */
+/* Sends the lines that are due, with the faults that are set. */
 static void flush_out(VirtualGcode *board) {
     struct gcode_out *out;
     while ((out = g_queue_peek_head(&board->out)) && out->at_us <= g_get_monotonic_time()) {
@@ -69,7 +69,7 @@ static double travelled(double way, double v, double a, double t) {
     return left <= ramp ? way - a * left * left / 2 : v * (t - ramp / 2);
 }
 
-/* Returns the way travelled since the motion began. */
+/* Returns the distance travelled since the motion began. */
 static double travelled_at(const VirtualGcode *board, gint64 now_us) {
     const double t = (double)(now_us - board->start_us) * 1e-6;
     if (now_us >= board->end_us)
@@ -145,7 +145,7 @@ void gcode_add_block(VirtualGcode *board, const double *to, double units_s) {
     g_return_if_fail(board->n_blocks < GCODE_BLOCKS);
     struct gcode_block *block = &board->blocks[board->n_blocks++];
     memcpy(block->to, to, sizeof block->to);
-    /* The motor turns in steps. */
+    /* Round to whole steps of the motor. */
     for (int i = 0; i < board->options.n_axes; i++)
         block->to[i] = round(to[i] * board->options.steps) / board->options.steps;
     block->units_s = units_s;
@@ -215,7 +215,7 @@ void gcode_begin_homing(VirtualGcode *board, guint axes) {
     board->state.n_homings++;
 }
 
-/* Takes a complete line that was received. Returns FALSE if there is none. */
+/* Moves the first complete line from the received bytes to ret. Returns FALSE if there is none. */
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size) {
     const char *end = strpbrk(board->rx->str, "\r\n");
     if (!end)
@@ -261,7 +261,7 @@ static gboolean open_wire(VirtualGcode *board) {
     return terminal_open(&board->terminal, board->port, board->options.resets_on_open);
 }
 
-/* A program has opened the port. */
+/* If the board has resets_on_open, resets it when a program opens the port. */
 static void watch_opening(VirtualGcode *board, short events) {
     const gboolean is_open = !(events & POLLHUP);
     if (board->options.resets_on_open && is_open && !board->was_open)
@@ -301,7 +301,7 @@ static gpointer gcode_run(gpointer data) {
             return NULL;
         if (fds[0].revents && read(board->wake[0], &byte, 1) < 0)
             return NULL;
-        /* A wire whose slave is closed is always ready. */
+        /* poll() always returns at once for a wire whose slave is closed. */
         if (fds[1].revents & POLLHUP)
             g_usleep(1000);
         g_mutex_lock(&board->mutex);
@@ -314,7 +314,8 @@ static gpointer gcode_run(gpointer data) {
 
 static void wake(VirtualGcode *board) {
     if (write(board->wake[1], "", 1) < 0)
-        g_warning("virtual G-code board: %s", g_strerror(errno));
+        g_warning("virtual G-code board: the board's thread cannot be woken: %s",
+                  g_strerror(errno));
 }
 
 VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GError **error) {
@@ -331,14 +332,16 @@ VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GEr
         return NULL;
     }
     if (!open_wire(board)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual G-code board: %s",
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual G-code board: no pseudo-terminal can be opened: %s",
                     g_strerror(errno));
         virtual_gcode_free(board);
         return NULL;
     }
     boot(board, TRUE);
     board->deaf_until_us = 0;
-    g_queue_clear_full(&board->out, out_free); /* nobody has heard its banner */
+    /* the board has started before a program opened the port, so the banner is lost */
+    g_queue_clear_full(&board->out, out_free);
     board->thread = g_thread_new("virtual-gcode", gcode_run, board);
     return board;
 }
@@ -418,7 +421,7 @@ void virtual_gcode_unplug(VirtualGcode *board) {
 void virtual_gcode_plug(VirtualGcode *board) {
     g_mutex_lock(&board->mutex);
     if (!open_wire(board))
-        g_warning("virtual G-code board: %s", g_strerror(errno));
+        g_warning("virtual G-code board: no pseudo-terminal can be opened: %s", g_strerror(errno));
     g_mutex_unlock(&board->mutex);
     wake(board);
 }

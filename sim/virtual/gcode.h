@@ -3,12 +3,14 @@
  * time. It speaks GRBL 1.1h or Marlin 2, as far as a program that moves single axes sees them. It
  * is for tests, and for mesorig-rig.
  *
- * GRBL: "$H", "$HX" (if single_homing), "$X", "$$", "$I", G0, G1, G4, G20, G21, G53, G90, G91, G94;
- * "?", "!", "~", Ctrl-X, 0x84; a receive buffer of 128 bytes that loses what does not fit; 16
- * blocks in the planner; the alarms 1, 2, 3, 6, 8 and 9, after 1 and 2 of which nothing is answered
- * until Ctrl-X; silence while it homes. Marlin: line numbers and checksums, G1, G28, G90, M92,
- * M110, M112, M114, M115, M400, M410, M503; "echo:busy: processing"; with emergency_parser M112 and
- * M410 act while a command runs.
+ * With GRBL, the board understands "$H", "$HX" (if single_homing), "$X", "$$", "$I", "$C", G0, G1,
+ * G4, G21, G53, G90, G91 and G94, and the characters "?", "!", "~", Ctrl-X and 0x84. Bytes that do
+ * not fit into the receive buffer of 127 bytes are lost. The planner has room for 15 blocks. The
+ * board raises the alarms 1, 2, 3, 6, 7 and 9. After the alarms 1 and 2 it answers nothing until
+ * Ctrl-X. While it homes, it is silent. With Marlin, the board understands line numbers and
+ * checksums, G1, G28, G90, M110, M112, M114, M115, M400, M410 and M503. It sends "echo:busy:
+ * processing" while a command runs. With emergency_parser, M112 and M410 act even while a command
+ * runs.
  *
  * Any thread may call these functions, except virtual_gcode_new() and virtual_gcode_free().
  */
@@ -23,16 +25,16 @@ typedef struct VirtualGcode VirtualGcode;
 struct virtual_gcode_options {
     gboolean marlin;
     int n_axes;        /* 3 to 6 */
-    double units_s;    /* top speed of each axis */
-    double units_s2;   /* acceleration */
-    double steps;      /* motor steps in a unit */
+    double units_s;    /* top speed along the path, units/s */
+    double units_s2;   /* acceleration, units/s² */
+    double steps;      /* motor steps per unit */
     double home_at;    /* position after homing */
-    double switch_way; /* way from the beginning to the switch, for the duration of homing */
+    double switch_way; /* smallest way of homing, which determines its duration */
     double max_travel; /* soft limits: positions between −max_travel and max_travel; 0: none */
     gboolean single_homing;    /* GRBL: knows "$HX" */
     gboolean homing_off;       /* GRBL: $22=0 */
-    gboolean work_positions;   /* GRBL: reports WPos with an offset now and then */
-    gboolean emergency_parser; /* Marlin */
+    gboolean work_positions;   /* GRBL: reports WPos, and its offset in every tenth report */
+    gboolean emergency_parser; /* Marlin: acts on M112 and M410 at once */
     int boot_ms;               /* time from a reset until the board listens */
     gboolean resets_on_open;   /* opening the port resets the board, as on an Arduino */
 };
@@ -41,22 +43,25 @@ VirtualGcode *virtual_gcode_new(const struct virtual_gcode_options *options, GEr
 void virtual_gcode_free(VirtualGcode *board); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGcode, virtual_gcode_free)
 
-/* Returns the value of "port" for a section of a rig file. It is a link to the pseudo-terminal, as
- * in /dev/serial/by-id. */
+/* Returns the value of "port" for a section of a rig file. The value is the path of a link to the
+ * pseudo-terminal, as in /dev/serial/by-id. */
 const char *virtual_gcode_port(const VirtualGcode *board);
 
-/* Faults from now on. lose and damage are 0, or n for every n-th byte. */
+/* The faults that virtual_gcode_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
+ * damaged; 0: none is. */
 struct virtual_gcode_faults {
     gboolean cut;    /* nothing arrives, and nothing is sent */
     gboolean silent; /* obeys, but sends nothing */
-    int late_ms;     /* everything is sent late */
-    int late_ok_ms;  /* the next "ok" and all that follows it is sent late; 0 afterwards */
+    int late_ms;     /* delay of everything that is sent */
+    /* delay of the next "ok", for which all later lines wait; the board then sets it to 0 */
+    int late_ok_ms;
     int lose_sent, damage_sent; /* bytes from the board to the program */
     int lose_received;          /* bytes from the program to the board */
     gboolean noise;             /* sends a line of noise before each line */
-    int error;                  /* GRBL: the next line is refused with this error; 0 afterwards */
-    gboolean no_hold;           /* GRBL: "!" has no effect */
-    gboolean no_switch;         /* homing does not find its switch */
+    /* GRBL: error with which the next line is refused; the board then sets it to 0 */
+    int error;
+    gboolean no_hold;   /* GRBL: "!" has no effect */
+    gboolean no_switch; /* homing does not find the switch */
 };
 void virtual_gcode_fail(VirtualGcode *board, const struct virtual_gcode_faults *faults);
 
@@ -66,7 +71,8 @@ void virtual_gcode_set_door(VirtualGcode *board, gboolean open); /* GRBL */
 void virtual_gcode_press_hold(VirtualGcode *board);              /* GRBL: the feed hold button */
 /* Switches the power off and on. The positions then count from 0. */
 void virtual_gcode_reset(VirtualGcode *board);
-/* Closes the pseudo-terminal, or opens a new one at the same link. The board runs on. */
+/* Closes the pseudo-terminal, or opens a new pseudo-terminal at the same link. The board runs
+ * on. */
 void virtual_gcode_unplug(VirtualGcode *board);
 void virtual_gcode_plug(VirtualGcode *board);
 /* Moves an axis that stands, as by the buttons of a pendant. */
@@ -77,12 +83,14 @@ void virtual_gcode_send(VirtualGcode *board, const char *line);
 void virtual_gcode_receive(VirtualGcode *board, const char *bytes);
 
 struct virtual_gcode_state {
-    double at[VIRTUAL_GCODE_AXES]; /* where the axes truly are */
+    double at[VIRTUAL_GCODE_AXES]; /* true positions of the axes */
     gboolean moving;
     gboolean alarm;     /* locked by an alarm, or halted by M112 */
-    int max_unanswered; /* most bytes of lines without an answer at any time */
-    int n_overflows;    /* bytes that were lost because the buffer was full */
+    int max_unanswered; /* largest number of bytes in lines that had no answer yet */
+    int n_overflows;    /* number of bytes that were lost because the buffer was full */
+    /* numbers of lines, resets, feed holds, homings, requests to send again, and calls of kill() */
     int n_lines, n_resets, n_holds, n_homings, n_resends, n_kills;
-    int n_aborted; /* motions that a reset, an alarm or M410 has ended without a ramp */
+    /* number of motions that a reset, an alarm or M410 has ended without a ramp */
+    int n_aborted;
 };
 void virtual_gcode_state(VirtualGcode *board, struct virtual_gcode_state *ret);

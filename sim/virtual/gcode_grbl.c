@@ -1,4 +1,4 @@
-/* The language of GRBL 1.1h. */
+/* This file implements the language of GRBL 1.1h. */
 #include "gcode_private.h"
 
 #include <math.h>
@@ -116,7 +116,7 @@ static void report(VirtualGcode *board) {
     gcode_say(board, "%s>", text->str);
 }
 
-/* Acts on a real-time character. Returns FALSE if the byte is none. */
+/* Acts on a real-time character. Returns FALSE if the byte is not such a character. */
 static gboolean act(VirtualGcode *board, char byte) {
     switch ((guint8)byte) {
     case 0x18:
@@ -135,7 +135,7 @@ static gboolean act(VirtualGcode *board, char byte) {
         return TRUE;
     case '~':
         if (!board->door)
-            gcode_resume(board); /* it has no effect in Hold:1 */
+            gcode_resume(board); /* “~” has no effect while the board brakes (Hold:1) */
         return TRUE;
     case 0x84:
         board->door = TRUE;
@@ -185,8 +185,8 @@ static void list_settings(VirtualGcode *board) {
     }
 }
 
-/* Carries out a line that begins with "$". Returns the number of the error, or −1 if the answer
- * comes later. */
+/* Carries out a line that begins with "$". Returns 0 for "ok", the number of the error, or −1 if
+ * the answer comes later. */
 static int command(VirtualGcode *board, const char *line) {
     const char *letter = line[2] ? strchr(letters, line[2]) : NULL;
     const gboolean one = line[2] && letter && !line[3] && board->options.single_homing;
@@ -227,7 +227,7 @@ static int command(VirtualGcode *board, const char *line) {
     return -1;
 }
 
-/* Parses and carries out a block. Returns as command() does. */
+/* Parses and carries out a block. Returns the same values as command(). */
 static int execute(VirtualGcode *board, const char *line) {
     double to[VIRTUAL_GCODE_AXES];
     gboolean moves = FALSE, dwells = FALSE, machine = FALSE, straight = FALSE;
@@ -259,7 +259,7 @@ static int execute(VirtualGcode *board, const char *line) {
             return 20;
     }
     if (moves && (!machine || board->relative))
-        return 20; /* this model has no other coordinates */
+        return 20; /* only absolute machine coordinates are modelled */
     if (moves && straight && board->feed <= 0)
         return 22;
     for (int i = 0; moves && board->options.max_travel > 0 && i < board->options.n_axes; i++)
@@ -280,7 +280,7 @@ void grbl_work(VirtualGcode *board) {
         board->waits = FALSE;
         gcode_say(board, "ok");
     }
-    /* A line takes about a millisecond. */
+    /* Execute one line per call. Calls are about a millisecond apart. */
     if (!board->waits && !board->locked_up && !board->door && board->motion != GCODE_HELD &&
         board->motion != GCODE_BRAKING && board->n_blocks < GCODE_BLOCKS &&
         gcode_take_line(board, line, sizeof line)) {

@@ -1,11 +1,12 @@
-/* The language of Marlin 2. */
+/* This file implements the language of Marlin 2. */
 #include "gcode_private.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#define BUSY_US 500000 /* 2 s by default (HOST_KEEPALIVE_INTERVAL) */
+/* interval of "busy" messages; Marlin's default (HOST_KEEPALIVE_INTERVAL) is 2 s */
+#define BUSY_US 500000
 
 static const char letters[] = "XYZABC";
 
@@ -33,7 +34,7 @@ static void quickstop(VirtualGcode *board) {
     const gboolean homes = board->motion == GCODE_HOMING;
     gcode_abort(board);
     if (homes)
-        kill_board(board); /* "Homing Failed" */
+        kill_board(board); /* Marlin halts if homing is interrupted */
 }
 
 /* The emergency parser looks at each line as it comes. */
@@ -98,7 +99,7 @@ static void go(VirtualGcode *board, const char *words) {
     gcode_add_block(board, to, MAX(board->feed, 1e-6));
 }
 
-/* Carries out a command. Returns FALSE if its "ok" comes later. */
+/* Carries out a command. Returns FALSE if no "ok" follows at once. */
 static gboolean execute(VirtualGcode *board, const char *line) {
     if (g_str_has_prefix(line, "G1 ")) {
         go(board, line + 3);
@@ -136,7 +137,8 @@ static void ask_again(VirtualGcode *board, const char *why) {
     gcode_say(board, "ok");
 }
 
-/* Checks and removes number and checksum. Returns FALSE if the line is to be sent again. */
+/* Checks the line number and the checksum, and removes both. Returns FALSE if the program must send
+ * the line again. */
 static gboolean unwrap(VirtualGcode *board, char *line) {
     int number, sum;
     char *star = strrchr(line, '*'), *blank = strchr(line, ' ');

@@ -1,5 +1,6 @@
-/* Shared by the parts of the virtual board: gcode.c has the port and the motion, gcode_grbl.c and
- * gcode_marlin.c the languages. All functions are called with the mutex locked. */
+/* State and functions that the files of the virtual board share. gcode.c has the port and the
+ * motion, gcode_grbl.c and gcode_marlin.c have the languages. All functions are called with the
+ * mutex locked. */
 #pragma once
 
 #include "gcode.h"
@@ -21,46 +22,48 @@ struct VirtualGcode {
     int wake[2];
     GThread *thread;
 
-    GMutex mutex; /* guards what follows */
+    GMutex mutex; /* guards the following members */
     gboolean quit, unplugged, was_open;
     struct virtual_gcode_faults faults;
     struct virtual_gcode_state state;
-    guint n_sent, n_received; /* bytes, for the faults */
+    guint n_sent, n_received; /* numbers of bytes, for the faults */
     GQueue out;               /* of struct gcode_out */
-    gint64 deaf_until_us;     /* boots */
-    gint64 late_until_us;
+    gint64 deaf_until_us;     /* time until which the board boots and hears nothing */
+    gint64 late_until_us;     /* time until which lines wait for a late "ok" */
 
     enum gcode_motion motion;
     struct gcode_block blocks[GCODE_BLOCKS];
     int n_blocks;
     double from[VIRTUAL_GCODE_AXES], to[VIRTUAL_GCODE_AXES];
-    double way, units_s, units_s2; /* of the motion; braking: units_s is the speed at its start */
+    /* Length, top speed and acceleration of the motion. While the board brakes, units_s is the
+     * speed at the beginning of braking. */
+    double way, units_s, units_s2;
     gint64 start_us, end_us;
-    guint homing_axes; /* bits */
+    guint homing_axes; /* a bit for each axis that homes */
 
     GString *rx;        /* received bytes of lines that were not executed */
-    int alarm;          /* GRBL: number, 0 if it is not locked; Marlin: 1 after kill() */
+    int alarm;          /* GRBL: number of the alarm, or 0; Marlin: 1 after kill() */
     gboolean locked_up; /* answers nothing until Ctrl-X */
     gboolean door, check;
     gboolean waits; /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
     double feed;
     gboolean relative;
-    int n_reports, n_unanswered;
+    int n_reports, n_unanswered; /* status reports; received bytes of lines without an answer */
     gboolean pressed[VIRTUAL_GCODE_AXES];
-    int last_line;  /* Marlin */
+    int last_line;  /* Marlin: number of the last line */
     gint64 busy_us; /* Marlin: time of the last "busy" */
 };
 
 void gcode_say(VirtualGcode *board, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Returns the speed along the way. */
+/* Returns the speed along the path in units/s. */
 double gcode_speed(const VirtualGcode *board, gint64 now_us);
 void gcode_add_block(VirtualGcode *board, const double *to, double units_s);
 void gcode_brake(VirtualGcode *board);
 void gcode_resume(VirtualGcode *board);
-/* Ends all motion without a ramp. Returns whether there was any. */
+/* Ends all motion without a ramp. Returns whether an axis was moving. */
 gboolean gcode_abort(VirtualGcode *board);
 void gcode_begin_homing(VirtualGcode *board, guint axes);
-/* The position at the end of what is planned. */
+/* Gives the position at the end of the last planned block. */
 void gcode_planned(const VirtualGcode *board, double *ret);
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size);
 

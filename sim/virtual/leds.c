@@ -24,13 +24,13 @@ struct VirtualLeds {
     int wake[2];
     GThread *thread;
 
-    GMutex mutex; /* guards what follows */
+    GMutex mutex; /* guards the following members */
     gboolean quit, unplugged, was_open;
     struct virtual_leds_faults faults;
     struct virtual_leds_state state;
-    guint n_sent, n_received; /* bytes, for the faults */
+    guint n_sent, n_received; /* numbers of bytes, for the faults */
     GQueue out;               /* of struct out */
-    gint64 deaf_until_us;     /* boots */
+    gint64 deaf_until_us;     /* time until which the controller boots and hears nothing */
     gint64 fed_us;
     GString *rx;
 };
@@ -41,8 +41,8 @@ static void out_free(gpointer data) {
     g_free(out);
 }
 
-/* The remainder of a division of polynomials, one bit of the message after the other. The message
- * is followed by 16 bits of 0. Starting with 0xffff is the same as inverting the first 16 bits. */
+/* Returns the checksum: the remainder of a polynomial division, computed bit by bit. The message is
+ * followed by 16 bits of 0. Starting with 0xffff is the same as inverting the first 16 bits. */
 static guint checksum(const char *text) {
     const gsize n = 8 * (strlen(text) + 2);
     guint remainder = 0;
@@ -158,7 +158,7 @@ static void boot(VirtualLeds *leds) {
     ((struct out *)g_queue_peek_tail(&leds->out))->at_us = leds->deaf_until_us;
 }
 
-/* Sends what is due, with the faults. */
+/* Sends the lines that are due, with the faults that are set. */
 static void flush_out(VirtualLeds *leds) {
     struct out *out;
     const struct virtual_leds_faults *faults = &leds->faults;
@@ -216,7 +216,7 @@ static gpointer leds_run(gpointer data) {
             return NULL;
         if (fds[0].revents && read(leds->wake[0], &byte, 1) < 0)
             return NULL;
-        /* A wire whose slave is closed is always ready. */
+        /* poll() always returns at once for a wire whose slave is closed. */
         if (fds[1].revents & POLLHUP)
             g_usleep(1000);
         g_mutex_lock(&leds->mutex);
@@ -247,7 +247,8 @@ VirtualLeds *virtual_leds_new(const struct virtual_leds_options *options, GError
     if (!g_unix_open_pipe(leds->wake, FD_CLOEXEC, error)) {
         leds->wake[0] = leds->wake[1] = -1;
     } else if (!open_wire(leds)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "no pseudo-terminal: %s",
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual LED controller: no pseudo-terminal can be opened: %s",
                     g_strerror(errno));
     } else {
         leds->thread = g_thread_new("virtual-leds", leds_run, leds);
@@ -259,7 +260,8 @@ VirtualLeds *virtual_leds_new(const struct virtual_leds_options *options, GError
 
 static void wake(VirtualLeds *leds) {
     if (write(leds->wake[1], "", 1) < 0)
-        g_warning("virtual LED controller: %s", g_strerror(errno));
+        g_warning("virtual LED controller: the controller's thread cannot be woken: %s",
+                  g_strerror(errno));
 }
 
 void virtual_leds_free(VirtualLeds *leds) {
@@ -308,7 +310,7 @@ static void set_unplugged(VirtualLeds *leds, gboolean unplugged) {
     leds->unplugged = unplugged;
     g_mutex_unlock(&leds->mutex);
     wake(leds);
-    /* Return when it has happened. */
+    /* Wait until the thread has opened or closed the wire. */
     for (gboolean done = FALSE; !done; g_usleep(1000)) {
         g_mutex_lock(&leds->mutex);
         done = (leds->terminal.wire < 0) == unplugged;

@@ -24,15 +24,16 @@ VirtualLeds *virtual_leds_new(const struct virtual_leds_options *options, GError
 void virtual_leds_free(VirtualLeds *leds); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualLeds, virtual_leds_free)
 
-/* Returns the value of "port" for a section of a rig file. It is a link to the pseudo-terminal, as
- * in /dev/serial/by-id. */
+/* Returns the value of "port" for a section of a rig file. The value is the path of a link to the
+ * pseudo-terminal, as in /dev/serial/by-id. */
 const char *virtual_leds_port(const VirtualLeds *leds);
 
-/* Faults from now on. lose and damage are 0, or n for every n-th byte. */
+/* The faults that virtual_leds_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
+ * damaged; 0: none is. */
 struct virtual_leds_faults {
     gboolean cut;                       /* nothing arrives, and nothing is sent */
     gboolean silent;                    /* obeys, but sends nothing */
-    int late_ms;                        /* everything is sent late */
+    int late_ms;                        /* delay of everything that is sent */
     int lose_sent, damage_sent;         /* bytes from the controller to the program */
     int lose_received, damage_received; /* bytes from the program to the controller */
     gboolean noise;                     /* sends a line of noise before each line */
@@ -42,7 +43,8 @@ struct virtual_leds_faults {
 void virtual_leds_fail(VirtualLeds *leds, const struct virtual_leds_faults *faults);
 
 void virtual_leds_reset(VirtualLeds *leds);
-/* Closes the pseudo-terminal, or opens a new one at the same link. The controller runs on. */
+/* Closes the pseudo-terminal, or opens a new pseudo-terminal at the same link. The controller runs
+ * on. */
 void virtual_leds_unplug(VirtualLeds *leds);
 void virtual_leds_plug(VirtualLeds *leds);
 /* Sends a line to the program. */
@@ -52,10 +54,11 @@ void virtual_leds_receive(VirtualLeds *leds, const char *bytes);
 
 struct virtual_leds_state {
     guint8 levels[VIRTUAL_LEDS_MAX]; /* true levels of the outputs */
-    gboolean lit;                    /* any of them is above 0 */
+    gboolean lit;                    /* any level is above 0 */
+    /* numbers of requests: valid, damaged, refused; and of each kind */
     int n_requests, n_damaged, n_refused;
     int n_pings, n_sets, n_offs;
     int n_resets;
-    int n_watchdog; /* how often the watchdog has switched lit lamps off */
+    int n_watchdog; /* number of times that the watchdog has switched lit lamps off */
 };
 void virtual_leds_state(VirtualLeds *leds, struct virtual_leds_state *ret);

@@ -184,8 +184,8 @@ static int pulsed_coil(const guint8 *pdu) {
     return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
 }
 
-/* Carries out the actions of a request that the mapping does not: pulses, commands of the drive,
- * and counters. */
+/* Carries out the actions of a request that libmodbus does not carry out in the mapping: pulses,
+ * commands of the drive, and counters. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n_or_value = pdu[3] << 8 | pdu[4];
@@ -219,11 +219,12 @@ static gboolean is_write(guint8 function) {
     return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
-/* Makes a reply without sending it. Returns its length, or 0 if there is none. */
+/* Makes a reply without sending it. Returns the length of the reply, or 0 if the device does not
+ * reply. */
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
-        /* Libmodbus only knows the values on and off, so the reply is made here. */
+        /* The reply is made here, because libmodbus only accepts the values on and off. */
         memcpy(ret, query, (gsize)n);
         return n;
     }
@@ -391,7 +392,8 @@ static gpointer modbus_run(gpointer data) {
 
 static void modbus_wake(VirtualModbus *device) {
     if (write(device->wake[1], "", 1) < 0)
-        g_warning("virtual modbus: %s", g_strerror(errno));
+        g_warning("virtual Modbus device: the device's thread cannot be woken: %s",
+                  g_strerror(errno));
 }
 
 static gboolean open_wire(VirtualModbus *device) {
@@ -426,8 +428,9 @@ VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, 
     }
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, device->made) != 0 ||
         !open_wire(device)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual modbus: %s",
-                    g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual Modbus device: no %s can be opened: %s",
+                    options->rtu ? "pseudo-terminal" : "TCP port", g_strerror(errno));
         virtual_modbus_free(device);
         return NULL;
     }

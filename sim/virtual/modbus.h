@@ -76,6 +76,7 @@ struct virtual_modbus_state {
     gboolean moving, homed, faulty;
     gint64 began_us; /* time of g_get_monotonic_time() when the last motion began */
     gboolean coils[VIRTUAL_MODBUS_BITS];
+    /* numbers of requests, writes to the watchdog register, connections, and pulses */
     int requests, watchdogs, connections, pulses;
     int timeouts; /* number of times that the communication timeout has expired */
     /* Length of the communication timeout or of the pulse that ended last. 0 if none has ended. */
@@ -91,5 +92,6 @@ void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on);
 /* Switches a coil without a request on the line, as if a program that has ended since had switched
  * it. */
 void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on);
+/* Sets the register VIRTUAL_MODBUS_PLAIN + index. */
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value);
 void virtual_modbus_set_drive_fault(VirtualModbus *device, gboolean faulty);

@@ -1,7 +1,7 @@
 /*
- * The /dev and /sys of virtual devices: one umockdev testbed, shared by all virtual devices of the
- * process. The process and its children see the testbed only with umockdev's library preloaded
- * (testbed_enter()).
+ * A umockdev testbed has the /dev and /sys of virtual devices. All virtual devices of the process
+ * share one testbed. The process and its children see the testbed only with umockdev's library
+ * preloaded (testbed_enter()).
  *
  * Only the main thread may call these functions. The functions of the devices run in umockdev's
  * thread.

@@ -20,7 +20,7 @@
  * immediately. */
 #define IDLE_US 300
 
-/* Pause after such a poll of a device with bulk transfers. Other devices can be polled
+/* Pause after a poll without a result of a device with bulk transfers. Other devices can be polled
  * meanwhile. */
 #define PATIENT_MS 1
 
@@ -47,7 +47,8 @@ struct VirtualUsb {
 };
 
 struct flight {
-    /* The client whose memory holds the transfer. Only that client may reap it. Not a reference. */
+    /* The client whose memory holds the transfer. Only that client may reap the transfer. The
+     * pointer is not a reference. */
     UMockdevIoctlClient *client;
     UMockdevIoctlData *urb;
     gboolean waits; /* a bulk transfer without data so far */
@@ -212,8 +213,8 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
 }
 
 static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
-    /* Endpoints that were asked for data. Each is asked only for its first transfer, so that
-     * transfers get their data in order. */
+    /* Endpoints that were asked for data. Each endpoint is asked only for its first transfer, so
+     * that transfers get their data in order. */
     guint32 asked = 0;
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;

@@ -1,6 +1,6 @@
 /*
- * Virtual USB devices for tests: models behind umockdev's usbfs, which libusb uses like the
- * kernel's. A process sees them only after testbed_enter().
+ * The virtual USB devices are for tests. Each is a model behind umockdev's usbfs, which libusb uses
+ * like the kernel's usbfs. A process sees the devices only after testbed_enter().
  *
  * The functions of the models run in umockdev's thread, with the device locked. The functions of
  * this header lock the device while they use it.
@@ -51,7 +51,8 @@ void virtual_usb_plug(VirtualUsb *usb); /* gives a new address, as on a real bus
 
 /* Sets the fault. Requests that are under way are not affected. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
-int virtual_usb_n_requests(VirtualUsb *usb); /* requests of the class since the device was made */
+/* number of requests of the class since the device was made */
+int virtual_usb_n_requests(VirtualUsb *usb);
 
 /* Makes this endpoint stall until the host clears the stall. */
 void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);

@@ -24,9 +24,9 @@ struct VirtualTic {
     gint64 now_us, command_us, safe_start_us;
     gboolean energized, uncertain;
     enum control_state state;
-    int homing; /* -1 or 1 */
-    double steps, origin, velocity,
-        top_speed; /* origin is the true position, in steps, at which the Tic reports position 0 */
+    int homing; /* direction of homing: −1 or 1 */
+    /* origin is the true position, in steps, at which the Tic reports position 0. */
+    double steps, origin, velocity, top_speed;
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
 

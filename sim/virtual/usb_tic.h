@@ -19,8 +19,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)
 VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 
 /* Lets the motor turn a part of the world ("turntable", "arc", "sweep NAME"). The part is at 0°
- * when the motor is at zero_steps. A negative steps_per_deg turns it the other way. Every request
- * to the Tic updates the world. The driver sends requests continuously. */
+ * when the motor is at zero_steps. If steps_per_deg is negative, the part turns the other way.
+ * Every request to the Tic updates the world. The driver sends requests continuously. */
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 
@@ -32,9 +32,9 @@ void virtual_tic_enter_safe_start(VirtualTic *tic);
 void virtual_tic_lose_steps(VirtualTic *tic); /* the position becomes uncertain */
 /* Makes the forward switch stay pressed (TRUE), or work again (FALSE). */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);
-void virtual_tic_cut_switches(VirtualTic *tic); /* homing never finds a switch */
+void virtual_tic_cut_switches(VirtualTic *tic); /* the motor never finds a switch from now on */
 
 double virtual_tic_steps(VirtualTic *tic);     /* true position of the motor */
 double virtual_tic_speed(VirtualTic *tic);     /* steps per second */
-double virtual_tic_top_speed(VirtualTic *tic); /* the highest speed since it was made */
+double virtual_tic_top_speed(VirtualTic *tic); /* highest speed so far, steps per second */
 gboolean virtual_tic_has_timed_out(VirtualTic *tic);

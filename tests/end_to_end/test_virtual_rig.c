@@ -307,14 +307,14 @@ TEST(refused) {
         const char *text, *said;
         const char *usb;
     } cases[] = {
-        {"[rig]\nid = x\n", "no device names a simulated world"},
+        {"[rig]\nid = x\n", "no section of a device has the key world"},
         {"[axis a]\ndriver = tic-axis\n", "driver = tic-axis has no virtual device"},
         {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n",
-         "its world has no camera"},
+         "world.conf has no camera “c”"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
-        {"[axis a]\ndriver = sim-axis\n", "no device names a simulated world"},
-        {"[axis a]\ndriver = sim-axis\nworld =\n", "no device names a simulated world"},
-        {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
+        {"[axis a]\ndriver = sim-axis\n", "no section of a device has the key world"},
+        {"[axis a]\ndriver = sim-axis\nworld =\n", "no section of a device has the key world"},
+        {"[axis a]\ndriver = sim-axis\n", "has no device “b”", "b"},
         {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
     };
     g_autofree char *path = twin_path("bad.conf");

@@ -1,6 +1,7 @@
 /*
- * Makes a DNG 1.4 like a camera's, byte by byte according to Adobe's specification: a TIFF with one
- * uncompressed strip of 16 bits. Any thread.
+ * This module makes a DNG 1.4 file as a camera does, byte by byte according to Adobe's
+ * specification. The file is a TIFF with one uncompressed strip of 16 bits. Any thread may call the
+ * function.
  */
 #pragma once
 
@@ -16,5 +17,5 @@ struct dng {
     int repeat;
 };
 
-/* Returns the file. The caller owns it. */
+/* Returns the bytes of the file. The caller owns the returned GBytes. */
 GBytes *dng_new(const struct dng *dng);

@@ -69,7 +69,7 @@ static gpointer answer_all(gpointer data) {
         gige_check_heartbeat(camera);
         if (camera->down_ms == 0)
             continue;
-        /* Simulate a power cut: off, and on again. */
+        /* Simulate a power cut: switch the power off, and on again. */
         gint64 until = g_get_monotonic_time() + (gint64)camera->down_ms * 1000;
         camera->down_ms = 0;
         close_sockets(camera);
@@ -78,7 +78,8 @@ static gpointer answer_all(gpointer data) {
                g_cond_wait_until(&camera->imager.cond, &camera->imager.mutex, until))
             ;
         if (!camera->imager.quit && !open_sockets(camera))
-            g_warning("virtual camera %s: %s", camera->address, g_strerror(errno));
+            g_warning("virtual camera %s: the sockets cannot be opened again: %s", camera->address,
+                      g_strerror(errno));
     }
     g_mutex_unlock(&camera->imager.mutex);
     return NULL;
@@ -104,8 +105,9 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
         open = open_sockets(camera);
     }
     if (!open || !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual camera %s: %s: %s",
-                    options->serial, camera->address, g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual camera %s: no %s can be opened at %s: %s", options->serial,
+                    open ? "pipe" : "sockets", camera->address, g_strerror(errno));
         virtual_gige_free(camera);
         return NULL;
     }
@@ -119,7 +121,8 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
 
 static void virtual_gige_wake(VirtualGige *camera) {
     if (write(camera->wake[1], "", 1) < 0)
-        g_warning("virtual camera: %s", g_strerror(errno));
+        g_warning("virtual camera %s: the camera's thread cannot be woken: %s", camera->address,
+                  g_strerror(errno));
 }
 
 void virtual_gige_free(VirtualGige *camera) {

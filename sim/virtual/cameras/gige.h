@@ -1,12 +1,12 @@
 /*
  * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in separate
  * threads and in real time. It has GVCP with discovery, registers, heartbeat and packet resend,
- * GVSP with test packets, and a GenICam file that it serves itself. The creator supplies its
- * pictures.
+ * GVSP with test packets, and a GenICam file that it serves itself. The pictures come from the
+ * function options->picture.
  *
  * Aravis also has a fake camera. But that camera has no resend, no time stamp latch, no exposure
  * that takes time and no trigger line, and it does not answer on its control channel while it makes
- * a picture. None of this could be tested with it.
+ * a picture. With that camera, none of this could be tested.
  *
  * Any address of 127.0.0.0/8 can be used without setting up a network. Any thread may call these
  * functions, except virtual_gige_new() and virtual_gige_free().
@@ -19,8 +19,8 @@
 
 typedef struct VirtualGige VirtualGige;
 
-/* Makes a camera. address is for example "127.0.0.9", or NULL for a free address. Fails if the
- * address is in use. */
+/* Makes a camera. address is for example "127.0.0.9", or NULL for a free address. Returns NULL with
+ * an error if the address is in use. */
 VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, const char *address,
                               GError **error);
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */

@@ -1,5 +1,5 @@
-/* Private parts of the virtual GigE camera: requests to its registers (gige_control.c), pictures as
- * packets (gige_stream.c), and the camera with its two threads (gige.c). */
+/* The virtual GigE camera has three parts: gige_control.c answers requests to its registers,
+ * gige_stream.c sends pictures as packets, and gige.c has the camera with its two threads. */
 #pragma once
 
 #include "gige.h"
@@ -48,10 +48,10 @@ struct VirtualGige {
     GThread *answerer;
 
     guint8 memory[GVBS_END];
-    gboolean has_controller, stolen;
-    int down_ms;
+    gboolean has_controller, stolen; /* stolen: another program has taken control */
+    int down_ms;                     /* above 0 if a restart was requested: time without power */
     struct sockaddr_in controller;
-    gint64 heard_us;
+    gint64 heard_us; /* time of the last request of the controller */
     GRand *rand;
 };
 

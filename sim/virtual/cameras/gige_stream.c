@@ -25,14 +25,14 @@ static gsize data_size(const VirtualGige *camera) {
     return packet > GIGE_OVERHEAD && packet <= MAX_PACKET ? packet - GIGE_OVERHEAD : 0;
 }
 
-/* Returns the block id of a picture. Ids have 16 bits and start again at 1. The first is close to
- * the end, so that tests reach the wrap. */
+/* Returns the block id of a picture. Ids have 16 bits and start again at 1. The first id is close
+ * to 65535, so that tests reach the wrap. */
 static guint gige_id(const struct imager_picture *kept) {
     return (guint)((kept->id + FIRST_ID - 1) % 65535) + 1;
 }
 
-/* Returns the number of packets of a picture with its leader and trailer, or 0 if none can be
- * sent. */
+/* Returns the number of packets of a picture with its leader and trailer, or 0 if the picture
+ * cannot be sent. */
 static guint n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
     gsize data = data_size(camera);
     if (data == 0)

@@ -148,8 +148,8 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
     return FALSE;
 }
 
-/* Exposes a picture, keeps it and sends it. Called with the mutex locked, which is unlocked while
- * the picture is made. */
+/* Exposes a picture, keeps it and sends it. The mutex must be locked; it is unlocked while the
+ * picture is made. */
 static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,

@@ -1,14 +1,14 @@
 /*
- * Shared by virtual GenICam cameras on all buses: their description, the source of their pictures,
- * their faults and their counters.
+ * The virtual GenICam cameras on all buses share these structs: description, source of pictures,
+ * faults and counters.
  */
 #pragma once
 
 #include "drivers/frame.h"
 
 struct virtual_exposure {
-    guint64 n;                    /* number of the picture among the camera's, from 1 */
-    gint64 start_us, exposure_us; /* times of g_get_monotonic_time() */
+    guint64 n;                    /* number of the picture since the camera was made, from 1 */
+    gint64 start_us, exposure_us; /* start_us is a time of g_get_monotonic_time() */
     double gain_db;
 };
 
@@ -40,8 +40,8 @@ struct virtual_camera_options {
     const struct virtual_processing *processing; /* NULL if there is none */
 };
 
-/* Faults from now on. Members of type int, except mtu, are numbers of pictures, triggers or packets
- * that are still affected. They decrease with each fault. */
+/* The faults that the function virtual_…_fail() sets. Members of type int, except mtu, are numbers
+ * of pictures or triggers that are still affected. They decrease with each fault. */
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle and cannot be resent */
     int blind;           /* triggers that are acknowledged but make no picture */
@@ -59,7 +59,7 @@ struct virtual_camera_faults {
     double loss;        /* share of the packets of pictures that is lost */
     gboolean no_resend; /* packets are not resent on request */
     gboolean unplugged; /* no packet arrives */
-    int mtu;            /* larger packets are lost; 0 if there is no limit */
+    int mtu;            /* size above which packets are lost, bytes; 0: no limit */
 
     /* Only for USB3 Vision. */
     int headless; /* pictures without their leader */
@@ -75,7 +75,7 @@ struct virtual_camera_state {
     double gain_db, black_level;
     gint64 triggered_us;           /* time of the last trigger that began an exposure */
     guint64 triggers, missed;      /* missed: triggers that came during an exposure */
-    guint64 pictures;              /* pictures sent */
+    guint64 pictures;              /* number of pictures sent */
     guint64 packets, lost, resent; /* only for GigE Vision */
     guint processing;              /* bit i: register i of the processing is not neutral */
 };

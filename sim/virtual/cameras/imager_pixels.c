@@ -3,8 +3,8 @@
 #include <string.h>
 
 /* Codes of the Pixel Format Naming Convention. The low byte of a code is the number of the format,
- * and the middle two bytes are the bits per pixel. This table is written independently of the
- * driver's, so that an error there is found. */
+ * and the middle two bytes are the bits per pixel. This table is written independently of the table
+ * in the driver, so that an error in either table is found. */
 enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {

@@ -1,6 +1,6 @@
-/* The part of virtual GenICam cameras that is the same on every bus: registers, trigger, exposure
- * and pictures (imager.c), the GenICam file that describes them (imager_genicam.c), and pictures as
- * bytes (imager_pixels.c). */
+/* This part of virtual GenICam cameras is the same on every bus. imager.c has registers, trigger,
+ * exposure and pictures. imager_genicam.c makes the GenICam file that describes them, and
+ * imager_pixels.c writes pictures as bytes. */
 #pragma once
 
 #include "imager.h"
@@ -43,11 +43,12 @@ struct imager_picture {
     guint32 format, width, height, x, y;
     guint8 *data;
     gsize size;
-    gboolean cut;
+    gboolean cut; /* the picture ends in its middle */
 };
 
 /* The bus that transmits pictures. Its functions are called with the mutex locked. */
 struct imager_bus {
+    /* Sends the beginning of a picture before its data exist (virtual_camera_faults.announces). */
     void (*announce)(const struct imager_picture *picture, gpointer data);
     void (*send)(gpointer data); /* sends kept[0]; may unlock the mutex for a while */
 };
@@ -106,8 +107,9 @@ struct imager_xml {
     const char *endianness; /* in the spelling of GenICam */
 };
 
-struct imager_transport {                      /* the parts of the file that depend on the bus */
-    const char *space, *endianness, *features; /* names separated by spaces */
+struct imager_transport { /* the parts of the file that depend on the bus */
+    /* space: name space of the standard; features: names separated by spaces */
+    const char *space, *endianness, *features;
     void (*add)(struct imager_xml *xml);
 };
 

@@ -83,7 +83,7 @@ enum { TYPE_UINT8 = 2, TYPE_UINT16 = 4, TYPE_UINT32 = 6 };
 
 #define STORE         0x10001u
 #define FOLDER_HANDLE 0xd0000000u
-#define MEMORY_HANDLE 0xffff0001u /* of the picture in the memory of the camera */
+#define MEMORY_HANDLE 0xffff0001u /* handle of the picture in the camera's memory */
 #define FOLDER_NAME   "100MESOR"
 #define MAX_PACKET    65536
 #define MAX_SENT      (256 * 1024) /* largest data of an operation that the camera receives */
@@ -128,7 +128,7 @@ struct VirtualPtpip {
     gboolean quit, exposing;
     int n_threads; /* threads of connections and of shots */
     GArray *fds;   /* of int: open connections */
-    int event_fd;  /* −1 if there is none */
+    int event_fd;  /* −1 if no event connection is open */
     struct property properties[5];
     GPtrArray *objects; /* of struct object */
     guint32 last_handle;
@@ -144,7 +144,7 @@ static void put(GByteArray *to, int bytes, guint64 value) {
     }
 }
 
-/* A text of PTP: the number of characters with the final zero, then UTF-16. */
+/* Appends a text as PTP writes it: the number of characters with the final zero, then UTF-16. */
 static void put_text(GByteArray *to, const char *text) {
     const gsize n = strlen(text);
     put(to, 1, n ? n + 1 : 0);
@@ -248,7 +248,7 @@ static struct object *find_object(VirtualPtpip *camera, guint32 handle) {
     return NULL;
 }
 
-/* Takes the data. */
+/* Adds a file to the card. Takes ownership of name and data. Returns the file's handle. */
 static guint32 add_object(VirtualPtpip *camera, char *name, guint16 format, GBytes *data) {
     struct object *object = g_new0(struct object, 1);
     g_autoptr(GDateTime) now = g_date_time_new_now_local();
@@ -271,7 +271,7 @@ static void end_connections(VirtualPtpip *camera) {
     camera->event_fd = -1;
 }
 
-/* Makes the values of the sensor. Called without the mutex. */
+/* Makes the values of the sensor. The mutex must not be locked. */
 static guint16 *make_picture(const VirtualPtpip *camera, const struct virtual_exposure *exposure) {
     const struct virtual_ptpip_options *options = &camera->options;
     const gsize n = (gsize)options->width * (gsize)options->height;
@@ -297,7 +297,7 @@ static GBytes *make_raw(const VirtualPtpip *camera, const guint16 *values) {
     return dng_new(&dng);
 }
 
-/* A grey JPEG. Its numbers are sRGB, as in cameras. */
+/* Returns a grey JPEG with sRGB values, as cameras make them. */
 static GBytes *make_jpeg(const VirtualPtpip *camera, const guint16 *values) {
     const struct virtual_ptpip_options *options = &camera->options;
     struct jpeg_compress_struct jpeg = {0};
@@ -476,7 +476,7 @@ static void put_object_info(const struct object *object, GByteArray *to) {
     put(to, 2, 0); /* there is no thumbnail */
     for (int i = 0; i < 3; i++)
         put(to, 4, 0);
-    put(to, 4, 64); /* size of the picture */
+    put(to, 4, 64); /* width, height and bits per pixel of the picture */
     put(to, 4, 48);
     put(to, 4, 24);
     put(to, 4, folder ? 0 : FOLDER_HANDLE);
@@ -555,8 +555,8 @@ struct operation {
     GByteArray *sent; /* data that the computer has sent */
 };
 
-/* Carries out an operation. Appends the data that the camera sends to data, and sets *ret_data if
- * there are any. Returns the response. */
+/* Carries out an operation. If the camera sends data, appends these to data and sets *ret_data.
+ * Returns the response. */
 static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GByteArray *data,
                     gboolean *ret_data) {
     const guint32 parameter = operation->parameters[0];
@@ -640,7 +640,7 @@ static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GBy
     }
 }
 
-/* Sends the data of an operation, or only the first half. Called without the mutex. */
+/* Sends the data of an operation, or only the first half. The mutex must not be locked. */
 static gboolean send_data(int fd, guint32 transaction, const GByteArray *data, gboolean half) {
     const guint chunk = MAX_PACKET - 12;
     g_autoptr(GByteArray) start = g_byte_array_new();
@@ -674,14 +674,14 @@ static gboolean receive_data(int fd, GByteArray *to) {
     return TRUE;
 }
 
-/* Takes everything that comes without an answer, until the connection ends. */
+/* Reads everything that arrives and answers nothing, until the connection ends. */
 static void ignore(int fd) {
     guint8 bytes[256];
     while (recv(fd, bytes, sizeof bytes, 0) > 0)
         ;
 }
 
-/* Answers one request. Returns FALSE if the connection has ended. Called without the mutex. */
+/* Answers one request. Returns FALSE if the connection has ended. The mutex must not be locked. */
 static gboolean serve_request(VirtualPtpip *camera, int fd, const GByteArray *request) {
     g_autoptr(GByteArray) sent = g_byte_array_new(), data = g_byte_array_new(),
                           response = g_byte_array_new();
@@ -783,7 +783,7 @@ static gpointer serve(gpointer data) {
     return NULL;
 }
 
-/* Called without the mutex. */
+/* Accepts a connection, and starts its thread. Called without the mutex. */
 static void accept_one(VirtualPtpip *camera) {
     const int one = 1, fd = accept4(camera->listener, NULL, NULL, SOCK_CLOEXEC);
     if (fd < 0)
@@ -851,8 +851,9 @@ VirtualPtpip *virtual_ptpip_new(const struct virtual_ptpip_options *options, GEr
     add_object(camera, g_strdup(FOLDER_NAME), FORMAT_FOLDER, g_bytes_new(NULL, 0));
     camera->last_handle = 0;
     if (!listen_at(camera)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual camera %s: %s",
-                    camera->host, g_strerror(errno));
+        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
+                    "virtual camera %s: no socket can be opened at this address: %s", camera->host,
+                    g_strerror(errno));
         virtual_ptpip_free(camera);
         return NULL;
     }
@@ -865,7 +866,8 @@ void virtual_ptpip_free(VirtualPtpip *camera) {
         return;
     if (camera->acceptor) {
         if (write(camera->wake[1], "", 1) < 0)
-            g_warning("virtual camera: %s", g_strerror(errno));
+            g_warning("virtual camera %s: the camera's thread cannot be woken: %s", camera->host,
+                      g_strerror(errno));
         g_thread_join(camera->acceptor);
     }
     g_mutex_lock(&camera->mutex);

@@ -1,8 +1,8 @@
 /*
  * A virtual still camera that speaks PTP/IP (CIPA DC-005) on the loopback interface, in separate
- * threads and in real time: a card with pictures, a shutter time, an ISO speed and an aperture as
- * lists, a battery, and events. libgphoto2 drives it like a real camera. Its pictures are raw files
- * (DNG) or JPEG.
+ * threads and in real time. It has a card with pictures, lists of shutter times, ISO speeds and
+ * apertures, a battery, and events. libgphoto2 drives it like a real camera. Its pictures are raw
+ * files (DNG) or JPEG.
  *
  * Any thread may call these functions, except virtual_ptpip_new() and virtual_ptpip_free().
  */
@@ -26,34 +26,36 @@ struct virtual_ptpip_options {
     gboolean nikon;  /* speaks Nikon's dialect: other operations, and events that are polled */
 };
 
-/* Faults from now on. Members of type int are numbers of operations that are still affected. They
- * decrease with each fault. */
+/* The faults that virtual_ptpip_fail() sets. Members of type int, except battery, are numbers of
+ * operations that are still affected. Each fault decreases its number by one. */
 struct virtual_ptpip_faults {
     int busy;       /* triggers that are refused because the camera is busy */
     int unanswered; /* triggers that are obeyed but never answered */
     int blind;      /* triggers that are answered, but make no picture and no event */
     int incomplete; /* pictures without the event CaptureComplete */
     int unsaid;     /* pictures without the event ObjectAdded */
-    int late;       /* pictures whose ObjectAdded comes late_exposures exposures later */
+    /* pictures whose event ObjectAdded is delayed by late_exposures times the shutter time */
+    int late;
     double late_exposures;
     gboolean complete_first; /* CaptureComplete is sent before ObjectAdded, not after it */
     gboolean same_name;      /* every picture has the same name, as after a reset of the counter */
     int dropped;             /* downloads in whose middle all connections end */
-    int stalled;             /* downloads in whose middle the camera stops to answer */
+    int stalled;             /* downloads in whose middle the camera stops answering */
     gboolean full;           /* the card is full */
     gint64 slow_us;          /* delay from the trigger to the exposure */
-    gboolean neighbour;      /* a shutter time that is set becomes the next one of the list */
-    gboolean refuses;        /* the camera refuses connections by a PTP/IP packet */
-    gboolean deaf;           /* the camera accepts connections and answers nothing */
-    gboolean unplugged;      /* all connections end, and none is accepted */
-    int battery;             /* charge in percent; 0 means 80 */
+    /* a program that sets a shutter time gets the next one of the list */
+    gboolean neighbour;
+    gboolean refuses;   /* the camera refuses connections by a PTP/IP packet */
+    gboolean deaf;      /* the camera accepts connections and answers nothing */
+    gboolean unplugged; /* all connections end, and none is accepted */
+    int battery;        /* charge in percent; 0 means 80 */
 };
 
 struct virtual_ptpip_state {
-    int triggers;    /* triggers that were obeyed */
-    int pictures;    /* pictures that were put on the card */
-    int on_card;     /* pictures that are on the card now */
-    int connections; /* connections that were made, without those for events */
+    int triggers;    /* number of triggers that were obeyed */
+    int pictures;    /* number of pictures that were put on the card */
+    int on_card;     /* number of pictures that are on the card now */
+    int connections; /* number of connections that were made, without those for events */
     gint64 shutter_us;
     int iso;
 };
@@ -73,7 +75,7 @@ void virtual_ptpip_state(VirtualPtpip *camera, struct virtual_ptpip_state *ret);
 /* Changes shutter time and ISO speed, as if somebody had turned the dials of the camera. */
 void virtual_ptpip_turn_dials(VirtualPtpip *camera, gint64 shutter_us, int iso);
 
-/* Puts a file on the card, as if somebody had taken a picture by hand. It is no raw file. date
- * is its date, such as "20200131T235959"; NULL means now. says says whether the camera reports it
- * by an event. */
+/* Puts a file on the card, as if somebody had taken a picture by hand. The file is not a raw file.
+ * date is the date of the file, such as "20200131T235959"; NULL means now. If says is TRUE, the
+ * camera reports the file by an event. */
 void virtual_ptpip_put(VirtualPtpip *camera, const char *name, const char *date, gboolean says);

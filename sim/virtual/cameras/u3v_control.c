@@ -3,7 +3,8 @@
 #include <errno.h>
 #include <string.h>
 
-/* The header of a command and of an answer: prefix, flags or status, command, length, number. */
+/* The header of a command and of an answer has a prefix, flags or a status, the command, the length
+ * of the data, and a number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
 #define RESPONSE_MS 200 /* longest time of an answer, enough for a busy computer */

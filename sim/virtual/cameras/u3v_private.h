@@ -1,5 +1,5 @@
-/* Private parts of the virtual USB3 Vision camera: requests to its registers (u3v_control.c),
- * pictures as transfers (u3v_stream.c), and the device on the bus (u3v.c). */
+/* The virtual USB3 Vision camera has three parts: u3v_control.c answers requests to its registers,
+ * u3v_stream.c sends pictures as transfers, and u3v.c has the device on the bus. */
 #pragma once
 
 #include "imager_private.h"
@@ -67,7 +67,7 @@ struct VirtualU3v {
     struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
     gsize sent; /* bytes of the picture's payload that were sent */
-    gboolean headless, tailless, stunted, hollow;
+    gboolean headless, tailless, stunted, hollow; /* faults of this picture (imager.h) */
 };
 
 static inline void u3v_put(guint8 *to, guint64 value, int n) {

@@ -126,8 +126,8 @@ static int set_parm(VirtualV4l2 *camera, void *argument) {
     return get_parm(camera, argument);
 }
 
-/* With V4L2_CTRL_FLAG_NEXT_CTRL, the control with the next larger id is requested. This loop finds
- * it, because controls are sorted by id. */
+/* With V4L2_CTRL_FLAG_NEXT_CTRL, the control with the next larger id is requested. The loop finds
+ * this control first, because controls are sorted by id. */
 static int query_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_queryctrl *query = argument;
     guint32 id = query->id & ~V4L2_CTRL_FLAG_NEXT_CTRL;
@@ -403,8 +403,9 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    guint lacks; /* the control is missing if the config lacks one of these bits; 0 if all cameras
-                    have the control */
+    /* The camera does not have the control if one of these bits is set in config.lacks. 0: every
+     * camera has the control. */
+    guint lacks;
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},
@@ -464,7 +465,8 @@ VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, Wo
     struct world_sensor sensor;
     int index = world_find_camera(world, name);
     if (index < 0) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "the world has no camera \"%s\"",
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "the world has no camera \"%s\"; give the name of a camera in the world file",
                     name);
         return NULL;
     }

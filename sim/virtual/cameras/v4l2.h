@@ -3,7 +3,8 @@
  * continuously in real time, like UVC cameras. Their pictures come from the simulated world or from
  * a test. A process sees them only after testbed_enter().
  *
- * A camera has a separate thread while it streams. The functions here belong to the main thread.
+ * A camera has a separate thread while it streams. Only the main thread may call the functions of
+ * this header.
  */
 #pragma once
 
@@ -16,7 +17,8 @@ typedef struct VirtualV4l2 VirtualV4l2;
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-/* The moment that the time stamps of frames mark, and the flag that says so. */
+/* A virtual_v4l2_stamp says which moment the time stamps of frames mark, and which flag the frames
+ * have. */
 enum virtual_v4l2_stamp {
     VIRTUAL_V4L2_START, /* start of the exposure, with the flag SOE (start of exposure) */
     /* time of the first data, but with the flag SOE, as with uvcvideo */
@@ -40,9 +42,9 @@ struct virtual_v4l2_config { /* members that are 0 or NULL have the defaults giv
     double frame_rate; /* initial frame rate per second; 0 means 100. Programs can set any rate from
                           1 to 1000 */
     enum virtual_v4l2_stamp stamp;
-    guint lacks;        /* controls that the camera lacks, an OR of VIRTUAL_V4L2_NO_… */
-    gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
-    gboolean only_compressed;
+    guint lacks;              /* controls that the camera lacks, an OR of VIRTUAL_V4L2_NO_… */
+    gboolean odd_gamma;       /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
+    gboolean only_compressed; /* the camera offers only compressed formats */
     /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
      * the single-planar interface. */
     int planes;
@@ -67,15 +69,15 @@ enum virtual_v4l2_fault { /* fault of all frames from now on, until another faul
                           VIRTUAL_V4L2_WELL,
                           VIRTUAL_V4L2_ERROR_FLAG,  /* half of the data, and the error flag */
                           VIRTUAL_V4L2_SHORT,       /* half of the data, and no flag */
-                          VIRTUAL_V4L2_FUTURE,      /* stamps are 100 ms ahead */
+                          VIRTUAL_V4L2_FUTURE,      /* time stamps are 100 ms in the future */
                           VIRTUAL_V4L2_FROZEN,      /* repeats the previous picture as a new one */
                           VIRTUAL_V4L2_SILENT,      /* no frames */
-                          VIRTUAL_V4L2_OTHER_CLOCK, /* stamps of an unknown clock */
+                          VIRTUAL_V4L2_OTHER_CLOCK, /* time stamps of an unknown clock */
                           /* refuses to stream because the bus has too little bandwidth */
                           VIRTUAL_V4L2_NO_BANDWIDTH,
-                          /* controls take other values than the values that were set */
+                          /* controls take another value than the value that was set */
                           VIRTUAL_V4L2_DISOBEYS,
-                          VIRTUAL_V4L2_STREAM_BREAKS, /* taking a frame fails, once */
+                          VIRTUAL_V4L2_STREAM_BREAKS, /* dequeuing a frame fails once */
 };
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 

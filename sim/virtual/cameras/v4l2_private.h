@@ -1,4 +1,5 @@
-/* Shared by the parts of a virtual V4L2 camera: its ioctls, its stream and its pixels. */
+/* The state and the functions that the parts of a virtual V4L2 camera share: v4l2.c answers ioctls,
+ * v4l2_stream.c delivers frames, and v4l2_pixels.c packs pixels. */
 #pragma once
 
 #include "v4l2.h"
@@ -52,20 +53,20 @@ struct VirtualV4l2 {
     guint stream; /* changes when a stream begins or ends */
     /* Number of stream threads. A thread whose stream has ended may still make its last picture. */
     int n_threads;
-    gint64 first_us;    /* time of frame 0; frame n begins n frame intervals later */
-    gint64 changed_us;  /* time when exposure or gain was last set */
-    gint64 exposure_us; /* exposure of frames that begin now; it follows changes of the controls
-                           with a delay */
+    gint64 first_us;   /* time of frame 0; frame n begins n frame intervals later */
+    gint64 changed_us; /* time when exposure or gain was last set */
+    /* exposure of frames that begin now; a change of the controls has its effect on it later */
+    gint64 exposure_us;
     double gain_db;
     guint16 *pixels; /* the latest picture */
 };
 
 /* Call these two functions with the camera locked, in the thread that handles the ioctls of all
- * cameras and USB devices. They do not wait, because that thread must not. */
+ * cameras and USB devices. The functions do not wait, because that thread must not wait. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
-/* Waits until no stream thread uses the camera any more. Call it with the mutex locked, which is
- * unlocked while it waits. */
+/* Waits until no stream thread uses the camera any more. The mutex must be locked; the function
+ * unlocks it while it waits. */
 void virtual_stream_wait(VirtualV4l2 *camera);
 
 /* Returns the control with this id, or NULL if the camera lacks it. */

@@ -1,12 +1,12 @@
 #include "v4l2_private.h"
 
+#include <errno.h>
 #include <string.h>
 #include <unistd.h>
 
 #define FUTURE_US 100000
 
-/* Returns the value of a control, or the value of the parameter otherwise if the camera lacks the
- * control. */
+/* Returns the value of a control, or the argument `otherwise` if the camera lacks the control. */
 static gint32 setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
     const struct virtual_control *control = virtual_find_control(camera, id);
     return control ? control->value : otherwise;
@@ -53,7 +53,8 @@ static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual
     gsize sent = half ? bytes / 2 : bytes;
     off_t at = (off_t)(index * virtual_buffer_room(camera));
     if (pwrite(camera->fd, data, sent, at) != (gssize)sent)
-        g_error("cannot write a virtual camera's frame");
+        g_error("%s: a frame of the virtual camera cannot be written (%s)", camera->node,
+                g_strerror(errno));
     buffer->bytes = (guint32)sent;
     buffer->flags = camera->config.stamp == VIRTUAL_V4L2_END ? V4L2_BUF_FLAG_TSTAMP_SRC_EOF
                                                              : V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
@@ -111,8 +112,8 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     return TRUE;
 }
 
-/* Takes the next frame that can still begin: waits for its exposure and delivers it. The mutex must
- * be locked. Returns FALSE when the stream has ended. */
+/* Takes the next frame whose exposure has not begun yet: waits until the frame is exposed, and
+ * delivers it. The mutex must be locked. Returns FALSE when the stream has ended. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,
@@ -121,7 +122,7 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
     /* Like many sensors, the camera applies a new setting to the frame after the next. In automatic
-     * mode it chooses exposure and gain itself. */
+     * mode the camera chooses exposure and gain itself. */
     if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
         gboolean by_hand = setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
         gint64 set_us = 100 * setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);

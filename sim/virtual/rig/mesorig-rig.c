@@ -1,4 +1,5 @@
-/* mesorig-rig: a rig of virtual devices on this machine, for trying the real drivers. */
+/* mesorig-rig makes a rig of virtual devices on this machine, with which the real drivers can be
+ * tried. */
 #include "base/data_error.h"
 #include "base/json.h"
 #include "base/output_file.h"
@@ -37,8 +38,9 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Returns the rig file after a line with its kind and its checksum. The checksum shows the next
- * run, and this run at its end, whether somebody has changed the file. */
+/* Returns the text of the rig file, with a first line that has the kind and the checksum of the
+ * rest. By the checksum, this run (when it ends) and the next run notice whether somebody has
+ * changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
     return g_strdup_printf("# " OUTPUT_FILE_TEXT("virtual rig") ", SHA-256 of what follows %s\n%s",
@@ -67,7 +69,7 @@ static OutputFile *virtual_rig_main_output(GError **error) {
                     out_path);
         return NULL;
     }
-    /* A file that the user has changed is not replaced. */
+    /* Without --force, a file that the user has changed is not replaced. */
     return output_file_new(out_path, virtual_rig_main_is_own(out_path) ? "virtual rig" : NULL,
                            force, error);
 }
@@ -78,8 +80,8 @@ static void virtual_rig_main_remove_file(void) {
     if (virtual_rig_main_is_own(out_path))
         g_unlink(out_path);
     else if (g_file_test(out_path, G_FILE_TEST_IS_REGULAR))
-        g_printerr("mesorig-rig: %s was changed meanwhile and is kept. Its devices no longer "
-                   "exist; copy your changes to another rig file\n",
+        g_printerr("mesorig-rig: %s was changed while mesorig-rig ran, so the file is kept. The "
+                   "devices of the file no longer exist; copy your changes to another rig file\n",
                    out_path);
 }
 
@@ -174,8 +176,8 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* Begins to read commands from standard input. Returns NULL in a background job, because the
- * terminal would stop the job when it reads. */
+/* Begins to read commands from standard input. In a background job, the function reads nothing and
+ * returns NULL, because the terminal would stop a background job that reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;
@@ -192,7 +194,8 @@ static int virtual_rig_main_run(void) {
     const struct virtual_rig_kinds kinds = {(const char *const *)usb, (const char *const *)u3v,
                                             (const char *const *)still, (const char *const *)gcode};
     g_autoptr(VirtualRig) rig = error ? NULL : virtual_rig_new(virtual_path, &kinds, &error);
-    /* A program that has noticed the file may end this program, which then removes the file. */
+    /* The signals are caught before the file is written, because a program that waits for the file
+     * may then end this program, and this program must remove the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
@@ -227,11 +230,16 @@ int main(int argc, char **argv) {
     g_auto(GStrv) again = g_strdupv(argv);
     program_parse(&command_line, &argc, &argv);
     if (!virtual_path)
-        return program_usage(&command_line, "no simulated rig is named: give --virtual RIG");
+        return program_usage(
+            &command_line,
+            "the option --virtual is missing; give the file of a simulated rig: --virtual RIG");
     if (!(loss >= 0 && loss <= 1))
-        return program_usage(&command_line, "--loss=%g is out of range: 0 to 1", loss);
+        return program_usage(&command_line, "--loss=%g is out of range; give a share from 0 to 1",
+                             loss);
     if (json && !out_path)
-        return program_usage(&command_line, "--json needs -o FILE");
+        return program_usage(
+            &command_line,
+            "--json prints the devices of a rig file that is written; also give -o FILE");
     if (usb || u3v)
         testbed_enter(again);
     return virtual_rig_main_run();

@@ -14,11 +14,12 @@
 
 #define FIRST_U3V_PORT (MAX_USB + 1) /* first port of the virtual bus for USB3 Vision cameras */
 
-/* Timeouts of a line: a busy desktop computer answers later than a drive. */
+/* Timeouts of a line. They are long, because a virtual drive on a busy desktop computer answers
+ * later than a real drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
-/* Watchdog keys, which are the same for all sections of a board. Five seconds are longer than a
- * program may be delayed on a busy machine. */
+/* Watchdog keys, which are the same for all sections of a board. The watchdog waits five seconds,
+ * because a busy machine delays a program by less. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
@@ -28,8 +29,8 @@ static const struct option *find_option(const struct option *table, const char *
     return NULL;
 }
 
-/* Returns the value of a key as written, or the default of the driver's option. Returns NULL if
- * there is neither. */
+/* Returns the value of a key as written, or the default of the driver's option. Returns NULL if the
+ * section has no value and the option has no default. */
 static const char *rig_value(const struct config_section *section, const struct driver_info *driver,
                              const char *key) {
     const struct option *option = find_option(driver->options, key);
@@ -63,7 +64,8 @@ void rig_copy_section(VirtualRig *rig, const struct config_section *section,
         gboolean chooses = g_str_equal(*key, "driver") && to;
         gboolean clock = g_str_equal(*key, "clock") && g_str_equal(section->class_name, "rig");
         const char *value = config_value(section, *key, NULL);
-        /* The new rig file may be in another folder. */
+        /* The path of the positions is made absolute, because the new rig file may be in another
+         * folder. */
         g_autofree char *file =
             g_str_equal(section->class_name, "lamps") && g_str_equal(*key, "positions")
                 ? config_resolve(section->config, value)
@@ -83,8 +85,8 @@ void rig_list_device(VirtualRig *rig, const struct config_section *section, cons
     g_array_append_val(rig->devices, device);
 }
 
-/* Sets rig->world to the world of a section, if it names one. Fails if another section has named a
- * different world. */
+/* Sets rig->world to the world of a section, if the section has the key world. Returns FALSE with
+ * an error if another section has named a different world. */
 static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path)
@@ -94,7 +96,10 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
     if (!world)
         return FALSE;
     if (rig->world && world != rig->world) {
-        rig_set_error(error, section, "all devices of a virtual rig must name the same world");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "world",
+                         "%s is not the world of the other devices, %s; give all devices of the "
+                         "rig the same world",
+                         world->key, rig->world->key);
         return FALSE;
     }
     if (!rig->world)
@@ -105,14 +110,16 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path) {
-        config_set_error(error, CONFIG_ERROR_MISSING, section, "world", "must be given");
+        config_set_error(
+            error, CONFIG_ERROR_MISSING, section, "world",
+            "is missing; give the world file of the rig, as in the sections of the other devices");
         return NULL;
     }
     return find_world(rig, section, error) ? rig->world : NULL;
 }
 
 /* Returns the part of the world that an axis moves: the turntable, the arc, the arm, the probe, or
- * the sweep of the laser that it is named after. */
+ * the sweep of the laser that has the name of the axis. */
 char *rig_axis_part(const struct config_section *section) {
     const char *part = rig_part(section);
     static const char *const others[] = {"turntable", "arc", "arm", "probe", NULL};
@@ -212,7 +219,10 @@ static gboolean add_lamps(VirtualRig *rig, const struct config_section *section,
         return FALSE;
     g_auto(GStrv) names = rig_lamps(rig, section, &n);
     if (n > MAX_COILS) {
-        rig_set_error(error, section, "a virtual relay board has no more than 16 coils");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "lamps",
+                         "there are %d lamps, but a virtual relay board has %d relays; divide the "
+                         "lamps between two sections",
+                         n, MAX_COILS);
         return FALSE;
     }
     for (int i = 0; i < n; i++, board->n_coils++)
@@ -237,7 +247,10 @@ static gboolean add_laser(VirtualRig *rig, const struct config_section *section,
     if (!board)
         return FALSE;
     if (board->n_coils == MAX_COILS) {
-        rig_set_error(error, section, "a virtual rig has no more than 16 lasers");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                         "this is laser %d, but the virtual relay board of the lasers has %d "
+                         "relays; remove lasers from the rig file",
+                         MAX_COILS + 1, MAX_COILS);
         return FALSE;
     }
     if (!find_part(rig, "laser ", rig_part(section), &board->parts[board->n_coils], error))
@@ -298,7 +311,8 @@ static gboolean virtual_rig_on_timer(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Renders the world as a camera sees it. Runs in the thread of the camera when an exposure ends. */
+/* Renders the world as a camera sees the world. The function runs in the thread of the camera when
+ * an exposure ends. */
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
     struct vision_camera *vision = data;
@@ -345,8 +359,11 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     *vision = (struct vision_camera){
         .rig = rig, .name = section->name, .camera = world_find_camera(world, rig_part(section))};
     if (vision->camera < 0) {
-        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                         "its world has no camera \"%s\"", rig_part(section));
+        config_set_error(
+            error, CONFIG_ERROR_UNKNOWN, section, NULL,
+            "the world %s has no camera “%s”; set the key part to the name of a camera in "
+            "this file",
+            world->key, rig_part(section));
         return FALSE;
     }
     world_sensor(world, vision->camera, &sensor);
@@ -403,7 +420,9 @@ static gboolean virtual_rig_add_section(VirtualRig *rig, const struct config_sec
             return (rig_is_usb(rig, section) ? kinds[i].add_usb : kinds[i].add)(rig, section,
                                                                                 error);
     g_autofree char *what =
-        g_strdup_printf("driver = %s has no virtual device; choose a sim-… driver", driver);
+        g_strdup_printf("driver = %s has no virtual device; set driver to sim-axis, sim-lamps, "
+                        "sim-camera, sim-laser or sim-interlock",
+                        driver);
     rig_set_error(error, section, what);
     return FALSE;
 }
@@ -434,17 +453,20 @@ VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *ki
                            path);
     const struct config_section *sections = config_sections(rig->config, &n);
     if (n > MAX_DEVICES) {
-        rig_set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                    "%s has %" G_GSIZE_FORMAT " sections, but a virtual rig may have at most %d; "
+                    "remove sections",
+                    config_path(rig->config), n, MAX_DEVICES);
         return NULL;
     }
     for (gsize i = 0; i < n; i++)
         if (!virtual_rig_add_section(rig, &sections[i], error))
             return NULL;
     if (!rig->world) {
-        g_set_error(
-            error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
-            "%s: no device names a simulated world; give the sections of the devices the key world",
-            config_path(rig->config));
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                    "%s: no section of a device has the key world; add the key with the path of a "
+                    "world file to the sections",
+                    config_path(rig->config));
         return NULL;
     }
     rig->timer = g_timeout_add(COUPLE_MS, virtual_rig_on_timer, rig);

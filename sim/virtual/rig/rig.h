@@ -1,15 +1,16 @@
 /*
- * A whole rig of virtual devices that speak the real protocols, on the loopback interface. For each
- * device of a simulated rig, it has a virtual device that a real driver can open. Axes are Modbus
- * RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and
- * inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev
- * emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and
- * cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on PTP/IP, and axes
- * may be on boards that speak G-code, on pseudo-terminals. All devices act on the world of that rig
- * or look at it, so the cameras see a lamp that a relay switches.
+ * This module makes a whole rig of virtual devices, which speak the real protocols on the loopback
+ * interface. For each device of a simulated rig, it has a virtual device that a real driver can
+ * open. Axes are Modbus RTU drives on pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP
+ * boards of relays and inputs. Cameras are GigE Vision cameras. Alternatively, devices are on USB
+ * buses that umockdev emulates. Axes are then Pololu Tics, lamps and lasers are connected to HID
+ * relay boards, and cameras are V4L2 or USB3 Vision cameras. Cameras may also be still cameras on
+ * PTP/IP, and axes may be on boards that speak G-code, on pseudo-terminals. All devices act on the
+ * world of that rig or look at it, so the cameras see a lamp that a relay switches.
  *
  * Devices run in separate threads. The main loop, which must run, transfers their motion and light
- * to the world. So does the thread of any camera but V4L2 before it renders a frame.
+ * to the world. The thread of a camera that is not a V4L2 camera does the same before it renders a
+ * frame.
  */
 #pragma once
 
@@ -26,8 +27,9 @@ struct virtual_rig_device {
     char *where;   /* address of the device: "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
-/* Names of devices that are to be of another kind than usual. Each is an array of names, or of
- * "all", ended by NULL. NULL means none. */
+/* Names of devices that are to be of another kind than usual. Each member is an array of names that
+ * ends with NULL. The name "all" means all devices of the kind. A member that is NULL means no
+ * device. */
 struct virtual_rig_kinds {
     const char *const *usb;   /* devices on USB */
     const char *const *u3v;   /* USB3 Vision cameras; they need not be in usb */
@@ -36,8 +38,8 @@ struct virtual_rig_kinds {
 };
 
 /* Makes a rig. path is a rig file whose drivers are all simulated. kinds may be NULL. If usb or u3v
- * names a device, the process must have begun with testbed_enter(). Errors say what is wrong with
- * the file. */
+ * names a device, the process must have begun with testbed_enter(). Returns NULL with an error if
+ * the file is wrong or a device cannot be made. */
 VirtualRig *virtual_rig_new(const char *path, const struct virtual_rig_kinds *kinds,
                             GError **error);
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
@@ -48,10 +50,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
 const char *virtual_rig_text(const VirtualRig *rig);
 
 /* Returns the environment variables that a program needs to see the rig's USB devices, as
- * "NAME=value NAME=value". Returns NULL if the rig has no USB devices. Free it with g_free(). */
+ * "NAME=value NAME=value". Returns NULL if the rig has no USB devices. Free the text with
+ * g_free(). */
 char *virtual_rig_environment(const VirtualRig *rig);
 
-/* Returns an array of *ret_n devices. The rig owns it. */
+/* Returns an array of *ret_n devices. The rig owns the array. */
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
 
 /* Sets the faults of all GigE Vision and USB3 Vision cameras from now on. */
@@ -65,15 +68,16 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
  * only USB3 Vision cameras can be disconnected. A still camera is switched off. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
-/* Changes the sample: the devices act on the world of this file from now on. Its cameras, lamps and
- * lasers must have the names and sensors of the present world. A rig with devices on USB other than
- * USB3 Vision cameras cannot change its world. */
+/* Changes the sample: the devices act on the world of this file from now on. The new world must
+ * have the same cameras, lamps and lasers as the present world, with the same names and sensors. A
+ * rig with devices on USB other than USB3 Vision cameras cannot change its world. */
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
 
 /* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* The number of relays of lamps and lasers that are on, and of axes that move now. */
+/* n_lit is the number of relays of lamps and lasers that are on. n_moving is the number of axes
+ * that move now. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

@@ -6,12 +6,13 @@
 #include <math.h>
 #include <string.h>
 
-#define UNITS_PER_DEG 10 /* GRBL reports three decimals, so 0.0001° */
+#define UNITS_PER_DEG 10 /* GRBL reports three decimals of a unit, which are 0.0001° */
 #define STEPS         1000
 #define MAX_UNITS_S   5000
 #define MAX_UNITS_S2  100000
 
-/* Makes another board when the letters of the last one are used up. */
+/* Returns the board of the next axis. Makes another board when the last board has no free
+ * letter. */
 static VirtualGcode *board_with_room(VirtualRig *rig, GError **error) {
     static const struct virtual_gcode_options options = {.n_axes = VIRTUAL_GCODE_AXES,
                                                          .units_s = MAX_UNITS_S,
@@ -86,7 +87,7 @@ void rig_add_gcode_state(VirtualRig *rig, struct virtual_rig_state *to) {
     struct virtual_gcode_state state;
     for (int i = 0; i < rig->n_gcode_axes; i++) {
         if (rig->gcode_drives[i].axis > 0)
-            continue; /* once for each board */
+            continue; /* the state of a board is added once, with its first axis */
         virtual_gcode_state(rig->gcode_drives[i].board, &state);
         to->n_moving += state.moving;
     }

@@ -1,4 +1,5 @@
-/* Manual actions on a virtual rig: pulling plugs, and exchanging the sample. */
+/* This file has what a person does to a rig by hand: unplug devices, plug them in, and exchange the
+ * sample. */
 #include "rig_private.h"
 
 #include <string.h>
@@ -9,8 +10,8 @@ static gboolean set_cut(VirtualModbus *device, gboolean cut) {
     return TRUE;
 }
 
-/* Returns the Modbus device whose bus is at the beginning of where, such as "/dev/pts/5 unit 1".
- * Returns NULL if there is none. */
+/* Returns the Modbus device whose bus is at the beginning of `where`, such as "/dev/pts/5 unit 1".
+ * Returns NULL if no device is on that bus. */
 static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
     for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
         VirtualModbus *device =
@@ -55,15 +56,15 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
         if (modbus ? set_cut(modbus, !plugged)
                    : rig_plug_gcode(rig, device->where, plugged) || plug_camera(rig, own, plugged))
             return TRUE;
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "%s (%s) cannot be unplugged here; only devices on Modbus, G-code boards, GigE Vision, "
-            "USB3 Vision and PTP/IP can be unplugged",
-            own, device->driver);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "%s (driver %s) cannot be unplugged; unplug a device on Modbus, on a G-code "
+                    "board, or a "
+                    "GigE Vision, USB3 Vision or PTP/IP camera",
+                    own, device->driver);
         return FALSE;
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "there is no device “%s”; the devices are: %s", name, names->str);
+                "the rig has no device “%s”; give one of its devices: %s", name, names->str);
     return FALSE;
 }
 
@@ -77,22 +78,33 @@ static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b
 /* Returns whether the new world fits the rig. Both worlds must have the same cameras, lamps and
  * lasers in the same order, because the rig identifies them by their numbers in the world. */
 static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
-    gboolean same =
-        have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras) &&
-        have_same_names(is->lamp_names, new->lamp_names, is->n_lamps, new->n_lamps) &&
-        have_same_names(is->laser_names, new->laser_names, is->n_lasers, new->n_lasers);
-    for (int c = 0; c < is->n_cameras && same; c++) {
+    const char *other =
+        !have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras)
+            ? "cameras"
+        : !have_same_names(is->lamp_names, new->lamp_names, is->n_lamps, new->n_lamps) ? "lamps"
+        : !have_same_names(is->laser_names, new->laser_names, is->n_lasers, new->n_lasers)
+            ? "lasers"
+            : NULL;
+    if (other) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s has other %s, or the same %s in another order, than the world of this rig; "
+                    "copy the file of that world and change only the sample",
+                    path, other, other);
+        return FALSE;
+    }
+    for (int c = 0; c < is->n_cameras; c++) {
         struct world_sensor a, b;
         world_sensor(is, c, &a);
         world_sensor(new, c, &b);
-        same = a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa;
+        if (a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa)
+            continue;
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s gives the camera %s another width, height, bits or cfa than the world of "
+                    "this rig; copy the file of that world and change only the sample",
+                    path, is->camera_names[c]);
+        return FALSE;
     }
-    if (!same)
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-            "%s: its cameras, lamps or lasers are not those of this rig; change only the sample",
-            path);
-    return same;
+    return TRUE;
 }
 
 static void replace(struct world_part *part, World *world) {
@@ -104,17 +116,17 @@ static void replace(struct world_part *part, World *world) {
 
 gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error) {
     if (rig->n_tics + rig->n_relays + rig->n_videos > 0) {
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "the world of Tics, relay boards and V4L2 cameras cannot be replaced; leave --usb out");
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "this rig has Tics, USB relay boards or V4L2 cameras, whose world cannot be "
+                    "replaced; start mesorig-rig without --usb");
         return FALSE;
     }
     World *world = world_get(path, error);
     if (world && world == rig->world) {
-        g_set_error(
-            error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-            "%s is the world in use and is not read again; give a changed world another name",
-            path);
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
+                    "%s is the world that the rig has now, and a file is read only once; save the "
+                    "changed world in a file with another name",
+                    path);
         world_unref(world);
         return FALSE;
     }

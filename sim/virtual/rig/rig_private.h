@@ -1,6 +1,6 @@
-/* Shared by the parts of a virtual rig. rig.c has the GigE Vision, USB3 Vision and still cameras
- * and the Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. rig_gcode.c has
- * the axes on G-code boards. */
+/* The state and the functions that the parts of a virtual rig share. rig.c has the GigE Vision,
+ * USB3 Vision and still cameras and the Modbus devices. rig_usb.c has the V4L2 cameras and the
+ * other USB devices. rig_gcode.c has the axes on G-code boards. */
 #pragma once
 
 #include "rig.h"
@@ -17,7 +17,8 @@
 
 #define MAX_COILS   VIRTUAL_MODBUS_BITS
 #define MAX_DEVICES 64
-#define MAX_USB     9 /* most Tics and relay boards together: the ports of the virtual bus */
+/* number of ports of the virtual bus; each Tic and each relay board needs one */
+#define MAX_USB 9
 
 struct drive {
     VirtualModbus *device;
@@ -25,12 +26,12 @@ struct drive {
     gboolean wraps;
     double home_deg, error_deg;
     int error_seed;
-    double was_deg; /* position at the time was_us; before the first measurement, was_us is 0 */
+    double was_deg; /* position at the time was_us; was_us is 0 before the first measurement */
     gint64 was_us;
 };
 
 struct gcode_drive {
-    VirtualGcode *board; /* shared with the next letters */
+    VirtualGcode *board; /* board of up to VIRTUAL_GCODE_AXES axes */
     int axis;
     struct world_part part;
     gboolean wraps;
@@ -82,19 +83,21 @@ struct VirtualRig {
     guint timer;
 };
 
-/* Returns the number in the section, or the option's default. Returns 0 if there is none. */
+/* Returns the number in the section, or the default of the option. Returns 0 if the section has no
+ * number and the option has no default. */
 double rig_number(const struct config_section *section, const struct driver_info *driver,
                   const char *key);
 const char *rig_part(const struct config_section *section);
 gboolean rig_wraps(const struct config_section *section);
 void rig_set_error(GError **error, const struct config_section *section, const char *what);
 
-/* Returns the world that a section names, or NULL with an error if the section names none or
- * another world than other sections. The rig owns the world. */
+/* Returns the world that a section names. Returns NULL with an error if the section names no world,
+ * or another world than other sections. The rig owns the world. */
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
 /* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
-/* Returns the name of the axis's part for world_part_find(); g_free(). */
+/* Returns the name that world_part_find() needs for the part that an axis moves. Free the name with
+ * g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
 /* Copy a section without the keys that only the simulated driver accepts. rig_copy_motion() copies
@@ -115,7 +118,8 @@ gboolean rig_check_usb(const VirtualRig *rig, GError **error);
 gboolean rig_is_gcode(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_add_gcode(VirtualRig *rig, const struct config_section *section, GError **error);
 void rig_couple_gcode(VirtualRig *rig);
-/* Returns FALSE if no board is at this place. */
+/* Unplugs the board at a place (`where` of struct virtual_rig_device), or plugs it in. Returns
+ * FALSE if no board is at this place. */
 gboolean rig_plug_gcode(VirtualRig *rig, const char *where, gboolean plugged);
 void rig_add_gcode_state(VirtualRig *rig, struct virtual_rig_state *to);
 void rig_free_gcode(VirtualRig *rig);

@@ -49,8 +49,10 @@ static gboolean check_names(const VirtualRig *rig, char *const *names, GError **
             found |= g_strcmp0(sections[i].name, *names) == 0 &&
                      config_value(&sections[i], "driver", NULL);
         if (!found) {
-            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: it has no device \"%s\"",
-                        config_path(rig->config), *names);
+            g_set_error(
+                error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                "%s has no device “%s”; give the name of a section that has a driver, or all",
+                config_path(rig->config), *names);
             return FALSE;
         }
     }
@@ -65,8 +67,8 @@ gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
     if (!any || testbed_is_entered())
         return TRUE;
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "virtual USB devices need umockdev's libumockdev-preload.so.0; install "
-                "libumockdev-preload0");
+                "the library libumockdev-preload.so.0 of umockdev, which virtual USB devices need, "
+                "is not loaded; install libumockdev-preload0 and start the program again");
     return FALSE;
 }
 
@@ -78,12 +80,15 @@ char *virtual_rig_environment(const VirtualRig *rig) {
 }
 
 /* Returns the next free port of the virtual USB bus of Tics and relay boards. Returns 0 with an
- * error if all are taken. */
+ * error if all ports are taken. */
 static int next_port(const VirtualRig *rig, const struct config_section *section, GError **error) {
     int port = 1 + rig->n_tics + rig->n_relays;
     if (port <= MAX_USB)
         return port;
-    rig_set_error(error, section, "a virtual USB has no more than 9 ports for Tics and boards");
+    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                     "there is no free port: the virtual USB has %d ports for Tics and relay "
+                     "boards; put fewer axes, lamp banks and lasers on it with --usb",
+                     MAX_USB);
     return 0;
 }
 
@@ -95,16 +100,17 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
     gboolean given = config_value(section, "home_deg", NULL) != NULL;
     *ret_deg = given ? rig_number(section, sim, "home_deg") : min_deg - SWITCH_DEG;
     if (rig_number(section, sim, "position_error_deg") != 0) {
-        rig_set_error(error, section,
-                      "a virtual Tic has no position errors; remove "
-                      "position_error_deg");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "position_error_deg",
+                         "is %g, but a virtual Tic has no position errors; remove the key",
+                         rig_number(section, sim, "position_error_deg"));
         return FALSE;
     }
     if (rig_wraps(section) || *ret_deg < min_deg)
         return TRUE;
-    rig_set_error(
-        error, section,
-        "a Tic's limit switch is beyond the limits of the axis, so home_deg must be below min_deg");
+    config_set_error(error, CONFIG_ERROR_VALUE, section, "home_deg",
+                     "%g is not below min_deg = %g; a virtual Tic needs home_deg below min_deg, "
+                     "because its limit switch is beyond the limits of the axis",
+                     *ret_deg, min_deg);
     return FALSE;
 }
 
@@ -160,7 +166,10 @@ gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section
         return FALSE;
     g_auto(GStrv) names = rig_lamps(rig, section, &n);
     if (n > MAX_RELAYS) {
-        rig_set_error(error, section, "a USB relay board has no more than 8 relays");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "lamps",
+                         "there are %d lamps, but a USB relay board has at most %d relays; divide "
+                         "the lamps between two sections",
+                         n, MAX_RELAYS);
         return FALSE;
     }
     VirtualRelays *board = add_board(rig, section, n, serial, error);
@@ -185,7 +194,10 @@ gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section
     if (!rig->switches)
         return FALSE;
     if (rig->n_switched == MAX_RELAYS) {
-        rig_set_error(error, section, "a USB relay board has no more than 8 relays");
+        config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                         "the USB relay board of the lasers has %d relays, which other lasers "
+                         "use; leave this laser out of --usb",
+                         MAX_RELAYS);
         return FALSE;
     }
     if (!power(rig, rig->switches, rig->n_switched, "laser ", rig_part(section), error))
