@@ -1,9 +1,10 @@
 /*
- * Ray optics of the simulated rig: the true lenses, lamps and laser sheets. This code is written
- * independently of calib/, so that an error in one of them shows as a difference.
+ * This module computes the ray optics of the simulated rig, with the true lenses, lamps and laser
+ * sheets. This code is written independently of calib/, so that an error in one of them shows as a
+ * difference.
  *
  * Units are millimetres and radians. Positions are in the rig frame, or in a frame that is turned
- * about z. Pure functions.
+ * about z. The functions are pure, except that optics_sense() fills a table at its first call.
  */
 #pragma once
 
@@ -52,14 +53,18 @@ struct optics_camera {
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
     double curvature; /* a linear value x reads as x·(1 − curvature·x/(full scale − black)) */
-    double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
-    double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
-    double half_gain_step; /* share by which the right half of the sensor reads brighter */
-    double column_offset;  /* standard deviation of the columns' offsets, as a part of full scale */
-    guint64 columns_key;   /* seed of the columns' offsets */
+    /* the picture in red light is magnified by 1 + lateral_colour, the picture in blue light by 1 −
+     * lateral_colour */
+    double lateral_colour;
+    double veiling_glare; /* share of the mean light of the picture that is added everywhere */
+    /* the right half of the sensor reads values that are larger by this share */
+    double half_gain_step;
+    double column_offset; /* standard deviation of the columns' offsets, as a part of full scale */
+    guint64 columns_key;  /* seed of the columns' offsets */
 };
 
-/* Places a camera at a point so that it looks at the origin. Its right is e_φ at that point. */
+/* Places a camera at a point so that the camera looks at the origin. The vector right is e_φ at
+ * that point. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 
@@ -119,7 +124,8 @@ struct optics_laser {
     double sigma; /* standard deviation of the Gaussian profile, as an angle of the sweep */
     double fan;   /* full angle in the sheet, evenly lit */
     double power_w;
-    double colour[3]; /* response of the three filters to its wavelength, relative to white */
+    /* response of the three filters to the laser's wavelength, relative to white light */
+    double colour[3];
     /* Curvature of the sheet, in radians. Where the angle in the sheet from forward has the tangent
      * t, the sheet lies as if it had turned further by bend·t². */
     double bend;

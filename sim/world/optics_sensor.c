@@ -2,8 +2,8 @@
 
 #include "samples/sample.h"
 
-/* Normal deviates come from a table of quantiles of the normal distribution, which is scaled so
- * that its variance is one. The sum of two entries has tails to 4.6 σ. */
+/* Normal deviates are sums of two entries of a table. The table has quantiles of the normal
+ * distribution, scaled so that the sums have the variance one. The sums reach 4.6 σ. */
 #define TABLE_BITS 11
 #define TABLE_SIZE (1 << TABLE_BITS)
 

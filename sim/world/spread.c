@@ -18,7 +18,8 @@ void spread_init(struct spread *spread, double blur_px) {
         double low = -reach, high = reach;
         for (int k = 0; k < 40; k++) {
             const double middle = (low + high) / 2;
-            /* The difference is the part of a pixel's light that comes from the left of middle. */
+            /* The difference is the part of a pixel's light that comes from the left of
+             * `middle`. */
             if (ramp(middle + 0.5, blur_px) - ramp(middle - 0.5, blur_px) <
                 (double)i / SPREAD_STEPS)
                 low = middle;

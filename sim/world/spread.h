@@ -1,8 +1,8 @@
 /*
- * Sample positions of a pixel. Their density is the square of the pixel convolved with the blur of
- * the lens, and they are evenly spread (stratified). They differ from picture to picture and from
- * pixel to pixel. With independent random positions, a few samples would locate an edge no better
- * than a camera with a few electrons.
+ * Sample positions of a pixel. The density of the positions is the square of the pixel convolved
+ * with the blur of the lens, and the positions are evenly spread (stratified). Each pixel of each
+ * view has other positions. With independent random positions, a few samples would locate an edge
+ * no better than a camera with a few electrons.
  *
  * Any thread may call the functions.
  */
@@ -19,8 +19,8 @@ struct spread { /* point spread of a lens: quantiles of its horizontal profile, 
 /* Initializes a spread. blur_px is the standard deviation of the lens's blur, above 0. */
 void spread_init(struct spread *spread, double blur_px);
 
-/* Computes across² positions, x and y of each, relative to the pixel's centre. Each cell of a grid
- * of across × across cells has one position, and so has each of across² columns and of across² rows
- * (Kensler 2013, correlated multi-jittering). across is at most 16. */
+/* Computes across² positions, x and y of each, relative to the pixel's centre. One position is in
+ * each cell of a grid of across × across cells, one is in each of across² columns, and one is in
+ * each of across² rows (Kensler 2013, correlated multi-jittering). across is at most 16. */
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px);

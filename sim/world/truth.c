@@ -38,8 +38,8 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     give(from->forward, ret->forward);
 }
 
-/* Finds the point of the picture whose viewing ray meets point_mm, by Newton's method. The pictures
- * are rendered with the same rays. */
+/* Finds the point of the picture whose viewing ray meets point_mm, by Newton's method. The rendered
+ * pictures are made with the same viewing rays. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg), *from = &at;
     const struct v3 to =
@@ -237,7 +237,8 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
             struct light_pose pose =
                 world_light_pose(world, world->laser_fixed[laser[k]], arc_deg[k], turntable_deg);
             struct optics_laser turned = world_laser_at(world, laser[k], pose);
-            /* Add one for each point of the row that the laser can light at some sweep angle. */
+            /* Add one to the count of each point of the row that the laser can light at some sweep
+             * angle. */
             guint8 *seen = ret_seen + row * grid->width;
             for (int first = 0; first < raster.n; first += SCENE_BATCH) {
                 int n_points = MIN(SCENE_BATCH, raster.n - first);

@@ -1,7 +1,7 @@
 /*
- * Gives tests the true values of the simulated world: exact distances and reflectances by ray
- * tracing. It is a separate library (mesorig_truth), to which only tests and the demo's report
- * link. Camera arm and light probe are at the angles set by world_set_arm() and world_set_probe().
+ * This module gives the true values of the simulated world: exact distances and reflectances by ray
+ * tracing. It is a separate library (mesorig_truth), which only tests and the demo's report use.
+ * Camera arm and light probe are at the angles set by world_set_arm() and world_set_probe().
  */
 #pragma once
 
@@ -73,13 +73,14 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
 double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]);
 
 /* Computes, for the true viewing ray of each texel's centre, the distance in mm from the reference
- * plane to the surface of the sample or the turntable. If ret_edge is not NULL, it receives whether
- * a depth edge (a step of more than half a texel) lies within one texel. */
+ * plane to the surface of the sample or the turntable. The distance is −1 where the ray meets
+ * nothing. If ret_edge is not NULL, it receives 1 for each texel that has a depth edge (a step of
+ * more than half a texel) within one texel, and otherwise 0. */
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 
-/* Counts, for each texel, how many of the n laser positions (arc angle and laser) can light the
- * surface point that the texel shows, at some sweep angle. */
+/* Counts for each texel the laser positions that can light, at some sweep angle, the surface point
+ * that the texel shows. A laser position is an arc angle and a laser; n positions are given. */
 void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
 
@@ -91,8 +92,8 @@ void truth_btf(World *world, int camera, int lamp, double turntable_deg, double 
                const struct truth_grid *grid, int samples, float *ret_rgb);
 
 /* The surface of the sample, without the turntable. The world owns the arrays. A vertex has stride
- * floats. It begins with the position in mm in the sample frame, and its diffuse albedo is at the
- * index albedo. */
+ * floats. The first three floats of a vertex are the position in mm in the sample frame. Three
+ * floats from the index `albedo` on are the diffuse albedo. */
 struct truth_surface {
     const float *vertices;
     guint n_vertices, stride, albedo;

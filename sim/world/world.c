@@ -1,7 +1,8 @@
 #include "world_private.h"
 
-/* While the turntable turns, one exposure is computed in at most MAX_POSES poses. The sample's edge
- * moves by at most POSE_STEP_PX pixels between two poses, unless that needs more poses. */
+/* While the turntable turns, one exposure is computed in at most MAX_POSES poses. The number of
+ * poses is chosen so that the sample's edge moves by at most POSE_STEP_PX pixels between two poses,
+ * if MAX_POSES poses are enough. */
 #define MAX_POSES    32
 #define POSE_STEP_PX 0.125
 

@@ -1,14 +1,14 @@
 /*
- * The simulated world. All simulated devices read and change the same world, so that pictures
- * follow motion and light. It has a sample on a turntable, cameras, and lamps and lasers, which are
- * on an arc or fixed. An arm may carry cameras, and a probe may carry lamps; both are axes. A world
- * file describes the world (world.conf(5) has every key).
+ * All simulated devices read and change the same simulated world, so that pictures follow motion
+ * and light. The world has a sample on a turntable, cameras, and lamps and lasers, which are on an
+ * arc or fixed. An arm may carry cameras, and a probe may carry lamps; both are axes. A world file
+ * describes the world (world.conf(5) has every key).
  *
  * The world shares no code with calib/ and processing/. Projection, distortion and triangulation
  * are written independently, so that an error in calib/ or processing/ shows in the results.
  *
- * Any thread may set the state. world_snapshot() copies it. Any thread may render from a snapshot,
- * and the picture depends only on the snapshot.
+ * Any thread may set the state. world_snapshot() copies the state. Any thread may render from a
+ * snapshot, and the picture depends only on the snapshot.
  */
 #pragma once
 
@@ -24,8 +24,8 @@
 typedef struct World World;
 
 /* Returns the world of a file. Devices that name the same file share one world, which the last
- * world_unref() frees. The first call takes about a second, because it builds the sample and its
- * light transport. */
+ * world_unref() frees. The first call for a file takes about a second, because it builds the sample
+ * and its light transport. Returns NULL with an error if the file is wrong. */
 World *world_get(const char *path, GError **error);
 World *world_ref(World *world);
 void world_unref(World *world); /* NULL is ignored */
@@ -55,8 +55,9 @@ void world_set_arm(World *world, double deg);
 void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
-/* Says that the turntable is at deg at a time, and turns at this speed until the next call of this
- * function or of world_set_turntable(). Pictures that are exposed meanwhile are blurred. */
+/* Tells the world that the turntable is at deg at the time at_us, and turns at the speed deg_s
+ * until the next call of this function or of world_set_turntable(). Pictures that are exposed while
+ * the turntable turns are blurred. */
 void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us);
 
 /* Moves a laser, with its sweep, to the place of another laser of the file. At first every laser is
@@ -75,7 +76,9 @@ void world_set_laser(World *world, int laser, gboolean on);
 #define WORLD_INSTANTS 17
 struct world_state {
     double turntable_deg, arc_deg, arm_deg,
-        probe_deg; /* turntable_deg is the position in the middle of the exposure */
+        /* turntable_deg is the position in the middle of the exposure; the other angles are
+         * constant during an exposure. */
+        probe_deg;
     /* Positions of the turntable at equal intervals, from the beginning of the exposure to its
      * end. */
     double turning_deg[WORLD_INSTANTS];
@@ -92,9 +95,9 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
 
 /* Computes the frame of a camera's sensor, with optics, light transport, vignetting, colour
  * filters, photon and read noise, black level and ADC. If the turntable turned during the exposure,
- * the light is the mean of several poses, at most 32. Their number is chosen so that the sample's
- * edge moves by at most an eighth of a pixel between poses, if 32 are enough. The noise depends
- * only on noise_key, the camera and the pixel. ret_pixels receives height × width values. Any
- * thread may call this function. */
+ * the light is the mean of several poses, at most 32. The number of poses is chosen so that the
+ * sample's edge moves by at most an eighth of a pixel between two poses, if 32 poses are enough.
+ * The noise depends only on noise_key, the camera and the pixel. ret_pixels receives height × width
+ * values. Any thread may call this function. */
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels);

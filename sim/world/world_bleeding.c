@@ -19,7 +19,8 @@ struct bleeding {
     int reach;                   /* reach of the kernel, in cells */
     float per_step;              /* 1/mm */
     float kernel[REACH_SCALES * KERNEL_STEPS +
-                 2]; /* its sum over the cells of a level surface is 1 */
+                 /* The sum of the kernel over the cells of a level surface is 1. */
+                 2];
 };
 
 struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {

@@ -78,7 +78,8 @@ struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMa
         g_cond_broadcast(&cache->made);
     }
     g_queue_push_head_link(&cache->recent, &node->link);
-    /* Unused values are evicted, the least recently used first. */
+    /* Values that nobody uses are removed until the cache is small enough, the least recently used
+     * value first. */
     GList *last = cache->recent.tail;
     while (last && cache->bytes > cache->limit) {
         GList *before = last->prev;

@@ -73,8 +73,8 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
         g_array_append_val(light->shares, share);
 }
 
-/* Adds light after one bounce. This light is smooth, so it is added only once per pixel, from the
- * vertex that is nearest to the pixel's first sample. */
+/* Adds light after one bounce. This light is smooth, so each pixel gets it only once, as the light
+ * at the vertex that is nearest to the pixel's first sample. */
 static void add_bounces(struct laser_light *light, const struct view *view) {
     const struct scene *scene = &light->world->scene;
     guint i = 0;

@@ -41,9 +41,9 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* Returns a vector tilted like the turntable's axis. The bearing tilts this axis by wobble towards
- * the azimuth wobble_per_turn·turntable. With sign −1 the vector is tilted back, and with sign 0 it
- * is not tilted. */
+/* Returns a vector tilted like the turntable's axis. The bearing tilts the axis by the angle wobble
+ * towards the azimuth wobble_per_turn·turntable_rad. If sign is −1, the vector is tilted back. If
+ * sign is 0, the vector is not tilted. */
 static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
@@ -124,7 +124,8 @@ struct view_job {
     double arm_deg, turntable_deg;
     double magnification; /* 0 means the magnification of the colour of each pixel's filter */
     const struct spread *spread;
-    struct v3 *rays; /* rays, surfaces and hit are for one row of the picture */
+    /* The arrays rays, surfaces and hit are for one row of the picture. */
+    struct v3 *rays;
     struct surface *surfaces;
     gboolean *hit;
 };
@@ -319,8 +320,8 @@ struct picture_job {
     struct light_pose pose;
 };
 
-/* Makes the picture of world_lamp_picture(): adds up the direct light and the light of one bounce
- * at all points. */
+/* Makes the picture of world_lamp_picture(). Each pixel is the sum of the direct light and the
+ * light after one bounce at the points of the pixel. */
 static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;

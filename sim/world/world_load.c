@@ -124,7 +124,7 @@ static const struct option camera_table[] = {
     {"on_arm", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_arm),
      "the camera arm carries the camera; its place is given with the arm at 0"},
     {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, AT(serial),
-     "the serial number that the simulated camera reports"},
+     "serial number that the simulated camera reports"},
     {"width", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.width), "columns"},
     {"height", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.height), "rows"},
     {"focal_px", OPTION_DOUBLE, "px", 10, 1e6, "1664", NULL, AT(optics.focal_px),
@@ -187,7 +187,7 @@ struct lamp_options {
 static const struct option lamp_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
     {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
-     "azimuth of a lamp that stands by itself; without it the arc carries the lamp"},
+     "azimuth of a lamp that stands by itself; without this key the arc carries the lamp"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "500", NULL, AT(distance_mm),
      "distance from the origin, at which the lamp is aimed"},
     {"on_probe", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_probe),
@@ -217,7 +217,7 @@ struct laser_options {
 static const struct option laser_table[] = {
     {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
     {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg),
-     "azimuth of a laser that stands by itself; without it the arc carries the laser"},
+     "azimuth of a laser that stands by itself; without this key the arc carries the laser"},
     {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "480", NULL, AT(distance_mm),
      "distance from the origin, which the laser lights at sweep angle 0"},
     {"width_mm", OPTION_DOUBLE, "mm", 0.01, 20, "1.2", NULL, AT(width_mm),
@@ -241,8 +241,9 @@ static const struct option laser_table[] = {
 };
 #undef AT
 
-/* Returns the random number generator of a device. Its numbers depend on the world's seed, the
- * class, and the device's position among the devices of its class in the file. */
+/* Returns the random number generator of a device. The random numbers depend on the world's seed,
+ * on a letter for the class of the device, and on the device's position among the devices of that
+ * class in the file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
     guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
@@ -259,7 +260,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     if (list->n == n)
         return TRUE;
     config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                   "needs %d numbers, separated by ';', but has %d", n, list->n);
+                   "needs %d numbers with ';' between them, but has %d", n, list->n);
     return FALSE;
 }
 
@@ -278,8 +279,9 @@ static gboolean load_camera(World *world, const struct world_options *all,
                     check_count(section, "colour", &from.colour, 3, mistakes);
     if (good && from.optics.black_level >= (double)((1 << from.optics.bits) - 1)) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "black_level",
-                       "%g is not below the largest value of %d bits", from.optics.black_level,
-                       from.optics.bits);
+                       "is %g, but must be below the largest value of %d bits; give a smaller "
+                       "black_level or more bits",
+                       from.optics.black_level, from.optics.bits);
         good = FALSE;
     }
     if (good) {
@@ -408,8 +410,7 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* Loads the sample with the marks of the world file, which become part of the sample, and builds
- * the scene. */
+/* Loads the sample, adds the marks of the world file to the sample's mesh, and builds the scene. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -417,8 +418,8 @@ static void load_sample(World *world, const struct world_options *all, const Con
     gsize n = 0;
     if (!section && all_sections)
         config_lacks(mistakes, config,
-                     "there is no section [sample]; add it to say what lies on the turntable (kind "
-                     "= flat, …)");
+                     "the section [sample] is missing; add [sample] with the key kind, which says "
+                     "what lies on the turntable (kind = flat, …)");
     if (section && options_read(&(struct option_target){sample_option_table, &options}, 1, section,
                                 NULL, mistakes)) {
         world->mesh = sample_new(section, &options, mistakes);
@@ -442,7 +443,7 @@ typedef gboolean (*LoadDevice)(World *, const struct world_options *, const stru
                                Mistakes *);
 
 /* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Returns FALSE
- * with a mistake if world files have no such section. */
+ * with a mistake if a world file cannot have this section. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {
@@ -464,7 +465,9 @@ static gboolean load_section(World *world, const struct world_options *all,
             classes[i].load(world, all, section, mistakes);
         else if (section->name)
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                           "there are more than %d sections of this class", classes[i].max);
+                           "is one section too many: a world has at most %d sections of this "
+                           "class; remove a section",
+                           classes[i].max);
         else
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
                            "needs a name; write [%s NAME]", section->class_name);

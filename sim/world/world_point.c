@@ -34,7 +34,7 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
         .p = {from->p[0], from->p[1], from->p[2]},
         .albedo = pack_share(from->albedo[colour]),
         .gloss = pack_share(from->gloss),
-        /* The width of a lobe must not be rounded to 0. */
+        /* The widths of the gloss lobe are divisors, so they must not be rounded to 0. */
         .along = MAX(pack_share(from->along), 1),
         .across = MAX(pack_share(from->across), 1),
         .u = pack_share(from->u),

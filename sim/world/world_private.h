@@ -1,4 +1,4 @@
-/* The private part of the simulated world, for world*.c and truth.c. */
+/* World and the functions of this header are private to world*.c and truth.c. */
 #pragma once
 
 #include "optics.h"
@@ -18,14 +18,16 @@ struct lamp_power { /* guarded by the world's lock */
 
 #define WORLD_TURNS 128
 
-/* The motion of the turntable from a time on, until the next struct turn. */
+/* A struct turn describes the motion of the turntable from the time from_us on, until the next
+ * struct turn. */
 struct turn {
     gint64 from_us;
     double deg, deg_s;
 };
 
-/* The sample's surface for light transport. Its vertices are the surfels of interreflection. Each
- * vertex has a list of the vertices that cosine-weighted rays from it hit first. */
+/* A scene is the sample's surface for light transport. The vertices of the surface are the surfels
+ * of interreflection. Each vertex has a list of the vertices that cosine-weighted rays from this
+ * vertex hit first. */
 struct scene {
     RTCDevice device;
     RTCScene scene;
@@ -33,7 +35,9 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    guint32 *gather; /* for each vertex, n_gather vertices that its rays hit, or NO_TRIANGLE */
+    /* For each vertex, n_gather elements: the vertex that a ray hits, or NO_TRIANGLE if the ray
+     * hits no front side. */
+    guint32 *gather;
     float low[3], high[3];
     float table_albedo, table_radius_mm;
 };
@@ -53,7 +57,8 @@ struct World {
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
     gboolean lamp_fixed[WORLD_MAX_LAMPS],
-        laser_fixed[WORLD_MAX_LASERS]; /* TRUE if the lamp or laser is not on the arc */
+        /* TRUE if the lamp or laser is not on the arc. */
+        laser_fixed[WORLD_MAX_LASERS];
     gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;
@@ -62,7 +67,7 @@ struct World {
     double wobble; /* tilt of the turntable's axis, rad */
     int wobble_per_turn;
     double flicker, speckle_contrast, bleeding_share;
-    struct bleeding *bleeding; /* NULL if there is none */
+    struct bleeding *bleeding; /* NULL if bleeding_share is 0 */
     Cache *cache;
 
     GMutex lock;                    /* guards the following members */
@@ -71,10 +76,12 @@ struct World {
     double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
-    int laser_place[WORLD_MAX_LASERS]; /* index of the laser at whose place each is mounted */
+    /* place at which each laser is mounted: the index of the laser that the file puts there */
+    int laser_place[WORLD_MAX_LASERS];
 };
 
-/* world_load.c: fills a zeroed world from its file. On failure the world may be partly filled. */
+/* world_load.c: fills a zeroed world from its file. Returns FALSE with an error if the file is
+ * wrong; the world may then be partly filled. */
 gboolean world_load(World *world, const char *path, GError **error);
 
 /* world_scene.c */
@@ -85,7 +92,8 @@ struct surface { /* point at which a ray meets the sample or the turntable; samp
     float u, v;
 };
 
-/* Builds a scene from a mesh. n_gather, table_albedo and table_radius_mm must be set before. */
+/* Builds a scene from a mesh. The caller must set n_gather, table_albedo and table_radius_mm
+ * before. */
 void scene_init(struct scene *scene, const struct mesh *mesh, int seed);
 void scene_clear(struct scene *scene);
 
@@ -103,8 +111,8 @@ void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct su
                   int n, guint8 *ret_blocked);
 
 /* Returns in ret up to SCENE_BATCH of the scene's vertices from first on, and in ret_blocked
- * whether a light is hidden from them. The vertices have an albedo for which scene_reflect() is n·l
- * in green. Returns the number of vertices. */
+ * whether a light is hidden from each vertex. The albedo of the returned vertices is such that
+ * scene_reflect() returns n·l for green. Returns the number of vertices. */
 int scene_light_vertices(const struct scene *scene, guint first, struct v3 light_mm,
                          struct surface *ret, guint8 *ret_blocked);
 
@@ -142,8 +150,9 @@ struct light_pose {
     double turntable_rad; /* 0 if the turntable's angle has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
-    gboolean upright; /* the frame does not tilt with the turntable; it is the rig frame if the
-                         turntable is at 0 */
+    /* The frame does not tilt with the turntable. If the turntable is at 0, the frame is the rig
+     * frame. */
+    gboolean upright;
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -176,8 +185,8 @@ struct point {
  * point. */
 struct view {
     struct v3 eye_mm;
-    /* For each pixel, the weight of each of the pixel's points, in DN·s⁻¹ per W·sr⁻¹·m⁻². It
-     * includes the share of the pixel's area. */
+    /* For each pixel, the weight of each of the pixel's points, in DN·s⁻¹ per W·sr⁻¹·m⁻². The
+     * weight includes the share of the pixel's area that a point has. */
     const float *weights;
     guint n;
     struct point points[];
@@ -196,7 +205,7 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
 void world_unpack(const struct point *from, struct surface *ret);
 
 /* Returns in ret up to SCENE_BATCH points of a view from first on, and in ret_blocked whether a
- * light is hidden from them. Returns the number of points. */
+ * light is hidden from each point. Returns the number of points. */
 int world_light_points(const World *world, const struct view *view, guint first, struct v3 light_mm,
                        struct surface *ret, guint8 *ret_blocked);
 
@@ -207,7 +216,8 @@ static inline enum cfa_colour world_pixel_colour(const struct optics_camera *cam
     return cfa_colour_at(camera->cfa, (int)(pixel % width), (int)(pixel / width));
 }
 
-/* Returns the irradiance by one bounce, R G B per vertex, for a lamp at full output. */
+/* Returns the irradiance at each vertex, as R G B, by the light of a lamp at full output after one
+ * bounce. */
 struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
 /* Returns the interreflected light at a point of a triangle, interpolated from its vertices. */

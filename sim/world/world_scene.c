@@ -3,8 +3,8 @@
 #include <float.h>
 #include <string.h>
 
-/* Distance from the surface at which rays start, in mm. It is much larger than the rounding errors
- * of floats, and much smaller than the width of a pixel. */
+/* Distance from the surface at which rays start, in mm. The distance is much larger than the
+ * rounding errors of floats, and much smaller than the width of a pixel. */
 #define LIFT 3e-4f
 
 static inline float dot(const float a[3], const float b[3]) {
@@ -51,9 +51,10 @@ guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float 
     return u >= v ? corners[1] : corners[2];
 }
 
-/* Finds the vertices that rays from a vertex hit, for scene->gather. The directions are
- * cosine-weighted, because a point on the unit sphere is added to the normal. They are stratified,
- * because the unit square is cut into n_gather columns with one ray in each. */
+/* Finds the vertices that rays from a vertex hit, for scene->gather. A direction is the sum of the
+ * normal and a random point on the unit sphere, which makes the directions cosine-weighted. The
+ * random points come from a unit square that is cut into n_gather columns with one point in each
+ * column, which makes the directions stratified. */
 static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectContext *context,
                         struct sample_random *random) {
     const struct vertex *from = &scene->vertices[vertex];
@@ -218,7 +219,8 @@ static void add_shadow_ray(struct shadow_rays *rays, const float p[3], const flo
                            guint8 index) {
     struct RTCRay16 *packet = &rays->packets[rays->n / PACKET];
     int lane = rays->n % PACKET;
-    /* On processors without AVX-512, Embree also reads lanes that are not valid. */
+    /* The lanes that are not valid are set to 0, because Embree reads them on processors without
+     * AVX-512. */
     if (lane == 0)
         memset(packet, 0, sizeof *packet);
     packet->org_x[lane] = p[0];

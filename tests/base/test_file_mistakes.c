@@ -71,7 +71,7 @@ static const struct mistake world_mistakes[] = {
      "[camera cam30]\ntheta_deg = 30\ndistance_mm = 650\nwidth = 0", "width = 0", "out of range"},
     {"[lamp lamp30]\ntheta_deg = 30\ndistance_mm = 500",
      "[lamp lamp30]\ntheta_deg = 30\naim_deg = 1", "aim_deg = 1",
-     "needs 2 numbers, separated by ';', but has 1"},
+     "needs 2 numbers with ';' between them, but has 1"},
     {"[lamp lamp60]\ntheta_deg = 60\ndistance_mm", "[lamp lamp60]\ntheta_deg = 60\ndistnace_mm",
      "distnace_mm", "did you mean distance_mm?"},
     {"[laser laser30]\ntheta_deg = 30", "[laser laser30]\n?? = 30", "?? =", "is not a key"},

@@ -554,7 +554,7 @@ TEST(refused_files) {
                           "v 0 0 1\nf 1 1 x\n"};
     for (gsize i = 0; i < G_N_ELEMENTS(objs); i++)
         refuse_file("obj", objs[i], strlen(objs[i]), "bad.file:");
-    refuse_file("obj", "", 0, "no surface");
+    refuse_file("obj", "", 0, "has no face");
     refuse_file("obj", "v 0 0 9\nv 1 0 9\nv 0 1 9\nf 1 2 3\n", 32, "top_mm");
     refuse_file("picture", "not a picture", 13, "bad.file");
     guint8 grey[64 * 64] = {0};

@@ -10,7 +10,7 @@ static const char *const kinds[] = {"flat",     "weave", "brushed", "brick", "pe
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
     {"kind", OPTION_CHOICE, NULL, 0, 0, NULL, kinds, AT(kind), "what lies on the turntable"},
-    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed), "seed of its irregularities"},
+    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed), "seed of the sample's irregularities"},
     {"width_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(width_mm), "size along x"},
     {"height_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(height_mm), "size along y"},
     {"base_mm", OPTION_DOUBLE, "mm", 0, 100, "1", NULL, AT(base_mm),
@@ -46,15 +46,15 @@ const struct option sample_option_table[] = {
      "picture: PNG of the relief, in which black is base_mm high and white is relief_mm higher; "
      "obj: mesh in mm, z up"},
     {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
-     "picture: PNG of the colours; plate: PNG of its print, in which each pixel is a rectangle"},
+     "picture: PNG of the colours; plate: PNG of the print, in which each pixel is a rectangle"},
     {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
      "plate: angle by which the plate leans, its lowest corner on the turntable"},
     {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
      "plate: azimuth towards which the plate's normal leans"},
     {"turn_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(turn_deg),
-     "plate: rotation about its normal"},
+     "plate: rotation about the plate's normal"},
     {"offset_mm", OPTION_DOUBLES, "mm", -200, 200, "", NULL, AT(offset_mm),
-     "plate: x;y of its middle"},
+     "plate: x;y of the plate's middle"},
     {0},
 };
 #undef AT
@@ -171,7 +171,7 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
 }
 
 /* Adds a wall from n vertices down to z = 0. The vertices are first, first + step, first + 2 step
- * and so on. The wall has its own vertices, with the normal (nx, ny, 0). */
+ * and so on. The wall gets copies of these vertices, with the normal (nx, ny, 0). */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};
@@ -219,7 +219,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "%d numbers are given; write one, or red;green;blue", list->n);
+                          "needs one number, or three (red;green;blue), but has %d", list->n);
 }
 
 static gboolean check_options(const struct config_section *section,
@@ -234,38 +234,39 @@ static gboolean check_options(const struct config_section *section,
     const gboolean whole = options->kind == SAMPLE_WEAVE || options->kind == SAMPLE_PEANUTS ||
                            (options->kind >= SAMPLE_PICTURE && options->kind <= SAMPLE_PLATE);
     if (options->repeats > 1 && whole)
-        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "repeats",
-                              "%d is not possible, because a sample of kind %s is of one piece; "
-                              "leave repeats out",
-                              options->repeats, kinds[options->kind]);
+        good = config_mistake(
+            mistakes, CONFIG_ERROR_VALUE, section, "repeats",
+            "is %d, but a sample of kind %s consists of one piece; remove the key repeats",
+            options->repeats, kinds[options->kind]);
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
-        good = placed = config_mistake(
-            mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "%d numbers are given; write three for each post (x;y;height) or each ball "
-            "(x;y;radius)",
-            options->places_mm.n);
+        good = placed = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
+                                       "needs three numbers for each post (x;y;height) or each "
+                                       "ball (x;y;radius), but has %d in all",
+                                       options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
             good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-                                  "number %d, a height or a radius, is %g; it must be positive",
+                                  "number %d, the height of a post or the radius of a ball, is %g; "
+                                  "give a value above 0",
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d numbers are given; write two, x;y", options->offset_mm.n);
+                              "needs two numbers (x;y), but has %d", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
-        good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
-                              "must be given for a plate; it is the PNG of the plate's print");
+        good = config_mistake(
+            mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
+            "is missing; a plate needs the PNG picture that is printed on the plate");
     const gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "path",
-                              "must be given for a sample of kind %s; it is the file to load",
+                              "is missing; a sample of kind %s needs the path of the file to load",
                               kinds[options->kind]);
     return good;
 }
 
-/* Checks that a mesh lies between z = 0 and top_mm. A mesh outside of these bounds would cause
- * wrong data, but no later error. */
+/* Checks that a mesh lies between z = 0 and top_mm. Nothing else notices a mesh outside of these
+ * bounds, and the data would be wrong. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {
@@ -277,12 +278,15 @@ static gboolean check_mesh(const struct config_section *section,
     }
     if (mesh->triangles->len && low >= -1e-6 && high <= options->top_mm + 1e-6)
         return TRUE;
-    return config_mistake(
-        mistakes, CONFIG_ERROR_VALUE, section, "kind",
-        mesh->triangles->len ? "the sample is between %g and %g mm high, and must be between 0 and "
-                               "top_mm = %g; change base_mm, relief_mm or top_mm"
-                             : "the sample has no surface",
-        low, high, options->top_mm);
+    if (!mesh->triangles->len)
+        return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "kind",
+                              "the file %s has no face; give an OBJ file with lines that begin "
+                              "with “f ”",
+                              options->path);
+    return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "kind",
+                          "the sample extends from %g mm to %g mm above the turntable, but must "
+                          "be between 0 and top_mm = %g; change base_mm, relief_mm or top_mm",
+                          low, high, options->top_mm);
 }
 
 static struct mesh *make(const struct sample_options *options, GError **error) {

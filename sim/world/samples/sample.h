@@ -1,7 +1,8 @@
 /*
- * Samples to put on the turntable. They are triangle meshes with a material at every vertex, made
- * from parameters and a seed, or loaded from a file. Positions are in millimetres in the sample
- * frame: x and y are from −size/2 to +size/2, and z = 0 is the turntable's top.
+ * This module makes the samples that lie on the turntable. A sample is a triangle mesh with a
+ * material at every vertex. The mesh is made from parameters and a seed, or loaded from a file.
+ * Positions are in millimetres in the sample frame: x and y are from −size/2 to +size/2, and z = 0
+ * is the turntable's top.
  */
 #pragma once
 
@@ -9,7 +10,7 @@
 
 #include <png.h>
 
-/* A vertex with its material: diffuse albedo, and a layer of gloss (Ward's anisotropic lobe,
+/* A vertex has a material: a diffuse albedo, and a layer of gloss (Ward's anisotropic lobe in the
  * bounded form). gloss is the albedo of this layer. along and across are its roughness in the
  * direction of the tangent t and across it. */
 struct vertex {
@@ -79,15 +80,16 @@ void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 arou
 /* Returns the number of periods that fits a length best. The number is a multiple of unit, and at
  * least unit. */
 int sample_count(double length_mm, double period_mm, int unit);
-/* Sets area-weighted normals from the triangles, for the vertices from first_vertex on. */
+/* Computes the normals of the vertices from first_vertex on. A normal is the mean of the normals of
+ * the triangles from first_triangle on that meet at the vertex, weighted by their areas. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
 /* Sets the gloss of a vertex from the options. gloss, along and across are the values of the kind
  * of sample, which are used for options that are −1. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
-/* Sets an error that says that a picture cannot be read, with the reason in image. Frees image.
- * Always returns FALSE. */
+/* Sets an error that says that libpng cannot read the picture at path. Frees image. Always returns
+ * FALSE. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
 /* Adds a surface z(x, y) on a grid, with walls down to the turntable. The function relief sets

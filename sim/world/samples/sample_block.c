@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Square blocks of different heights on a floor, with upright walls, narrow gaps and bevelled
- * edges. */
+/* The sample has square blocks of different heights on a floor, with upright walls, narrow gaps and
+ * bevelled edges. */
 
 #define GAP   0.07 /* half the width of a gap, as a share of the period */
 #define BEVEL 0.05 /* width of the bevel, as a share of the period */

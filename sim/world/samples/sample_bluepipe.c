@@ -2,10 +2,10 @@
 
 #include <math.h>
 
-/* Pipes on a dark floor, in two layers. The lower pipes are along x, and the upper pipes along y.
- * The pipes of a layer are one period apart, and have sleeves, where two lengths of pipe meet. The
- * pipes are hollow, and their ends lie on the sample's edge. Light and views pass between and below
- * the upper pipes. */
+/* The sample has pipes in two layers on a dark floor. The lower pipes lie along x, and the upper
+ * pipes lie along y. The pipes of a layer are one period apart, and have sleeves, where two lengths
+ * of pipe meet. The pipes are hollow, and their ends lie on the sample's edge. Light and views pass
+ * between and below the upper pipes. */
 
 #define AROUND     28
 #define PIPE       0.84 /* radius of a pipe, as a part of the radius of its sleeves */
@@ -16,7 +16,8 @@ struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    double sleeves, phase; /* number of sleeves along the pipe; phase of the first, 0 … 1 */
+    /* number of sleeves along the pipe; phase of the first sleeve, 0 … 1 */
+    double sleeves, phase;
     float albedo[3];
 };
 

@@ -14,8 +14,10 @@ struct picture {
 };
 
 gboolean sample_picture_error(png_image *image, const char *path, GError **error) {
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: cannot be read as a PNG picture: %s",
-                path, image->message);
+    g_set_error(
+        error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+        "%s is not a PNG picture, or is damaged (libpng says: %s); save the picture as PNG again",
+        path, image->message);
     png_image_free(image);
     return FALSE;
 }
@@ -109,7 +111,12 @@ struct obj {
     struct mesh *mesh;
 };
 
-static gboolean obj_error(const struct obj *obj, GError **error, const char *what) {
+static gboolean G_GNUC_PRINTF(3, 4)
+    obj_error(const struct obj *obj, GError **error, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *what = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s:%d: %s", obj->path, obj->line, what);
     return FALSE;
 }
@@ -119,8 +126,16 @@ static gboolean obj_position(struct obj *obj, const char *text, GError **error) 
     for (int k = 0; k < 3; k++) {
         char *end = NULL;
         double value = g_ascii_strtod(text, &end);
-        if (end == text || !isfinite(value) || fabs(value) > 1e4)
-            return obj_error(obj, error, "a vertex needs three numbers within ±10000 mm");
+        if (end == text || !isfinite(value))
+            return obj_error(obj, error,
+                             "coordinate %d of the vertex is missing or is not a number; write "
+                             "three numbers in mm, such as v 1.5 0 2",
+                             k + 1);
+        if (fabs(value) > 1e4)
+            return obj_error(obj, error,
+                             "coordinate %d of the vertex is %g mm, but may be at most 10000 mm "
+                             "from 0; save the mesh in millimetres",
+                             k + 1, value);
         p[k] = (float)value;
         text = end;
     }
@@ -136,17 +151,24 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
     return sample_add_vertex(obj->mesh, &vertex);
 }
 
-/* Reads a corner of a face: "7", "7/1", "7//3", or "-1", which counts from the last vertex. */
+/* Reads a corner of a face, such as "7", "7/1" or "7//3". A negative number counts back from the
+ * last vertex. */
 static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);
     guint n = obj->positions->len;
     if (!**text)
-        return obj_error(obj, error, "a face needs at least three corners");
+        return obj_error(obj, error, "a face has fewer than three corners; give it at least three");
     if (end == *text)
-        return obj_error(obj, error, "a corner of a face is not the number of a vertex");
+        return obj_error(obj, error,
+                         "the corner “%s” of a face does not begin with the number of a vertex",
+                         *text);
     if (index == 0 || index > (gint64)n || index < -(gint64)n)
-        return obj_error(obj, error, "a face names a vertex that does not come before it");
+        return obj_error(obj, error,
+                         "a face has the vertex %" G_GINT64_FORMAT
+                         " as a corner, but %u vertices come before the face; write the lines "
+                         "of the vertices first",
+                         index, n);
     *ret = (guint32)(index > 0 ? index - 1 : (gint64)n + index);
     *text = end + strcspn(end, " \t");
     *text += strspn(*text, " \t");
@@ -158,7 +180,7 @@ static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
     if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
         return FALSE;
     if (!*text)
-        return obj_error(obj, error, "a face needs at least three corners");
+        return obj_error(obj, error, "a face has only two corners; give it at least three");
     while (*text) {
         if (!obj_corner(obj, &text, &corner, error))
             return FALSE;
@@ -202,7 +224,7 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         return NULL;
     }
     /* The faces of a smooth mesh share vertices, which are in the order of the positions. The
-     * vertices are added at the end, because faces need only their numbers. */
+     * vertices are added at the end, because a face needs only the numbers of its vertices. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

@@ -2,11 +2,11 @@
 
 #include <math.h>
 
-/* Grass on soil. Tufts of blades rise from their roots and bend over. Most points of the ground lie
- * below a blade, so no height field describes the surface. A blade is a thin closed body around a
- * quadratic Bézier curve. */
+/* The sample is grass on soil. Tufts of blades rise from the soil and bend over. Most points of the
+ * ground lie below a blade, so no height field describes the surface. A blade is a thin closed body
+ * around a quadratic Bézier curve. */
 
-#define ALONG  8  /* number of rings of vertices from root to tip, minus one */
+#define ALONG  8  /* a blade has ALONG + 1 rings of vertices from root to tip */
 #define AROUND 6  /* number of vertices of a ring */
 #define BLADES 14 /* number of blades of a tuft */
 

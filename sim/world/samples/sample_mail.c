@@ -2,30 +2,31 @@
 
 #include <math.h>
 
-/* Chain mail over a dark floor, in the European 4-in-1 pattern. Each ring is a closed torus of
- * round wire and passes through four others: two of the row before and two of the row after it.
- * The rings of a row lean along the row, all to the same side. The next row leans to the other
- * side and is shifted by half a period. Between the rings one sees the floor, and wires pass above
- * each other, so no height field describes the surface.
+/* The sample is chain mail over a dark floor, in the European 4-in-1 pattern. Each ring is a closed
+ * torus of round wire. It passes through four other rings: two of the row before and two of the row
+ * after. The rings of a row lean along the row, all to the same side. The next row leans to the
+ * other side and is shifted by half a period. Between the rings one sees the floor, and wires pass
+ * above each other, so no height field describes the surface.
  *
  * Symbols: p is the distance of ring centres along a row (x), q the distance of rows (y), R the
  * radius of a ring's centre circle, r the radius of the wire, t the tilt. All centres have the same
  * height. The plane of a ring contains the direction of y and (cos t, 0, ±sin t).
  *
- * Linked. The planes of neighbours in adjacent rows, whose centres are (p/2, q) apart, meet in a
- * line along y. Each disc cuts a chord of half length h₁ out of this line, and the chords are q
- * apart: h_k² = R² − (k p / (4 cos t))². The rings are linked exactly if each chord has one end
+ * Linked rings. The planes of neighbours in adjacent rows, whose centres are (p/2, q) apart, meet
+ * in a line along y. Each disc cuts a chord of half length h₁ out of this line, and the chords are
+ * q apart: h_k² = R² − (k p / (4 cos t))². The rings are linked exactly if each chord has one end
  * within the other, which is 0 < q < 2 h₁. The next ring of that row is (3p/2, q) away, and must
  * not be linked: q > 2 h₃, or R < 3p / (4 cos t).
  *
- * Clearance. The distance of a point to a circle is √(n² + (ρ − R)²), with its height n above the
- * circle's plane and its distance ρ from the circle's axis. d(x, y) is the minimum of this distance
- * over N points of the other circle, minus π R / N, by which the distance between two of the points
- * can be smaller at most. Then all centre circles are farther apart than
+ * Clearance between the wires. The distance of a point to a circle is √(n² + (ρ − R)²), with its
+ * height n above the circle's plane and its distance ρ from the circle's axis. d(x, y) is the
+ * minimum of this distance over N points of the other circle, minus π R / N. Between two of the
+ * points, the distance is smaller than at the points by at most π R / N. Then all centre circles
+ * are farther apart than
  *     D = min(p sin t, 2 (q − R), d(p/2, q), d(3p/2, q)),
- * in this order in the same row, two rows away, linked, and in the next row but not linked. The
- * tilt of each ring differs from t by at most s. This moves a point by at most 2 R sin(s/2), so
- * for all tilts
+ * whose terms are for rings in the same row, two rows away, linked, and in the next row but not
+ * linked. The tilt of each ring differs from t by at most s. This moves a point by at most 2 R
+ * sin(s/2), so for all tilts
  *     clearance = D − 4 R sin(s/2) − 2 r > 0.
  * No ring passes through another on the way from t to its own tilt, so the rings stay linked. R
  * makes D as large as possible, and the wire takes FILL of the distance that is left. The tilt is
@@ -101,7 +102,8 @@ static gboolean shape_mail(struct mail *mail) {
     mail->n_x = sample_count(width, o->period_mm, 1);
     mail->n_y = sample_count(height, width / mail->n_x / ROWS, 2);
     if (height / mail->n_y < 0.7 * width / mail->n_x /
-                                 ROWS) /* there are only two rows, which are too close for this p */
+                                 /* If only two rows fit, they may be too close for this p. */
+                                 ROWS)
         mail->n_x = sample_count(width, height / mail->n_y * ROWS, 1);
     mail->p_mm = width / mail->n_x;
     mail->q_mm = height / mail->n_y;
@@ -118,7 +120,7 @@ static gboolean shape_mail(struct mail *mail) {
     return low > 0 && fits(mail, low);
 }
 
-/* Adds a ring. Its plane contains the directions of y and of (cos tilt, 0, sin tilt). */
+/* Adds a ring, whose plane contains the directions of y and of (cos tilt, 0, sin tilt). */
 static void add_ring(struct mesh *mesh, const struct mail *mail, const double centre[3],
                      double tilt, const float albedo[3]) {
     guint32 first = mesh->vertices->len;

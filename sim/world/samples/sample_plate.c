@@ -7,9 +7,9 @@
 #define MAX_CELLS (1u << 20)
 #define RAD(deg)  ((deg) * (G_PI / 180))
 
-/* A flat plate that is printed with a picture. The pixels of the picture are rectangles with sharp
- * edges, which are exact at any distance of the camera. The plate may be rotated, tilted and off
- * the centre, like a plate that somebody has put down by hand. */
+/* The sample is a flat plate on which a picture is printed. Each pixel of the picture is a
+ * rectangle, so the edges of the print are sharp from any distance. The plate may be rotated,
+ * tilted and off the centre, like a plate that somebody has put down by hand. */
 
 struct plate {
     const struct sample_options *options;
@@ -62,8 +62,8 @@ static void add_cells(struct mesh *mesh, const struct plate *plate, const png_im
         }
 }
 
-/* Adds the sides and the underside. The underside is one dark face, which casts shadows and is seen
- * by no camera. */
+/* Adds the four sides, which are dark. The plate has no face below, because no camera sees the
+ * underside. */
 static void add_sides(struct mesh *mesh, const struct plate *plate) {
     static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
     static const float dark[3] = {0.05f, 0.05f, 0.05f};
@@ -88,8 +88,12 @@ static gboolean read_print(png_image *image, const char *path, guint16 **ret, GE
     if (!png_image_begin_read_from_memory(image, bytes, length))
         return sample_picture_error(image, path, error);
     if ((guint64)image->width * image->height > MAX_CELLS) {
-        g_strlcpy(image->message, "a plate has at most a million pixels", sizeof image->message);
-        return sample_picture_error(image, path, error);
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                    "%s has %u × %u pixels, but the print of a plate may have at most %u pixels; "
+                    "make the picture smaller",
+                    path, image->width, image->height, MAX_CELLS);
+        png_image_free(image);
+        return FALSE;
     }
     image->format = PNG_FORMAT_LINEAR_RGB;
     *ret = g_malloc(PNG_IMAGE_SIZE(*image));
@@ -110,7 +114,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     place_axis(options, plate.across);
     place_axis(options, plate.along);
     place_axis(options, plate.up);
-    /* The lowest corner touches the turntable. */
+    /* Place the plate so that its lowest corner touches the turntable. */
     const double reach = fabs(plate.across[2]) * options->width_mm / 2 +
                          fabs(plate.along[2]) * options->height_mm / 2;
     for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)

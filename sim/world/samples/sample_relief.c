@@ -26,8 +26,8 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
-/* Scratches along x. They are noise that is long in x and short in y, in three sizes. A few
- * scratches are deep. */
+/* The sample has scratches along x. The scratches are noise of three sizes that is long in x and
+ * short in y. A few scratches are deep. */
 static void brushed(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;
@@ -87,7 +87,7 @@ static void brick(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.4, 0.4);
 }
 
-/* Corduroy: round wales along y, whose pile leans outwards. */
+/* The sample is corduroy, with round wales along y, whose pile leans outwards. */
 static void ridges(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;

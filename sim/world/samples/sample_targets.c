@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* Targets for calibrating lamps: thin posts on a light plate, or glossy balls on a dark plate. */
+/* The samples are targets for calibrating lamps: thin posts on a light plate, or glossy balls on a
+ * dark plate. */
 
 #define POST_SIDES  128
 #define BALL_AROUND 160

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-/* A plain weave of twisted yarns. The yarns are tubes that pass over and under each other. The warp
- * runs along y, and the weft along x. The pattern repeats after two yarns. */
+/* The sample is a plain weave of twisted yarns. The yarns are tubes that pass over and under each
+ * other. The warp runs along y, and the weft runs along x. The pattern repeats after two yarns. */
 
 #define AROUND 24
 #define PLIES  3
@@ -59,8 +59,8 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
 }
 
-/* Closes an end of a yarn's tube with triangles around its centre. ring is the first vertex of the
- * tube's last ring. */
+/* Closes an end of a yarn's tube with triangles around the centre of the end. ring is the first
+ * vertex of the tube's last ring. */
 static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
     double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
     guint first_triangle = mesh->triangles->len;
