@@ -223,7 +223,8 @@ static gpointer leds_run(gpointer data) {
         if (leds->unplugged)
             terminal_unplug(&leds->terminal);
         else if (leds->terminal.wire < 0 && !open_wire(leds))
-            g_warning("virtual LED controller: %s", g_strerror(errno));
+            g_warning("virtual LED controller: no pseudo-terminal can be opened: %s",
+                      g_strerror(errno));
         serve(leds, leds->terminal.wire == fds[1].fd ? fds[1].revents : POLLHUP);
         quit = leds->quit;
         g_mutex_unlock(&leds->mutex);
