@@ -7,10 +7,15 @@ struct test {
     gconstpointer driver;
     const struct conformance *with;
     const struct check *check;
+    gboolean no_fault; /* the check needs a fault, and the device cannot be made to fail */
 };
 
 static void run(gconstpointer data) {
     const struct test *test = data;
+    if (test->no_fault) {
+        g_test_skip("give fail(): lost answers are not tested");
+        return;
+    }
     g_autofree struct bench *bench = g_malloc0(test->suite->bench_size);
     const gboolean opened = test->suite->begin(bench, test->driver, test->with);
     if (!opened && !test->check->unopened)
@@ -43,12 +48,10 @@ void conformance_add(const struct suite *suite, gconstpointer driver,
     const struct driver_info *info = driver;
     const gboolean fails = with->fail || g_str_has_prefix(info->name, "sim-");
     for (const struct check *check = suite->checks; check->name; check++) {
-        if (check->needs_fault && !fails)
-            continue;
         g_autofree char *path =
             g_strdup_printf("/conformance/%s/%s/%s", suite->class_name, with->name, check->name);
         struct test *test = g_new0(struct test, 1);
-        *test = (struct test){suite, driver, with, check};
+        *test = (struct test){suite, driver, with, check, check->needs_fault && !fails};
         g_test_add_data_func_full(path, test, (GTestDataFunc)run, g_free);
     }
 }

@@ -11,6 +11,8 @@
  *     conformance_axis(&my_axis_driver, &my_axis);
  *     return g_test_run();
  *
+ * A driver fails that reports a command twice, or from within the call that gave it (reports.h).
+ *
  * Each check is a test of its own, /conformance/CLASS/NAME/CHECK, and opens the device anew. The
  * axis suite moves the axis between a quarter and three quarters of its way (a wrapping axis: of a
  * turn). The struct, and what it points to, must live until the tests have run.
@@ -19,7 +21,7 @@
  * that need the device are skipped.
  *
  * The checks of lost answers need a device that can be made to fail: fail(), or a simulated driver
- * with the options fault_unheard and fault_dead_s. Without either they are left out.
+ * with the options fault_unheard and fault_dead_s. Without either they are skipped.
  */
 #pragma once
 

@@ -1,6 +1,7 @@
 #include "conformance_private.h"
 #include "lib/ok.h"
 #include "lib/wait.h"
+#include "reports.h"
 
 #include <math.h>
 
@@ -9,7 +10,6 @@ struct bench {
     const struct conformance *with;
     Clock *clock;
     Axis *axis;
-    gboolean in_call;
     int n_events;
     enum axis_event last;
     /* The reports of a turn: their number, and the first and the last time that was predicted for
@@ -33,7 +33,6 @@ static void note_passing(struct bench *bench) {
 
 static void on_event(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
     struct bench *bench = data;
-    g_assert_false(bench->in_call);
     if (event == AXIS_PASSING) {
         note_passing(bench);
         return;
@@ -57,7 +56,7 @@ static gboolean open_with(struct bench *bench, const char *keys) {
 }
 
 static gboolean begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
-    *bench = (struct bench){driver, with, conformance_clock(with)};
+    *bench = (struct bench){reports_of_axis(driver), with, conformance_clock(with)};
     return open_with(bench, "");
 }
 
@@ -78,9 +77,7 @@ static double tolerance(const struct bench *bench) {
 
 static void start_move(struct bench *bench, double to_deg) {
     GError *error = NULL;
-    bench->in_call = TRUE;
     gboolean ok = axis_move(bench->axis, to_deg, &error);
-    bench->in_call = FALSE;
     g_assert_no_error(error);
     g_assert_true(ok);
     g_assert_true(axis_is_moving(bench->axis));
@@ -100,9 +97,7 @@ static void expect_silence(struct bench *bench, double seconds) {
 
 static void home(struct bench *bench) {
     GError *error = NULL;
-    bench->in_call = TRUE;
     gboolean ok = axis_home(bench->axis, &error);
-    bench->in_call = FALSE;
     g_assert_no_error(error);
     g_assert_true(ok);
     expect(bench, AXIS_HOMED);
@@ -210,9 +205,7 @@ static gboolean turns_with_reports(struct bench *bench, double from, double by, 
     bench->n_passing = 0;
     bench->said_first_us = bench->said_last_us = 0;
     bench->passing_deg = axis_position_deg(bench->axis) + by / 2;
-    bench->in_call = TRUE;
     ok(axis_turn(bench->axis, by, speed, ERR));
-    bench->in_call = FALSE;
     bench->passing_deg = axis_turned_from_deg(bench->axis) + by / 2;
     expect(bench, AXIS_ARRIVED);
     assert_at(bench, from + by);
@@ -340,9 +333,7 @@ static gint64 start_some(struct bench *bench, double from_deg, double to_deg) {
 /* Returns FALSE if the axis had arrived before this program could stop it. */
 static gboolean stops_on_the_way(struct bench *bench, double from, double to) {
     const gint64 start_us = start_some(bench, from, to);
-    bench->in_call = TRUE;
     g_assert_true(axis_stop(bench->axis, NULL));
-    bench->in_call = FALSE;
     expect(bench, AXIS_STOPPED);
     const double stopped = axis_position_deg(bench->axis);
     if (fabs(stopped - to) <= tolerance(bench)) {

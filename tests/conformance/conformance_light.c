@@ -1,5 +1,6 @@
 #include "conformance_private.h"
 #include "lib/ok.h"
+#include "reports.h"
 
 /* Lamps, laser and interlock: what is only switched. */
 
@@ -10,7 +11,6 @@ struct bench {
     LampBank *bank;
     Laser *laser;
     Interlock *door;
-    gboolean in_call;
     gboolean failing; /* the next event has an error */
     struct conformance_safety safety;
     gboolean overtaken; /* the "on" of lamp 0 may not be carried out */
@@ -18,10 +18,10 @@ struct bench {
     int index[64];
     gboolean on[64];
     gint64 at_us;
+    const int *n_reports; /* of the interlock */
 };
 
 static void note(struct bench *bench, int index, gboolean on, const GError *error) {
-    g_assert_false(bench->in_call);
     if (bench->failing)
         g_assert_nonnull(error);
     else if (bench->overtaken && index == 0 && on && error)
@@ -71,18 +71,16 @@ static gboolean open_bank(struct bench *bench, const char *keys) {
 
 static gboolean begin_lamps(struct bench *bench, gconstpointer driver,
                             const struct conformance *with) {
-    *bench = (struct bench){driver, with, conformance_clock(with)};
+    *bench = (struct bench){reports_of_lamps(driver), with, conformance_clock(with)};
     return open_bank(bench, "");
 }
 
 static void set_lamp(struct bench *bench, int index, gboolean on) {
     GError *error = NULL;
-    bench->in_call = TRUE;
     if (index < 0)
         lamps_all_off(bench->bank, &error);
     else
         lamps_set(bench->bank, index, on, &error);
-    bench->in_call = FALSE;
     g_assert_no_error(error);
 }
 
@@ -292,7 +290,7 @@ static gboolean begin_laser(struct bench *bench, gconstpointer driver,
     static const struct conformance door = {.section = "[interlock door]"};
     const struct config_section *door_section;
     g_autoptr(Config) door_config = conformance_config(&door, "", &door_section);
-    *bench = (struct bench){driver, with, conformance_clock(with)};
+    *bench = (struct bench){reports_of_laser(driver), with, conformance_clock(with)};
     bench->door = ok(interlock_open(&door_driver, door_section, NULL, bench->clock, ERR));
     return open_laser(bench, "");
 }
@@ -300,9 +298,7 @@ static gboolean begin_laser(struct bench *bench, gconstpointer driver,
 static void switch_laser(struct bench *bench, gboolean on) {
     GError *error = NULL;
     bench->n_events = 0;
-    bench->in_call = TRUE;
     laser_set(bench->laser, on, &error);
-    bench->in_call = FALSE;
     g_assert_no_error(error);
     conformance_wait(bench->clock, &bench->n_events, 1, 10);
     g_assert_cmpint(bench->on[0], ==, on);
@@ -429,9 +425,10 @@ static gboolean begin_interlock(struct bench *bench, gconstpointer driver,
                                 const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
-    *bench = (struct bench){driver, with, conformance_clock(with)};
+    *bench = (struct bench){.with = with, .clock = conformance_clock(with)};
+    bench->driver = reports_of_interlock(driver, &bench->n_reports);
     g_autoptr(GError) error = NULL;
-    bench->door = interlock_open(driver, section, NULL, bench->clock, &error);
+    bench->door = interlock_open(bench->driver, section, NULL, bench->clock, &error);
     return conformance_opened(bench->door, error);
 }
 
@@ -446,6 +443,10 @@ static void interlock_wrong_option(struct bench *bench) {
 static void count(Interlock *interlock, gboolean closed, gpointer data) {
     g_assert_cmpint(closed, ==, interlock_is_closed(interlock));
     ++*(int *)data;
+}
+
+static void interlock_first_state(struct bench *bench) {
+    conformance_wait(bench->clock, bench->n_reports, 1, 10);
 }
 
 /* The state is said again as if by the driver; whoever listens hears of changes only. */
@@ -475,6 +476,7 @@ static void interlock_closed(struct bench *bench) {
 void conformance_interlock(const struct interlock_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
         {"wrong-option", interlock_wrong_option, .unopened = TRUE},
+        {"first-state", interlock_first_state},
         {"listeners", interlock_listeners},
         {"open-close", interlock_closed, TRUE},
         {NULL},
