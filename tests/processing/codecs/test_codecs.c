@@ -95,6 +95,31 @@ static void assert_evaluates(const struct codec *codec, gconstpointer model) {
     }
 }
 
+/* Counts the bytes of the values in a file that has only level 0, without compression. A renderer
+ * stores them in the same types, with the exceptions of this table. */
+static gint64 count_bytes(const struct codec *codec, const struct exr_file *file) {
+    static const struct {
+        const char *codec, *part;
+        gint64 bytes;
+    } exceptions[] = {
+        {"lpca", "clusters", 1}, /* up to 256 clusters */
+        {"lpca", "scales", 0},   /* 1 if the values are halves */
+        {NULL, "views", 0},
+        {NULL, "lights", 0},
+    };
+    gint64 sum = 0;
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = file->parts->pdata[i];
+        gint64 bytes = part->type == EXR_HALF ? 2 : 4;
+        for (gsize k = 0; k < G_N_ELEMENTS(exceptions); k++)
+            if ((!exceptions[k].codec || g_str_equal(exceptions[k].codec, codec->name)) &&
+                g_str_equal(exceptions[k].part, part->name))
+                bytes = exceptions[k].bytes;
+        sum += bytes * part->width * part->height * part->n_channels;
+    }
+    return sum;
+}
+
 static void test_round_trip(gconstpointer data) {
     const struct codec *codec = data;
     TEMPORARY_FOLDER(folder);
@@ -113,12 +138,12 @@ static void test_round_trip(gconstpointer data) {
     g_assert_cmpint(info->layout->width * info->layout->height, ==, WIDTH * HEIGHT);
     g_assert_cmpint(info->layout->views.n, ==, VIEWS);
     g_assert_cmpint(info->layout->lights.n, ==, LIGHTS);
-    g_assert_cmpint(info->bytes, ==, codec->bytes(result.levels->pdata[0]));
     gpointer model = ok(codec->read(path, ERR));
     assert_errors(codec, model, btf, &result);
     assert_evaluates(codec, model);
     codec->free(model);
     struct exr_file *file = ok(exr_read_headers(path, ERR));
+    g_assert_cmpint(info->bytes, ==, count_bytes(codec, file));
     g_autofree char *of_file = codec->describe_file(file);
     g_assert_true(of_file && *of_file);
     exr_file_free(file);
