@@ -58,7 +58,9 @@ static EGLContext create_context(EGLDisplay display) {
 #ifdef GPU_DEBUG
 static void complain(GLenum source, GLenum type, GLuint id, GLenum severity, GLsizei length,
                      const GLchar *text, const void *data) {
-    if (type == GL_DEBUG_TYPE_ERROR && id != GL_OUT_OF_MEMORY)
+    /* gpu_compile() reports errors of shaders, with the names of their files. */
+    if (type == GL_DEBUG_TYPE_ERROR && source != GL_DEBUG_SOURCE_SHADER_COMPILER &&
+        id != GL_OUT_OF_MEMORY)
         g_critical("OpenGL: %s", text);
 }
 #endif
@@ -151,6 +153,8 @@ gboolean gpu_check(const char *what, GError **error) {
     return FALSE;
 }
 
+#define MAX_SHADERS 14 /* of one program */
+
 static const char *find_shader(const char *name) {
     for (const struct shader *shader = shaders; shader->name != NULL; shader++)
         if (strcmp(shader->name, name) == 0)
@@ -158,11 +162,22 @@ static const char *find_shader(const char *name) {
     g_error("no shader “%s” was compiled in", name);
 }
 
-static guint gpu_compile(GLenum kind, const char *const *sources, int n, const char *name,
-                         GError **error) {
+/* Compiles shaders as one text. #line makes the compiler's log count the lines of each file, behind
+ * the number of the file, as in "3:12". */
+static guint gpu_compile(GLenum kind, const char *version, const char *constants,
+                         const char *const *names, int n, GError **error) {
+    const char *sources[2 + 2 * MAX_SHADERS] = {version, constants};
+    char lines[MAX_SHADERS][32];
+    g_autoptr(GString) files = g_string_new(NULL);
+    for (int k = 0; k < n; k++) {
+        g_snprintf(lines[k], sizeof lines[k], "\n#line 1 %d\n", k + 1);
+        sources[2 + 2 * k] = lines[k];
+        sources[3 + 2 * k] = find_shader(names[k]);
+        g_string_append_printf(files, "%s%d is %s", k ? ", " : "file ", k + 1, names[k]);
+    }
     GLuint shader = glCreateShader(kind);
     GLint good = 0;
-    glShaderSource(shader, n, sources, NULL);
+    glShaderSource(shader, 2 + 2 * n, sources, NULL);
     glCompileShader(shader);
     glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
     if (good)
@@ -170,8 +185,8 @@ static guint gpu_compile(GLenum kind, const char *const *sources, int n, const c
     char log[2000] = "";
     glGetShaderInfoLog(shader, sizeof log, NULL, log);
     glDeleteShader(shader);
-    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not compile on %s: %s", name,
-                gpu_renderer(), log);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not compile on %s (%s): %s",
+                names[n - 1], gpu_renderer(), files->str, log);
     return 0;
 }
 
@@ -194,17 +209,15 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
 
 static guint make_program(const char *version, const char *constants, const char *const *names,
                           GError **error) {
-    const char *sources[16] = {version, constants, find_shader(names[0])};
-    guint program = 0, vertex = gpu_compile(GL_VERTEX_SHADER, sources, 3, names[0], error);
+    int n = 0; /* shaders of the fragments, from names[1] on */
+    while (n < MAX_SHADERS && names[n + 1] != NULL)
+        n++;
+    guint program = 0, vertex = gpu_compile(GL_VERTEX_SHADER, version, constants, names, 1, error);
     if (vertex == 0)
         return 0;
-    int n = 2;
-    const char *last = NULL;
-    for (; names[n - 1] != NULL && n < (int)G_N_ELEMENTS(sources); n++)
-        sources[n] = find_shader(last = names[n - 1]);
-    guint fragment = gpu_compile(GL_FRAGMENT_SHADER, sources, n, last, error);
+    guint fragment = gpu_compile(GL_FRAGMENT_SHADER, version, constants, names + 1, n, error);
     if (fragment != 0)
-        program = link_program(vertex, fragment, last, error);
+        program = link_program(vertex, fragment, names[n], error);
     glDeleteShader(vertex);
     glDeleteShader(fragment);
     return program;
