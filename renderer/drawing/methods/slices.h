@@ -28,7 +28,10 @@ typedef void (*SlicesSky)(gconstpointer model, gsize view, float *ret_layer);
 struct slices {
     /* Set by the caller. */
     const char *what; /* for messages: "hemispherical harmonics" */
-    int n_levels, n_pages, n_slices;
+    int n_levels, n_pages;
+    /* 1, or the number of views. constants() of the method must define SLICED as n_slices > 1,
+     * because lobes.glsl then takes the slices of the nearest views. */
+    int n_slices;
     /* index of the value in a texel, for each channel of each page; −1 if the channel is not
      * used */
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
