@@ -13,19 +13,43 @@
 #include "base/json.h"
 
 /* All drivers. Add a new driver in drivers/ and name it here. */
-static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver,     &modbus_axis_driver,
-                                                         &tic_axis_driver,     &gcode_axis_driver,
-                                                         &program_axis_driver, NULL};
+/* clang-format off */
+static const struct axis_driver *const axis_drivers[] = {
+    &sim_axis_driver,
+    &modbus_axis_driver,
+    &tic_axis_driver,
+    &gcode_axis_driver,
+    &program_axis_driver,
+    NULL,
+};
 static const struct lamps_driver *const lamps_drivers[] = {
-    &sim_lamps_driver,     &modbus_relays_driver, &usb_relays_driver,
-    &program_lamps_driver, &serial_lamps_driver,  NULL};
+    &sim_lamps_driver,
+    &modbus_relays_driver,
+    &usb_relays_driver,
+    &program_lamps_driver,
+    &serial_lamps_driver,
+    NULL,
+};
 static const struct camera_driver *const camera_drivers[] = {
-    &sim_camera_driver,     &aravis_camera_driver,  &v4l2_camera_driver,
-    &gphoto2_camera_driver, &program_camera_driver, NULL};
-static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
-                                                           &usb_relay_laser_driver, NULL};
-static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,
-                                                                   &modbus_inputs_driver, NULL};
+    &sim_camera_driver,
+    &aravis_camera_driver,
+    &v4l2_camera_driver,
+    &gphoto2_camera_driver,
+    &program_camera_driver,
+    NULL,
+};
+static const struct laser_driver *const laser_drivers[] = {
+    &sim_laser_driver,
+    &modbus_laser_driver,
+    &usb_relay_laser_driver,
+    NULL,
+};
+static const struct interlock_driver *const interlock_drivers[] = {
+    &sim_interlock_driver,
+    &modbus_inputs_driver,
+    NULL,
+};
+/* clang-format on */
 
 /* The driver of every class begins with a struct driver_info. */
 static const struct {
