@@ -15,24 +15,36 @@ class Skeleton:
         self.root, self.words = root, words
         self.new, self.changed = {}, {}
         if not os.path.exists(os.path.join(root, "ARCHITECTURE.md")):
-            sys.exit(f"{root} is not the source tree of Mesorig")
+            sys.exit(f"{root} is not the source tree of Mesorig; run this script in its top folder")
 
     def fill(self, template, path):
         """Makes a new file from a template. Each @WORD@ in it is replaced by its value in words."""
-        for _, _, names in os.walk(os.path.join(self.root, path.split("/")[0])):
+        for folder, _, names in os.walk(os.path.join(self.root, path.split("/")[0])):
             if os.path.basename(path) in names:
-                sys.exit(f"a file {os.path.basename(path)} already exists: choose another name")
+                there = os.path.relpath(os.path.join(folder, os.path.basename(path)), self.root)
+                sys.exit(f"a file of this name exists: {there}; choose another name")
         with open(os.path.join(CONTRIB, template), encoding="utf-8") as file:
             text = file.read()
         for word, value in self.words.items():
             text = text.replace(f"@{word}@", value)
         self.new[path] = text
 
+    def find(self, folder, pattern):
+        """Returns the first source file below a folder that matches a regular expression, or None."""
+        for at, _, names in sorted(os.walk(os.path.join(self.root, folder))):
+            for name in sorted(names):
+                full = os.path.join(at, name)
+                if name.endswith((".c", ".h")):
+                    with open(full, encoding="utf-8") as file:
+                        if re.search(pattern, file.read()):
+                            return os.path.relpath(full, self.root)
+        return None
+
     def read(self, path):
-        if path not in self.changed:
-            with open(os.path.join(self.root, path), encoding="utf-8") as file:
-                self.changed[path] = file.read()
-        return self.changed[path]
+        if path in self.changed:
+            return self.changed[path]
+        with open(os.path.join(self.root, path), encoding="utf-8") as file:
+            return file.read()
 
     def change(self, path, pattern, new):
         """Replaces the first match of a regular expression in an existing file."""
@@ -60,6 +72,7 @@ def identifier(name):
     """Returns the name as a C identifier, with underscores instead of hyphens."""
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
         sys.exit(
-            f"{name!r} is not a name: use lower-case letters, digits and hyphens, as in acme-axis"
+            f"{name!r} is not a name: begin with a letter, and use lower-case letters, digits and "
+            "hyphens, as in acme-axis"
         )
     return name.replace("-", "_")
