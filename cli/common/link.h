@@ -15,9 +15,9 @@ Link *link_find(const char *directory, GError **error);
  * without an error if there is none. A daemon that ends with another program is ignored. */
 Link *link_find_rig(const char *rig_path, GError **error);
 
-/* Finds a daemon for a rig that no daemon has open: the daemon of --address, --bus or
- * MESORIG_ADDRESS, or the only daemon that has no rig open. The error lists the daemons that were
- * found. */
+/* Finds a daemon for a rig with real devices that no daemon has open: the daemon of --address,
+ * --bus or MESORIG_ADDRESS, or the only daemon that has no rig open. The error lists the daemons
+ * that were found. */
 Link *link_find_free(const char *rig_path, GError **error);
 
 /* Starts a private mesorigd. It ends with this process or at link_free(), and leaves the rig

@@ -228,8 +228,21 @@ Link *link_find_free(const char *rig_path, GError **error) {
     if (bus_client_address())
         return link_to(bus_client_address(), error);
     g_autoptr(GPtrArray) links = find_all();
-    if (links->len == 0)
-        return none_at_all(error);
+    if (links->len == 0) {
+        Link *found = none_at_all(&why);
+        if (g_error_matches(why, G_IO_ERROR, G_IO_ERROR_NOT_FOUND)) {
+            g_clear_error(&why);
+            g_set_error(&why, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                        "%s has real devices, which only mesorigd opens, and none is running; "
+                        "start it: mesorigd --listen unix:path=/tmp/NAME --rig %s (a mesorigd that "
+                        "was started with another XDG_RUNTIME_DIR is found only with --address or "
+                        "%s)",
+                        rig_path, rig_path, BUS_CLIENT_VARIABLE);
+        }
+        if (why)
+            g_propagate_error(error, why);
+        return found;
+    }
     g_autofree char *text = list(links);
     keep_rig(links, "");
     Link *link = the_only(links, &why);

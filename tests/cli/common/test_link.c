@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "lib/long_session.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/test.h"
 #include "lib/wait.h"
@@ -70,6 +71,25 @@ TEST(found) {
     lab_clear(&lab, SIGKILL);
     operator_does(run, 1, "status", NULL);
     assert_has(run->err, "no mesorigd is running");
+    operator_free(run);
+}
+
+/* A rig with a real device needs a daemon, whose command the error gives. */
+TEST(real_rig) {
+    struct operation *run = operator_new(NULL);
+    g_autofree char *text = NULL;
+    g_autofree char *real = g_build_filename(run->directory, "real.conf", NULL);
+    g_autofree char *words =
+        g_strdup_printf("mesorigd --listen unix:path=/tmp/NAME --rig %s", real);
+    g_assert_true(g_file_get_contents(run->rig, &text, NULL, NULL));
+    g_autoptr(GString) with_board = g_string_new(text);
+    g_string_replace(with_board, "driver = sim-interlock",
+                     "driver = modbus-inputs\nbus = /dev/null", 1);
+    g_string_replace(with_board, "clock = virtual", "clock = real", 1);
+    ok(g_file_set_contents(real, with_board->str, -1, ERR));
+    operator_does(run, 1, "test", "--rig", real, NULL);
+    assert_has(run->err, "real.conf has real devices");
+    assert_has(run->err, words);
     operator_free(run);
 }
 
