@@ -6,6 +6,7 @@
 #include "exr/exr.h"
 #include "lib/ok.h"
 #include "lib/test.h"
+#include "rig/devices.h"
 #include "session/session.h"
 
 #include <gio/gio.h>
@@ -132,10 +133,28 @@ static void assert_method(const char *page, const char *name, const struct optio
         g_string_append_printf(row, "%s-%s", i ? " , " : ".Fl ", options[i].name);
     if (bounded)
         g_string_append_printf(row, "%s-memory", options[0].name ? " , " : ".Fl ");
-    if (bounded || options[0].name)
-        g_string_append_c(row, '\n');
+    if (!bounded && !options[0].name)
+        g_string_append(row, "no options");
+    g_string_append_c(row, '\n');
     if (!strstr(page, row->str))
         g_error("etc/man/mesorig.1 lacks the row of options of a method:%s", row->str);
+}
+
+static void assert_written(const char *name, const char *help) {
+    if (strstr(help, "TODO"))
+        g_error("%s: its help is not written yet: %s", name, help);
+}
+
+/* A driver or codec that was made by contrib/ has a help of its own. */
+TEST(no_todo) {
+    const struct driver_info *driver;
+    for (gsize i = 0; codecs[i]; i++)
+        assert_written(codecs[i]->name, codecs[i]->help);
+    for (gsize i = 0; (driver = devices_driver(i)); i++) {
+        assert_written(driver->name, driver->help);
+        for (const struct option *option = driver->options; option->name; option++)
+            assert_written(driver->name, option->help);
+    }
 }
 
 /* The page names the command and each option that its --help lists. */
