@@ -155,6 +155,10 @@ def check_circles(table):
             del left[room]
 
 
+def words(names):
+    return " ".join(sorted(names)) or "–"
+
+
 def check(root, table, rooms):
     arrows, wrong = find_arrows(root, rooms)
     listed = {folder: room for room, (folder, _) in table.items()}
@@ -183,9 +187,10 @@ def check(root, table, rooms):
     for folder, (uses, _) in read_cmake(root).items():
         row = table.get(os.path.basename(folder), ("", set()))[1]
         if uses != row:
+            needed = {used for user, used in arrows if user == os.path.basename(folder)}
             wrong.append(
-                f"{folder}: mesorig_room() and ARCHITECTURE.md differ in "
-                + " ".join(sorted(uses ^ row))
+                f"{folder}: mesorig_room() has {words(uses)}, and ARCHITECTURE.md has {words(row)}; "
+                f"write in both what the includes need: {words(needed)}"
             )
     circle = check_circles(table)
     if circle:
@@ -205,7 +210,7 @@ def main():
             if "--draw" in sys.argv:
                 print("\n".join(f"{room} -> {used};" for used in uses))
             else:
-                print(f"| `{room}` | `{folder}/` | | {' '.join(uses) or '–'} |")
+                print(f"| `{room}` | `{folder}/` | | {words(uses)} |")
         return 0
     wrong = check(root, table, rooms)
     for what in wrong:
