@@ -57,7 +57,7 @@ static gboolean is_table(const struct codec *codec, gconstpointer model) {
         codec->evaluate(model, &query, &texels, rgb[k]);
     }
     g_assert_cmpfloat(rgb[0][0], !=, 0);
-    return memcmp(rgb[0], rgb[1], sizeof rgb[0]) == 0;
+    return rgb[0][0] == rgb[1][0] && rgb[0][1] == rgb[1][1] && rgb[0][2] == rgb[1][2];
 }
 
 static void plain_open(struct plain *p, const struct codec *codec, const char *path) {
