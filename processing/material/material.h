@@ -131,10 +131,11 @@ struct mesorig_surface {
  * view is n × 3 and points against the ray, in the frame of the mesh. surface has n elements. limit
  * (n) is the distance at which a ray ends, in the unit of the caller; NULL means that no ray ends.
  * ret_distance (n) is the distance from the mesh to the structure, in the unit of the caller. It is
- * −1 if the ray does not meet the structure before its limit, or if an argument is not valid: such
- * a ray leaves the mesh again through a back face. Seen from there it can be marched as well, and
- * the two halves of the ray are then nearer to the mesh. Without relief all distances are 0. The
- * first call prepares the volume of mesorig_material_intersect(). */
+ * −1 if an argument is not valid, or if the ray does not meet the structure before its limit. A ray
+ * that meets no structure leaves the mesh again through a back face. It can also be marched from
+ * there. If each half of the ray is marched from its own end, both stay nearer to the mesh. Without
+ * relief all distances are 0. The first call prepares the volume of mesorig_material_intersect().
+ */
 int mesorig_material_march(const mesorig_material *material, size_t n, const float *uv,
                            const float *view, const struct mesorig_surface *surface,
                            const float *limit, float *ret_distance);

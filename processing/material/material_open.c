@@ -58,7 +58,8 @@ static char *best_of(const char *folder) {
     return best;
 }
 
-/* Returns the BTF or the file to open for a directory; g_free(). Returns NULL with an error. */
+/* Returns the path of the BTF's folder, or else of the compressed file, that is opened for a
+ * directory; g_free(). Returns NULL with an error. */
 static char *material_product(const char *directory, GError **error) {
     g_autofree char *products = g_build_filename(directory, "products", NULL);
     g_autofree char *session = btf_matrix_session(directory);
@@ -68,8 +69,8 @@ static char *material_product(const char *directory, GError **error) {
     char *best = best_of(products);
     if (!best)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                    "%s: there is no material in it: give a session that “mesorig process” has "
-                    "made a BTF of, or a file that “mesorig compress” wrote",
+                    "%s contains no material: give a session of which “mesorig process” has made a "
+                    "BTF, or a file that “mesorig compress” wrote",
                     directory);
     return best;
 }
@@ -139,8 +140,8 @@ static int file_of(const void *bytes, size_t n, GError **error) {
     const int fd = memfd_create("mesorig-material", MFD_CLOEXEC);
     if (fd >= 0 && new_file_write(fd, bytes, n))
         return fd;
-    g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE, "%zu bytes in memory cannot be copied: %s",
-                n, g_strerror(errno));
+    g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+                "the %zu bytes of the file in memory cannot be copied: %s", n, g_strerror(errno));
     if (fd >= 0)
         close(fd);
     return -1;
@@ -159,8 +160,10 @@ mesorig_material *mesorig_material_open_memory(const void *material, size_t mate
     GError *error = NULL;
     if (!material || material_bytes == 0 || (mdf && mdf_bytes == 0)) {
         tell(ret_error, MESORIG_ERROR_ARGUMENT,
-             "there are no bytes of a material, or none of the MDF: give those of a file "
-             "that “mesorig compress” wrote");
+             !material || material_bytes == 0 ? "there are no bytes of a material: give the bytes "
+                                                "of a file that “mesorig compress” wrote"
+                                              : "there are no bytes of the MDF: give the bytes of "
+                                                "an mdf.exr, or NULL for no relief");
         return NULL;
     }
     mesorig_material *m = NULL;

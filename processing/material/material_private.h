@@ -1,4 +1,4 @@
-/* Shared by the files of material.h. */
+/* The struct behind mesorig_material (material.h), which the files material_*.c use. */
 #pragma once
 
 #include "codecs/codec/place.h"

@@ -5,8 +5,8 @@
 
 #include <math.h>
 
-#define AGREEMENT  0.25 /* in texels */
-#define MIN_SLOPE  0.01 /* smallest z of a view that is divided by, as in shell_ray.c */
+#define AGREEMENT  0.25 /* largest difference, in texels, from the depth by interpolation */
+#define MIN_SLOPE  0.01 /* smallest z of a view by which is divided, as in shell_ray.c */
 #define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
 
 struct material_relief {
@@ -106,16 +106,18 @@ static double interpolated_depth(const struct material_relief *relief, double u,
     return MAX(sum[0], 0);
 }
 
-/* D (x, y) is the depth of the ray below the reference plane for one view v. The distance is D /
- * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
- * (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). The product of this vector with v is v_z, so the
- * vector faces the eye. */
+/* Returns the unit normal of the surface for one view v. D (x, y) is the depth of the ray below the
+ * reference plane, and slope its derivatives D_x and D_y. The distance is D / v_z, and the surface
+ * is P (x, y) = (x, y, 0) − v D / v_z. The normal is along ∂P/∂x × ∂P/∂y = (D_x, D_y, 1 − (v_x D_x
+ * + v_y D_y) / v_z). The product of this vector with v is v_z, so the vector faces the eye. */
 static struct vec3 normal_of_slopes(const double slope[2], struct vec3 v) {
     const double down = fmax(v.z, MIN_SLOPE);
     return vec3_unit(vec3(slope[0], slope[1], 1.0 - (v.x * slope[0] + v.y * slope[1]) / down));
 }
 
-/* The surface of the shell is normal to the gradient of g. */
+/* Returns the unit normal of the shell's surface, which is opposite to the gradient of g
+ * (mdf_shell.h). The normal is turned towards v where its cosine to v would be below MIN_FACING.
+ * Returns v if there is no gradient. */
 static struct vec3 normal_of_shell(const struct mdf_shell *shell, const struct shell_hit *hit,
                                    struct vec3 v) {
     double gradient[3];
@@ -130,8 +132,8 @@ static struct vec3 normal_of_shell(const struct mdf_shell *shell, const struct s
 }
 
 /* Between measured directions, the interpolated depth is more exact than the shell on smooth
- * structure. At edges and under overhangs it is a mean of two surfaces, where the shell has one of
- * them. So the interpolated depth is taken where the shell confirms it. */
+ * structure. At edges and under overhangs the interpolated depth is a mean of two surfaces, but the
+ * shell has one of the two. So the interpolated depth is only taken where the shell confirms it. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              struct vec3 view, struct vec3 *ret_normal) {
     const struct mdf_shell *shell = material_relief_shell(relief);

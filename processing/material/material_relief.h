@@ -1,4 +1,4 @@
-/* The relief of a material, to be queried on the CPU. Any thread. */
+/* The relief of a material, to be queried on the CPU. Any thread may call the functions. */
 #pragma once
 
 #include "base/vec.h"

@@ -481,7 +481,8 @@ float material_sampler_draw(const MaterialSampler *s, const float uv[2], const f
     const double z = sqrt(fmax(1.0 - disc[0] * disc[0] - disc[1] * disc[1], 0.0));
     ret_light[0] = (float)disc[0];
     ret_light[1] = (float)disc[1];
-    ret_light[2] = (float)fmax(z, 1e-7); /* on the rim: it must not be below the horizon */
+    /* A direction on the rim of the disc must not be below the horizon. */
+    ret_light[2] = (float)fmax(z, 1e-7);
     return (float)sampler_density(s, cluster, &views, ret_light);
 }
 

@@ -3,12 +3,11 @@
  * A direction is l = (x, y, z). (x, y) is the point of the disc that corresponds to (a, b) in [0,
  * 1]² by the area-preserving map of Shirley & Chiu 1997. Uniform (a, b) are directions of density z
  * / π. A table g holds CELLS × CELLS densities over (a, b), with mean 1, for a cluster of texels
- * and a measured view. Each density is proportional to ∫ value dω over its cell, of the cluster's
- * mean luminance. For a view between measured ones the tables are mixed in the same way as the
- * views are interpolated (weights w_i):
- *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle
- * C and U are the shares of a cosine lobe and of the uniform hemisphere. They make p > 0 wherever z
- * > 0, and keep value / p bounded.
+ * and a measured view. Each density is proportional to the integral over its cell, ∫ value dω, of
+ * the cluster's mean luminance. For a view between measured ones the tables are mixed in the same
+ * way as the views are interpolated (weights w_i): p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a,
+ * b)) + U / 2π      per solid angle C and U are the shares of a cosine lobe and of the uniform
+ * hemisphere. They make p > 0 wherever z > 0, and keep value / p bounded.
  *
  * If the model is a formula, the value of a cell is evaluated at the cell's middle, in some texels
  * of the cluster. The reason is that formulas need not fall towards the horizon as interpolated
@@ -27,7 +26,7 @@
 /* The source of a sampler. The source and all data that it refers to must outlive the sampler. */
 struct material_sampler_source {
     const struct btf_layout *layout;
-    const Directions *views, *lights; /* of the layout; NULL if n_grid */
+    const Directions *views, *lights; /* of the layout; NULL if n_grid > 0 */
     /* 0, or the n of n × n samples of btf/direction_grid.h that are the views and lights */
     int n_grid;
     /* Reconstructs one texel: n_views × n_lights × 3, as in struct codec. */
@@ -48,8 +47,8 @@ MaterialSampler *material_sampler_new(const struct material_sampler_source *sour
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
 /* Draws a direction. uv is in tiles, v downwards; footprint is in tiles; random is two numbers in
- * [0, 1). Any thread. Returns the density of ret_light per solid angle. If the view is below the
- * horizon, returns 0 and sets ret_light to 0. */
+ * [0, 1). Any thread may call it. Returns the density of ret_light per solid angle. If the view is
+ * below the horizon, returns 0 and sets ret_light to 0. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
 /* Returns the density with which material_sampler_draw() draws this light. Returns 0 if the light

@@ -65,7 +65,7 @@ TEST(best) {
     g_assert_cmpint(g_mkdir_with_parents(products, 0755), ==, 0);
     g_assert_null(mesorig_material_open(session, NULL, &error));
     g_assert_cmpint(error.status, ==, MESORIG_ERROR_FORMAT);
-    g_assert_nonnull(strstr(error.text, "b.session: there is no material in it: give a session"));
+    g_assert_nonnull(strstr(error.text, "b.session contains no material: give a session"));
     material_fixture_write(unknown, codecs_find("eigenmaps"), btf, "");
     mesorig_material *material = mesorig_material_open(session, NULL, &error);
     mesorig_material_info(material, &info);
@@ -154,7 +154,7 @@ TEST(bad) {
     assert_refused(gone, NULL, MESORIG_ERROR_FILE, "gone.exr");
     assert_refused(cut, NULL, MESORIG_ERROR_FORMAT, "cut.exr");
     assert_refused(text, NULL, MESORIG_ERROR_FORMAT, "text.exr");
-    assert_refused(empty, NULL, MESORIG_ERROR_FORMAT, "empty: there is no material in it");
+    assert_refused(empty, NULL, MESORIG_ERROR_FORMAT, "empty contains no material");
     assert_refused("/dev/zero", NULL, MESORIG_ERROR_FORMAT, "/dev/zero");
     assert_refused(good, gone, MESORIG_ERROR_FILE, "there is no ");
     assert_refused(good, text, MESORIG_ERROR_FORMAT, "text.exr");
