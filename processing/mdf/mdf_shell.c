@@ -4,14 +4,14 @@
  *
  *   h_k ← h_k · Σ_stops φ_k(stop) / h(stop)  /  Σ_rays ∫ φ_k ds
  *
- * (Richardson 1972, Lucy 1974). It starts with the ratio of stops to lengths. For σ = g⁴, a fixed
- * point is
+ * (Richardson 1972, Lucy 1974). The iteration starts with the ratio of stops to lengths. For σ =
+ * g⁴, a fixed point is
  *
  *   g_k ← g_k · ( Σ_stops φ_k(stop) / g(stop)  /  Σ_rays ∫ g³ φ_k ds )^¼
  *
- * It starts with the fourth roots of h. The fourth power makes the rise of σ at a surface steeper
- * than linear interpolation can. Exponents of 2, 4, 6 and 8 were compared on grass, pipes, blocks
- * and a weave: 2 is worse on weave and blocks, and 8 on grass.
+ * The iteration starts with the fourth roots of h. The fourth power makes the rise of σ at a
+ * surface steeper than linear interpolation can. Exponents of 2, 4, 6 and 8 were compared on grass,
+ * pipes, blocks and a weave: 2 is worse on weave and blocks, and 8 on grass.
  */
 #include "mdf_shell.h"
 

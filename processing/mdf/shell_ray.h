@@ -1,6 +1,6 @@
 /*
  * Marching of a ray through the shell of a curved mesh. Surfaces at a constant depth below the mesh
- * are parallel to it, and the length of a texture coordinate changes along it.
+ * are parallel to it, and the length of a texture coordinate changes along the mesh.
  * renderer/shaders/curved.glsl and shell.glsl do the same on the graphics card.
  */
 #pragma once
@@ -27,8 +27,8 @@ struct shell_hit {
 /* Marches a ray that enters the mesh at (u, v). view is the unit vector against the ray in the
  * frame of tangent, bitangent and normal there, above the horizon. limit is the distance at which
  * the ray ends, in the unit of the surface; INFINITY if there is none. Returns whether the ray
- * meets the structure before. A ray that goes below all structure meets it at its base. Any thread.
- */
+ * meets the structure before limit. A ray that goes below all structure counts as meeting the
+ * structure at its base. Any thread may call it. */
 gboolean shell_ray_march(const struct mdf_shell *shell, const struct shell_surface *surface,
                          double u, double v, const double view[3], double limit,
                          struct shell_hit *ret);
