@@ -112,7 +112,7 @@ GPU_TEST(bad) {
     struct lobes *lobes = make_lobes(LOBES_FIELDS, 2);
     lobes->values[19] = NAN;
     g_assert_null(lobes_view_new(&lobes, 1, &error));
-    g_assert_nonnull(strstr(error->message, "value number 19 of the fields"));
+    g_assert_nonnull(strstr(error->message, "value number 19 (counted from 0) of the fields"));
     g_clear_error(&error);
     lobes->values[19] = 0.5F;
     lobes->layout.views.theta_deg[1] = NAN;
@@ -123,6 +123,6 @@ GPU_TEST(bad) {
     lobes->layout.width = 1 << 20;
     lobes->layout.height = 0;
     g_assert_null(lobes_view_new(&lobes, 1, &error));
-    g_assert_nonnull(strstr(error->message, "more than"));
+    g_assert_nonnull(strstr(error->message, "do not fit into textures"));
     lobes_free(lobes);
 }

@@ -111,7 +111,7 @@ TEST(bad) {
     name_file("map.png");
     refuse("cannot read ");
     write_png(PNG_FORMAT_GRAY, pixels);
-    refuse("it is grey");
+    refuse("the PNG is grey");
     write_png(PNG_FORMAT_RGB, pixels);
     refuse("texel (0, 0) is (-1, -1, -1)");
     memset(pixels, 128, sizeof pixels); /* a photograph, not a map */

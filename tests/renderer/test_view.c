@@ -225,7 +225,7 @@ static void refuse(struct eigenmaps *material, const char *said) {
 GPU_TEST(bad_material) {
     struct eigenmaps *m = view_fixture_material(GREY, 3, 4);
     m->maps[(2 * 12 + 5) * W * H * 3 + 8 * 3] = NAN;
-    refuse(m, "term 2, light 5, texel (1, 1)");
+    refuse(m, "term 2 and light 5 at texel (1, 1)");
     m = view_fixture_material(GREY, 3, 4);
     m->weights[13] = INFINITY;
     refuse(m, "term 1 for view 1");
@@ -243,7 +243,7 @@ GPU_TEST(bad_material) {
     refuse(m, "texels");
     m = view_fixture_material(GREY, 3, 4);
     m->layout.lights.n = 0;
-    refuse(m, "no texels or directions");
+    refuse(m, "the eigen-maps have no lights");
 }
 
 TEST(bad_settings) {

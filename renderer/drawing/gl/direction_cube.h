@@ -3,13 +3,13 @@
  * (Schneider 2004 §5). The three are the corners of a triangle of the measured directions, and the
  * weights are the barycentric coordinates. The maps are not filtered, because neighbouring texels
  * name different directions if an edge of a triangle lies between them. The angular resolution is a
- * third of a degree. Directions below the horizon are clamped to it.
+ * third of a degree. A direction below the horizon has the values of the horizon at its azimuth.
  */
 #pragma once
 
 #include "direction_textures.h"
 #include "directions/directions.h"
 
-/* Makes the cube maps. directions must be triangulated. For fade, see direction_table_new().
- * Indices are stored in units of 1/65535. */
+/* Makes the cube maps. directions must come from directions_new_triangulated(). For fade, see
+ * direction_table_new(). Indices are stored in units of 1/65535. */
 struct direction_textures direction_cube_new(Directions *directions, gboolean fade);

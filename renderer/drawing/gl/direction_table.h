@@ -10,8 +10,8 @@
 #include "directions/directions.h"
 
 /* Makes the table. If fade is TRUE, the weights decrease to 0 at the horizon, like reflectance when
- * the light approaches the horizon; see directions_fade(). The index of the pole is the number of
- * directions; see directions_pole(). */
+ * the light approaches the horizon; see directions_fade(). In the table the pole has an index of
+ * its own, which is the number of directions; see directions_pole(). */
 struct direction_textures direction_table_new(Directions *directions, gboolean fade);
 
 /* Computes the weight of each of n directions in the mean that stands for the pole. All weights are

@@ -81,8 +81,8 @@ gboolean gpu_find_library(gboolean window, GError **error) {
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                "there is no OpenGL library here: install libgl1, and Mesa (libgl1-mesa-dri), "
-                "which also draws without a graphics card (%s)",
+                "the OpenGL library cannot be loaded (%s): install libgl1, and Mesa "
+                "(libgl1-mesa-dri), which also draws without a graphics card",
                 dlerror());
     return FALSE;
 }
@@ -105,9 +105,10 @@ Gpu *gpu_new_headless(GError **error) {
     EGLContext context = create_context(display);
     if (context == EGL_NO_CONTEXT ||
         !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "EGL has no OpenGL 3.3 core context: update the graphics driver, or let Mesa "
-                    "draw without the card (LIBGL_ALWAYS_SOFTWARE=1; libgl1-mesa-dri)");
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_NONE,
+            "EGL cannot make an OpenGL 3.3 core context: update the graphics driver, or install "
+            "libgl1-mesa-dri and set LIBGL_ALWAYS_SOFTWARE=1 to draw without the graphics card");
         if (context != EGL_NO_CONTEXT)
             eglDestroyContext(display, context);
         return NULL;
@@ -148,8 +149,10 @@ gboolean gpu_check(const char *what, GError **error) {
                     "smaller picture, less supersampling or fewer texels",
                     what);
     else
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "%s: OpenGL error 0x%04x on %s", what, code,
-                    gpu_renderer());
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "%s: %s reported the OpenGL error 0x%04x; update its driver, or draw without "
+                    "it: LIBGL_ALWAYS_SOFTWARE=1",
+                    what, gpu_renderer(), code);
     return FALSE;
 }
 
@@ -185,7 +188,9 @@ static guint gpu_compile(GLenum kind, const char *version, const char *constants
     char log[2000] = "";
     glGetShaderInfoLog(shader, sizeof log, NULL, log);
     glDeleteShader(shader);
-    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not compile on %s (%s): %s",
+    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM,
+                "the shader %s does not compile on %s (%s); update its driver, or draw without it "
+                "(LIBGL_ALWAYS_SOFTWARE=1): %s",
                 names[n - 1], gpu_renderer(), files->str, log);
     return 0;
 }
@@ -202,8 +207,10 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
     char log[2000] = "";
     glGetProgramInfoLog(program, sizeof log, NULL, log);
     glDeleteProgram(program);
-    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not link on %s: %s", name,
-                gpu_renderer(), log);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM,
+                "the shader %s does not link on %s; update its driver, or draw without it "
+                "(LIBGL_ALWAYS_SOFTWARE=1): %s",
+                name, gpu_renderer(), log);
     return 0;
 }
 
@@ -350,8 +357,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (width < 1 || height < 1 || width > largest || height > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "a picture of %d × %d samples: %s supports 1 … %d in each direction; choose a "
-                    "smaller size or less supersampling",
+                    "a picture of %d × %d samples is not possible: %s draws 1 to %d in each "
+                    "direction; choose another size or less supersampling",
                     width, height, gpu_renderer(), largest);
         return FALSE;
     }

@@ -22,8 +22,8 @@ typedef struct Gpu Gpu;
  * call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
-/* Makes a context current through EGL without a surface (Mesa, or the EGL platform of a graphics
- * card). */
+/* Makes an OpenGL context through EGL (Mesa, or the EGL platform of a graphics card), without a
+ * window, and makes it current. Returns NULL on error. */
 Gpu *gpu_new_headless(GError **error);
 void gpu_free(Gpu *gpu); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
@@ -57,8 +57,8 @@ guint gpu_texture(int internal_format, int width, int height, int layers);
  * width and height of the level before, but at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
-/* Binds a texture (0 for none) to a texture unit and makes it the sampler NAME of a program in use.
- * target is a GL_TEXTURE_…. Unit 0 is active afterwards. */
+/* Binds a texture (0 for none) to a texture unit and makes it the sampler `name` of a program in
+ * use. target is a GL_TEXTURE_…. Unit 0 is active afterwards. */
 void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
 
 /* Returns the bytes of all levels of a texture, computed from the format that OpenGL reports.
@@ -78,8 +78,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);
 
-/* Returns the picture as width × height × 3 bytes, top row first, or NULL on error. Free it with
- * g_free(). */
+/* Returns the picture as width × height × R, G, B bytes, top row first, or NULL on error. Free it
+ * with g_free(). */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
 /* Flips a picture vertically, in place. stride is the number of bytes per row. */

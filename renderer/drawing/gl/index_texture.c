@@ -11,8 +11,9 @@ struct IndexTexture {
     int size[2], sample[2];
 };
 
-/* Places level 0 at the top and all other levels next to each other below it. Returns the total
- * width and height in texels. */
+/* Lays the levels of the map out in one texture: level 0 at the top, and all other levels next to
+ * each other below it. Sets t->corners. ret receives the width and height of the texture in texels.
+ */
 static void lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;
@@ -36,9 +37,8 @@ IndexTexture *index_texture_new(const struct index_map *map, GError **error) {
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     if (MAX(size[0], size[1]) > most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "an index map of %d × %d texels has %d × %d texels with its mip levels, but %s "
-                    "supports "
-                    "at most %d × %d; synthesize a smaller one",
+                    "with its mip levels, the index map of %d × %d texels needs a texture of %d × "
+                    "%d texels, but %s supports at most %d × %d; synthesize a smaller index map",
                     map->width, map->height, size[0], size[1], gpu_renderer(), most, most);
         return NULL;
     }

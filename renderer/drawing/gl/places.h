@@ -14,7 +14,8 @@ struct places_source {
 enum places_kind { PLACES_REPEATED, PLACES_INDEX, PLACES_ENDLESS, PLACES_KINDS };
 enum places_kind places_kind_of(const struct places_source *source);
 
-/* Returns the constants of places.glsl as lines “#define …”. Free them with g_free(). */
+/* Returns the constants of places.glsl as lines “#define …”. If nearest is TRUE, texels are not
+ * filtered. Free the result with g_free(). */
 char *places_constants(const struct places_source *source, gboolean nearest);
 
 /* Sets the texture and uniforms of the current program. tiles is the number of tiles of the shape

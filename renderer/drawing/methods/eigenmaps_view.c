@@ -25,14 +25,21 @@ static gboolean check(const struct eigenmaps *maps, GError **error) {
     const gsize n_views = layout->views.n, needed = (gsize)maps->n_terms * (layout->lights.n + 2);
     GLint layers = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (n_views < 1 || layout->lights.n < 1 || maps->n_terms < 1 || btf_layout_texels(layout) < 1) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+    const char *missing = n_views < 1                     ? "views"
+                          : layout->lights.n < 1          ? "lights"
+                          : maps->n_terms < 1             ? "terms"
+                          : btf_layout_texels(layout) < 1 ? "texels"
+                                                          : NULL;
+    if (missing != NULL) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "the eigen-maps have no %s: the file is damaged; process the session again",
+                    missing);
         return FALSE;
     }
     if (needed > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d terms of %zu lights need %zu layers, %s has %d; compress the material with "
-                    "%zu terms or fewer",
+                    "eigen-maps of %d terms and %zu lights need %zu texture layers, but %s "
+                    "supports %d; compress the material with %zu terms or fewer",
                     maps->n_terms, layout->lights.n, needed, gpu_renderer(), layers,
                     MAX(1, (gsize)layers / (layout->lights.n + 2)));
         return FALSE;
@@ -42,15 +49,17 @@ static gboolean check(const struct eigenmaps *maps, GError **error) {
     for (gsize k = 0; k < (gsize)maps->n_terms * n_views; k++)
         if (!isfinite(maps->weights[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "the weight of term %zu for view %zu is not a finite number", k / n_views,
-                        k % n_views);
+                        "the weight of term %zu for view %zu (counted from 0) is not finite: the "
+                        "file is damaged; process the session again",
+                        k / n_views, k % n_views);
             return FALSE;
         }
     return TRUE;
 }
 
-/* Doubles the samples along one axis of a repeating texture, by Catmull–Rom interpolation at the
- * offsets ±¼. */
+/* Doubles the n samples along one axis of a repeating texture, by Catmull–Rom interpolation a
+ * quarter of a texel before and after each sample. step and to_step are the distances from one
+ * sample to the next in from and to, in floats. */
 static void refine(const float *from, int n, gsize step, float *to, gsize to_step) {
     static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
     for (int k = 0; k < n; k++)
@@ -65,8 +74,9 @@ static void refine(const float *from, int n, gsize step, float *to, gsize to_ste
             }
 }
 
-/* Uploads a layer. A mip level with twice the resolution of the material makes bilinear filtering
- * about as sharp as bicubic filtering, without more fetches. */
+/* Clamps the texels of a layer to the range of half floats, stores their mean, and uploads the
+ * layer. If the view is refined, also uploads a level with twice the resolution of the material. It
+ * makes bilinear filtering about as sharp as bicubic filtering, without more fetches. */
 static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, int layer,
                       float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;
@@ -110,7 +120,8 @@ static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
 }
 
 /* Uploads one layer: the sum of the maps of a term, each multiplied by the share of its light.
- * Fails if a map has a value that is not finite. */
+ * Fails if a map with a share has a value that is not finite. texels is scratch memory for one
+ * layer. */
 static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
                           gsize layer, const float *shares, float *texels, GError **error) {
     const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
@@ -120,8 +131,9 @@ static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *map
         for (gsize k = 0; shares[light] != 0.0f && k < n; k++) {
             if (!isfinite(map[k])) {
                 g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                            "term %d, light %zu, texel (%zu, %zu) is not a finite number", term,
-                            light, k / 3 % width, k / 3 / width);
+                            "the value of term %d and light %zu at texel (%zu, %zu) (counted from "
+                            "0) is not finite: the file is damaged; process the session again",
+                            term, light, k / 3 % width, k / 3 / width);
                 return FALSE;
             }
             texels[k] += shares[light] * map[k];

@@ -5,8 +5,8 @@
  * The maps are the layers of one array texture of half floats, with the order term × (lights, pole,
  * ambient). The texture has mipmaps and repeats. The pole is the mean of the topmost ring of
  * lights. Ambient is the reflectance under a sky of even radiance, (1/π) ∫ BTF dω. W is tabulated
- * over the hemisphere and filtered. For the light, a finer table has up to four layers and their
- * weights.
+ * over the hemisphere and filtered. For the light, a finer table (direction_table.h) has the
+ * numbers of the up to four layers to be mixed, and their weights.
  */
 #pragma once
 

@@ -18,9 +18,9 @@ struct LobesView {
     int n_lobes;
 };
 
-/* Sets which values of lobes.h each page contains. The first page has the colour (for lafortune
- * with its diffuse part), and each further page four values. For ward and ashikhmin, U and V are
- * the fourth values of the pages of the two colours. */
+/* Sets which values of a texel (lobes.h) each page contains. The first page has the colour, for
+ * lafortune with the diffuse part, and each further page has the next four values. For ward and
+ * ashikhmin, U and V are the fourth values of the first two pages, which have the two colours. */
 static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobes) {
     static const int facets[4][PAGE] = {
         {0, 1, 2, 12}, {3, 4, 5, 13}, {6, 7, 8, -1}, {9, 10, 11, -1}};
@@ -85,10 +85,14 @@ LobesView *lobes_view_new(struct lobes *const *levels, int n, GError **error) {
                                       (gsize)levels[k]->n_values, levels[k]};
         if (k > 0 && !lobes_view_belongs(levels[0], levels[k], k)) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "mip level %d is %s of %zu × %zu texels, which does not fit level 0; "
-                        "compress the material again",
-                        k, lobes_model_name(levels[k]->model), levels[k]->layout.width,
-                        levels[k]->layout.height);
+                        "mip level %d (%s, %d lobes, %zu × %zu texels, %zu views) does not belong "
+                        "to level 0 (%s, %d lobes, %zu × %zu texels, %zu views): the file is "
+                        "damaged; compress the material again",
+                        k, lobes_model_name(levels[k]->model), levels[k]->n_lobes,
+                        levels[k]->layout.width, levels[k]->layout.height,
+                        levels[k]->layout.views.n, lobes_model_name(levels[0]->model),
+                        levels[0]->n_lobes, levels[0]->layout.width, levels[0]->layout.height,
+                        levels[0]->layout.views.n);
             return NULL;
         }
         if (!slices_check_values(&view->slices, &of[k], error)) {

@@ -7,14 +7,16 @@
  * al. 2003 §5.4, with direction_table.h instead of the paper's cube maps). If the pole was not
  * measured, the mean of the topmost ring stands for it.
  *
- * Ward and Ashikhmin–Shirley: the tangent has the azimuth of the surface's anisotropy, and the
- * normal is the perturbed one. With these, METHOD_ROTATION_EXACT is exactly the fitted model. The
- * other rotations are those that Kang & Cho 2011 compares with it.
+ * In the models of Ward and of Ashikhmin and Shirley, the tangent has the azimuth of the surface's
+ * anisotropy, and the normal is the perturbed one. With these, METHOD_ROTATION_EXACT is exactly the
+ * fitted model. The other rotations are the approximations that Kang & Cho 2011 compare with the
+ * exact one.
  *
  * Parameters of different texels cannot be averaged. Instead, four texels are evaluated in each of
  * two mip levels, and the results are interpolated. Mip levels have separate models
- * (lobes_levels.h); a file may lack them. An even sky is replaced by 16 lights that see equal areas
- * of the sky. Their sum is computed beforehand for each measured view.
+ * (lobes_levels.h); a file may lack them. An even sky is replaced by 16 lights, each of which
+ * stands for the same solid angle. The sum of the reflectances under these lights is computed
+ * beforehand for each texel and measured view.
  */
 #pragma once
 

@@ -34,7 +34,7 @@ static double texels_of(const struct lpca *lpca, int n) {
 }
 
 /* Returns the largest number of samples in each direction, from LEAST to MOST, that LPCA_GRID_BYTES
- * and the graphics card allow. */
+ * and the graphics card allow. Returns LEAST even if that is too many. */
 static int fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
@@ -202,11 +202,12 @@ static gboolean check(const LpcaGrid *grid, const struct lpca *lpca, GError **er
     }
     if (texels_of(lpca, grid->n) <= most)
         return TRUE;
-    g_set_error(
-        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-        "%d clusters of %d components on a grid of %d are more than %s can hold (%d samples in a "
-        "buffer); compress with fewer components or clusters, or draw with lpca",
-        lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d clusters of %d components on a grid of %d samples in each direction need %.0f "
+                "texels of a buffer, but %s supports %d; compress with fewer components or "
+                "clusters, or draw with --method lpca",
+                lpca->n_clusters, lpca->n_components, grid->n, texels_of(lpca, grid->n),
+                gpu_renderer(), most);
     return FALSE;
 }
 

@@ -11,7 +11,7 @@
  * weights of the texels). Each further 16 bytes hold further components. If the four texels around
  * a pixel belong to one cluster, the pixel takes these fetches for c components, with p = ⌈c/4⌉:
  *
- *   c           directions    texels      eigen-BRDFs                  of these at c = 2, 4, 8
+ *   c           directions    texels      eigen-BRDFs                  these at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10

@@ -56,8 +56,9 @@ static gboolean fits(LpcaRevised *r, const struct lpca *grid, GError **error) {
     if ((gint64)rows * MAX(1, grid->n_components) * r->n <= size && r->n * r->n + 1 <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s can "
-                "hold (%d in each direction); compress with fewer, or draw with lpca-grid",
+                "%d clusters of %d components on a grid of %d samples in each direction do not fit "
+                "into a 3D texture: %s supports %d texels in each direction; compress with fewer "
+                "clusters or components, or draw with --method lpca-grid",
                 grid->n_clusters, grid->n_components, r->n, gpu_renderer(), size);
     return FALSE;
 }

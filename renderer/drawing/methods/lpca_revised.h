@@ -11,8 +11,9 @@
  * to the next; its angular resolution is a quarter of a degree. A volume ends at the centres of its
  * outermost samples, so that filtering never mixes neighbouring volumes along any axis.
  *
- * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied by their scales
- * beforehand. Means are half floats, because no small weight makes their steps smaller.
+ * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied beforehand by the
+ * scales of the E_i. The means E_0 are half floats: their weight is always 1, so the steps of bytes
+ * would be visible.
  */
 #pragma once
 

@@ -13,7 +13,9 @@ static gboolean all_finite(const float *values, gsize n, const char *what, GErro
     for (gsize k = 0; k < n; k++)
         if (!isfinite(values[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "%s number %" G_GSIZE_FORMAT " is not a finite number", what, k);
+                        "%s number %zu (counted from 0) is not finite: the file is damaged; "
+                        "compress the material again",
+                        what, k);
             return FALSE;
         }
     return TRUE;
@@ -22,15 +24,23 @@ static gboolean all_finite(const float *values, gsize n, const char *what, GErro
 static gboolean check(const struct lpca *lpca, GError **error) {
     const struct btf_layout *layout = &lpca->layout;
     const gsize texels = btf_layout_texels(layout), brdf = btf_layout_values(layout);
-    if (brdf < 1 || texels < 1 || lpca->n_clusters < 1) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+    const char *missing = brdf < 1               ? "directions"
+                          : texels < 1           ? "texels"
+                          : lpca->n_clusters < 1 ? "clusters"
+                                                 : NULL;
+    if (missing != NULL) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "the local PCA has no %s: the file is damaged; compress the material again",
+                    missing);
         return FALSE;
     }
     for (gsize k = 0; k < texels; k++)
         if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "texel %zu is in cluster %d, but there are only %d clusters", k,
-                        lpca->clusters[k], lpca->n_clusters);
+                        "texel (%zu, %zu) is in cluster %d, but the clusters are numbered from 0 "
+                        "to %d: the file is damaged; compress the material again",
+                        k % layout->width, k / layout->width, lpca->clusters[k],
+                        lpca->n_clusters - 1);
             return FALSE;
         }
     return method_check_size(layout, error) &&
@@ -53,11 +63,13 @@ static gboolean check_levels(struct lpca *const *levels, int n, GError **error) 
              levels[k]->colours != levels[0]->colours || levels[k]->n_grid != levels[0]->n_grid ||
              !direction_list_equal(&layout->views, &first->views) ||
              !direction_list_equal(&layout->lights, &first->lights))) {
-            g_set_error(
-                error, GPU_ERROR, GPU_ERROR_FAILED,
-                "mip level %d has %zu × %zu texels and %zu × %zu directions, which does not "
-                "fit level 0; compress the material again",
-                k, layout->width, layout->height, layout->views.n, layout->lights.n);
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "mip level %d of %zu × %zu texels, %zu views and %zu lights does not fit "
+                        "level 0 of %zu × %zu texels: it needs %zu × %zu texels and the "
+                        "directions, colours and grid of level 0; compress the material again",
+                        k, layout->width, layout->height, layout->views.n, layout->lights.n,
+                        first->width, first->height, MAX(1, first->width >> k),
+                        MAX(1, first->height >> k));
             return FALSE;
         }
     }
@@ -99,7 +111,9 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
     }
     if (n_clusters > G_MAXUINT16) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d clusters in all mip levels; compress with fewer", n_clusters);
+                    "all mip levels together have %d clusters, but at most %d can be drawn; "
+                    "compress with fewer clusters",
+                    n_clusters, G_MAXUINT16);
         return FALSE;
     }
     if (n == 1)
@@ -125,14 +139,15 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     if (pyramid->lpca->colours == LPCA_RGB)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "the material is in logarithms of luminance; draw it with --method lpca, or "
+                "the material is stored as logarithms, which this method cannot interpolate; draw "
+                "it with --method lpca, or "
                 "compress it without --colours=log");
     return FALSE;
 }
 
-/* Replaces a packed material of one cluster, which has too many components to be drawn. The
- * material is clustered again, with the default numbers of “mesorig compress”. *lpca becomes NULL
- * on error. */
+/* Clusters a packed material of one cluster again, with the default numbers of “mesorig compress”,
+ * because one cluster has too many components to be drawn. Leaves every other material as it is.
+ * Frees the former material. *lpca becomes NULL on error. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -258,8 +273,8 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
     if (stack->n_layers > 0 && stack->n_layers <= layers)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d × %d values are more than %s can hold (%d layers of %d in each "
-                "direction); %s",
+                "%d clusters of %d × %d texels do not fit into a texture: %s supports %d layers of "
+                "%d texels in each direction; %s",
                 n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
     return FALSE;
 }

@@ -57,18 +57,21 @@ gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 /* Binds the textures to texture units 1 and 2 of a program in use. */
 void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 
-/* The layout of n_clusters blocks of rows that are stacked in the layers of an array texture. */
+/* How the tables of the clusters lie in an array texture. Each cluster has a block of n_columns ×
+ * n_rows texels. Blocks are stacked below each other in a layer, as many as the card allows. */
 struct lpca_stack {
-    int n_columns, n_rows; /* size of a block */
+    int n_columns, n_rows; /* size of a block, texels */
     int clusters_a_layer, n_layers;
 };
 
-/* Computes the layout. advice says what to do if the card cannot hold it. */
+/* Computes the layout. Fails if the card cannot hold it. advice says in the error what to do then.
+ */
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
                          const char *advice, GError **error);
 /* Returns a new texture of half floats with this layout, or 0 on error. */
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
-/* Clamps the values, in place, to the range of half floats, and uploads them. */
+/* Clamps the values of a cluster's block (RGB), in place, to the range of half floats, and uploads
+ * them to the texture that is bound. */
 void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);
 
 struct lpca_directions {

@@ -79,8 +79,8 @@ static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     if (first->layout.views.n > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%zu views in logarithms are more than %s can hold (%d layers); compress "
-                    "without --colours=log",
+                    "the even sky of a material in logarithms needs a texture layer for each of "
+                    "%zu views, but %s supports %d; compress without --colours=log",
                     first->layout.views.n, gpu_renderer(), layers);
         return FALSE;
     }

@@ -22,8 +22,8 @@ gboolean method_check_size(const struct btf_layout *layout, GError **error) {
     if (layout->width <= (gsize)size && layout->height <= (gsize)size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%zu × %zu texels: %s supports %d in each direction; process the material with "
-                "fewer texels",
+                "the material has %zu × %zu texels, but %s supports %d in each direction; process "
+                "the material with fewer texels",
                 layout->width, layout->height, gpu_renderer(), size);
     return FALSE;
 }

@@ -48,12 +48,12 @@ struct method {
      * NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
-    /* Returns the constants of the shaders as lines “#define NAME value”. The pointer is NULL if
-     * there are no constants. Free them with g_free(). */
+    /* Returns the constants of the shaders as lines “#define NAME value”. Free them with g_free().
+     * The function pointer is NULL if there are no constants. */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* bytes of GPU memory */
-    /* Computes the numbers of columns and rows of the sample. The pointer is NULL for a method
-     * without a material file. */
+    /* Computes the numbers of columns and rows of the sample. Returns TRUE. The function pointer is
+     * NULL for a method without a material file. */
     gboolean (*texels)(gconstpointer material, int ret[2]);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);

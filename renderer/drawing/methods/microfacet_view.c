@@ -94,10 +94,10 @@ static gboolean microfacet_view_upload(struct material *material, const struct n
     GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
     if (map->width > size || map->height > size) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "a normal map of %d × %d texels: %s supports %d in each direction; make it smaller",
-            map->width, map->height, gpu_renderer(), size);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "the normal map has %d × %d texels, but %s supports %d in each direction; make "
+                    "the normal map smaller",
+                    map->width, map->height, gpu_renderer(), size);
         return FALSE;
     }
     glGenTextures(1, &material->normals);

@@ -79,7 +79,7 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
                                  png_get_image_height(png, info), reading->length, &reading->why))
         return FALSE;
     if (!(png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR))
-        png_error(png, "it is grey: a normal map is in colour");
+        png_error(png, "the PNG is grey, but a normal map has three colours");
     png_set_expand(png);
     png_set_strip_alpha(png);
     const int passes = png_set_interlace_handling(png);
@@ -90,7 +90,7 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
     const gsize row = png_get_rowbytes(png, info);
     reading->rows = g_try_malloc0_n((gsize)reading->height, row);
     if (reading->rows == NULL)
-        png_error(png, "it is larger than memory");
+        png_error(png, "there is not enough memory for the pixels; make the normal map smaller");
     for (int pass = 0; pass < passes; pass++)
         for (int j = 0; j < reading->height; j++)
             png_read_row(png, reading->rows + row * (gsize)j, NULL);
@@ -159,12 +159,18 @@ static struct normal_map *normal_map_of_part(const struct exr_part *part, const 
     static const char *const xyz[3] = {"X", "Y", "Z"}, *const rgb[3] = {"R", "G", "B"};
     const float *planes[3];
     const gboolean plain = normal_map_find_planes(part, xyz, planes);
-    if ((!plain && !normal_map_find_planes(part, rgb, planes)) || part->width > NORMAL_MAP_MAX ||
-        part->height > NORMAL_MAP_MAX) {
+    if (!plain && !normal_map_find_planes(part, rgb, planes)) {
+        g_set_error(
+            error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
+            "%s has neither the channels X, Y, Z nor R, G, B of a normal map; choose another file",
+            path);
+        return NULL;
+    }
+    if (part->width > NORMAL_MAP_MAX || part->height > NORMAL_MAP_MAX) {
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels in "
-                    "each direction",
-                    path, NORMAL_MAP_MAX);
+                    "%s has %d × %d texels, but a normal map has at most %d in each direction; "
+                    "make the normal map smaller",
+                    path, part->width, part->height, NORMAL_MAP_MAX);
         return NULL;
     }
     struct normal_map *map = normal_map_new(part->width, part->height);
@@ -190,7 +196,7 @@ static struct normal_map *normal_map_read_exr(const char *path, GError **error) 
     struct normal_map *map = part != NULL ? normal_map_of_part(part, path, error) : NULL;
     if (part == NULL)
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: the file is empty; save the normal map again", path);
+                    "%s has no parts, so no normal map; save the normal map again", path);
     exr_file_free(file);
     return map;
 }

@@ -18,9 +18,10 @@ gboolean slices_check_size(const struct slices *slices, const struct btf_layout 
         layout->views.n + 1 <= (gsize)layers)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%zu × %zu texels in %d layers are more than %s can hold (%d in each direction, %d "
-                "layers); %s",
-                layout->width, layout->height, n_layers, gpu_renderer(), size, layers, advice);
+                "the %s: %zu × %zu texels in %d layers, with the even sky of %zu views, do not fit "
+                "into textures: %s supports %d texels in each direction and %d layers; %s",
+                slices->what, layout->width, layout->height, n_layers, layout->views.n,
+                gpu_renderer(), size, layers, advice);
     return FALSE;
 }
 
@@ -30,8 +31,8 @@ gboolean slices_check_values(const struct slices *slices, const struct slices_le
     for (gsize k = 0; k < n; k++)
         if (!isfinite(level->values[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "value number %zu of the %s is not a finite number; compress the material "
-                        "again",
+                        "value number %zu (counted from 0) of the %s is not finite: the file is "
+                        "damaged; compress the material again",
                         k, slices->what);
             return FALSE;
         }

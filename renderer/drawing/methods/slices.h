@@ -42,7 +42,7 @@ struct slices {
 };
 
 /* Check that the card can hold the slices, and that all values of the level are finite. advice says
- * in the error how to make them smaller. */
+ * in the error how to make the slices smaller. */
 gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
                            const char *advice, GError **error);
 gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,

@@ -347,10 +347,16 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
     GLint most = 0;
     if (texture->volume != 0)
         return TRUE;
-    if (mdf_texture_is_maps(texture) || !find_rings(texture)) {
+    if (mdf_texture_is_maps(texture)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "distances can be in a volume only if their views are on at most %d rings, and "
-                    "if they are not in factors: leave --mdf-volume out",
+                    "--mdf-volume needs the distances of single views, but the MDF is stored as "
+                    "factors: leave --mdf-volume out");
+        return FALSE;
+    }
+    if (!find_rings(texture)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "--mdf-volume needs an MDF whose views are evenly spaced on at most %d rings "
+                    "of increasing θ, but this MDF has other views: leave --mdf-volume out",
                     MDF_VOLUME_RINGS);
         return FALSE;
     }
@@ -358,8 +364,8 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
     int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
     if (longest > most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "distances of %d × %d texels in %d views do not fit into a volume: %s supports "
-                    "%d in each direction; leave --mdf-volume out",
+                    "an MDF of %d × %d texels and %d views does not fit into a 3D texture: %s "
+                    "supports %d texels in each direction; leave --mdf-volume out",
                     texture->width, texture->height, texture->n_views, gpu_renderer(), most);
         return FALSE;
     }

@@ -34,9 +34,8 @@ gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL *
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 
 /* Makes the shell of the MDF (mdf/mdf_shell.h), in an array texture with mip levels. The first call
- * takes about a second for 60 views of 64² texels. Shaders are compiled with
- * MDF_SHELL 1. After an error, the texture must be freed: the shell
- * is too large for the card. */
+ * takes about a second for 60 views of 64² texels. Shaders are compiled with MDF_SHELL 1. Fails if
+ * the shell is too large for the card. The texture must then be freed. */
 gboolean mdf_texture_make_shell(MdfTexture *texture, GError **error);
 
 /* Returns the width and height of the sample in mm. */

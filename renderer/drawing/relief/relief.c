@@ -108,8 +108,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     }
     if (from->silhouettes && !any) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "silhouettes need the material's distances, an mdf.exr: “mesorig process” "
-                    "makes it from a session with laser sweeps");
+                    "silhouettes need the material's MDF (mdf.exr): “mesorig process” makes it "
+                    "from a session with laser sweeps; or draw without silhouettes");
         return FALSE;
     }
     memcpy(relief->light, from->light, sizeof from->light);

@@ -63,11 +63,18 @@ static gboolean make(ShadowMaps *maps, int size, int n, GError **error) {
     GLint largest = 0, layers = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_LAYER) : 1)) {
+    const int most = maps->layered ? MIN(layers, SHADOW_MAPS_LAYER) : 1;
+    if (size > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d shadow maps of %d × %d: %s supports %d in each direction, and %d of them; "
-                    "choose a smaller --shadow-map or fewer lamps",
-                    n, size, size, gpu_renderer(), largest, layers);
+                    "a shadow map of %d × %d texels is not possible: %s supports %d in each "
+                    "direction; choose a smaller --shadow-map",
+                    size, size, gpu_renderer(), largest);
+        return FALSE;
+    }
+    if (n > most) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "the lamps need %d shadow maps, but %s supports %d; give fewer lamps", n,
+                    gpu_renderer(), most);
         return FALSE;
     }
     glDeleteTextures(1, &maps->texture);
@@ -187,16 +194,18 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
 }
 
 /* Computes the column-major matrix of a perspective view from the lamp through one face of its
- * maps. Everything nearer than a hundredth of the radius is cut off. The nearest plane lies close
- * to the mesh, because depths behind a near plane have few bits. */
+ * maps. Everything nearer than a hundredth of the radius is cut off. The near plane lies close to
+ * the mesh, because a near plane close to the lamp would leave few bits for the depths of the mesh.
+ */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
     shadow_maps_right(back, right);
     cross(back, right, up);
     const double distance = place_distance(lamp), tangent = lamp_tangent(lamp, radius);
+    /* distance from the lamp to the origin, along the line of sight */
     const double ahead = (double)back[0] * lamp->place[0] + (double)back[1] * lamp->place[1] +
-                         (double)back[2] * lamp->place[2]; /* of the origin */
+                         (double)back[2] * lamp->place[2];
     const double near = MAX(0.01 * radius, ahead - 1.05 * radius);
     const double far = distance + 1.05 * radius;
     const double scale = (far + near) / (far - near), shift = 2.0 * far * near / (far - near);

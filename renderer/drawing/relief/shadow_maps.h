@@ -2,7 +2,7 @@
  * Shadow maps (Wang et al. 2005 §4.2). A lamp that is infinitely far away has a parallel map. A
  * lamp with a cone of at most 75° half-angle, or a lamp without a cone at least 1.2 radii of the
  * mesh from the origin, has one perspective map. Any other near lamp has six maps, the faces of a
- * cube around it. The depth is the depth of the base of the structure, because shadows of the
+ * cube around the lamp. A map stores the depth of the base of the structure, because shadows of the
  * structure on itself are already part of the BTF.
  */
 #pragma once
@@ -43,8 +43,8 @@ int shadow_maps_layers(const struct shadow_lamp *lamps, int n, double radius);
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const struct shadow_lamp *lamps, int n,
                           GError **error);
-/* Returns the values of further_right[] in further.glsl for each lamp. Call it after
- * shadow_maps_find(). */
+/* Computes the element of further_right[] (further.glsl) of each of the n lamps. Call this function
+ * after shadow_maps_find(). */
 void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, int n, double radius,
                       float (*ret)[3]);
 void shadow_maps_forget(ShadowMaps *maps); /* shadow_maps_find() then draws all maps again */
@@ -54,7 +54,7 @@ guint shadow_maps_texture(const ShadowMaps *maps);
 /* Computes the direction of a map's +x as a unit vector. The map's +y is towards × right. */
 void shadow_maps_right(const float towards[3], float ret[3]);
 
-/* Returns the depth range of a map, for shaders, in world units: the distance towards the lamp,
- * from the plane through the origin, at depth 0; the length from depth 0 to depth 1; the depth
- * bias. */
+/* Computes three lengths for shaders, in world units. ret[0] is the distance, towards the lamp,
+ * from the plane through the origin to the plane of depth 0. ret[1] is the length from depth 0 to
+ * depth 1. ret[2] is the depth bias. */
 void shadow_maps_range(const ShadowMaps *maps, double radius, float ret[3]);

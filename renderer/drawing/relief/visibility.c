@@ -112,7 +112,7 @@ static int part_variant(const struct visibility_part *part) {
 /* A drawing pass. textures are bound to VISIBILITY_UNIT and to the next unit. names are the names
  * of their samplers. Unused elements are NULL and 0. */
 struct pass {
-    int program; /* BACK, FRONT or ADD */
+    int program; /* BACK, FRONT, SURE or ADD */
     const char *names[2];
     guint textures[2];
 };
@@ -223,7 +223,7 @@ static gboolean make_room(Visibility *v, guint32 faces) {
 }
 
 /* Draws the nearest back faces, and then the front faces behind which the ray meets the structure
- * for certain. They hide all other faces behind them. */
+ * for certain. These front faces hide all faces behind them. */
 static void find_sure(Visibility *v, const struct visibility_scene *s) {
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
@@ -277,8 +277,8 @@ static gboolean fits(guint32 faces) {
     return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
 }
 
-/* Finds the surface by lists. Returns FALSE without an error if the lists do not fit on the card;
- * the faces are then peeled instead. */
+/* Finds the surface by lists. Returns FALSE without an error if the lists do not fit on the card.
+ * The caller then peels the faces instead. */
 static gboolean list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
     if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
@@ -327,8 +327,8 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
     gboolean lists = s->options.way != VISIBILITY_PEEL && gpu_has_43();
     if (s->options.way == VISIBILITY_LISTS && !lists) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "silhouettes by lists need OpenGL 4.3, which %s does not have; without "
-                    "“=lists” they are peeled",
+                    "silhouettes by lists need OpenGL 4.3, which %s does not offer; leave “=lists” "
+                    "out, so that the silhouettes are peeled",
                     gpu_renderer());
         return FALSE;
     }

@@ -1,7 +1,7 @@
 /*
  * The visible part of a mesh at each pixel, for a material with structure. A ray may enter the mesh
- * near its contour and leave it again without meeting the structure. It then sees the surface
- * behind it (Wang et al. 2005 §4.1).
+ * near its contour and leave it again without meeting the structure. The ray then sees the surface
+ * behind (Wang et al. 2005 §4.1).
  *
  * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure.
  * A ray that only leaves sees nothing. A scene may have several meshes, which must not intersect,
@@ -32,8 +32,8 @@ struct visibility_options {
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
     /* Distances are read from volumes, as in that paper, for each part that has a volume. */
     gboolean volume;
-    /* Distances are mixed from those of the nearest views. Without straight, volume and views, rays
-     * are marched through the shell of the MDF. */
+    /* Distances are mixed from those of the nearest views. If none of straight, volume and views is
+     * set, rays are marched through the shell of the MDF. */
     gboolean views;
 };
 
@@ -71,11 +71,12 @@ Visibility *visibility_new(GError **error);
 void visibility_free(Visibility *visibility); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
 
-/* Finds the visible surface. *ret_texture is RGBA32F of width × height with the distance from the
- * eye to the mesh (for a distant eye: from a plane at the distance reach), from there along the ray
- * to the structure (to the base or nearer with base_only), from the mesh to the base of the
- * structure or the far side of the mesh, and 1. All four are 0 where nothing is seen. The texture
- * belongs to the object and is valid until the next call. */
+/* Finds the visible surface. *ret_texture is a texture of width × height, RGBA32F. R is the
+ * distance from the eye to the mesh, or for a distant eye from the plane at the distance reach. G
+ * is the distance along the ray from the mesh to the structure. With base_only, G may be the
+ * distance to the base instead. B is the distance along the ray from the mesh to the base of the
+ * structure, or to the far side of the mesh if that is nearer. A is 1. All four are 0 where nothing
+ * is seen. The texture belongs to the object and is valid until the next call. */
 gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
                          guint *ret_texture, GError **error);
 
