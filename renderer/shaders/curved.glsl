@@ -66,7 +66,7 @@ void march(inout marched m, mat2 b, vec3 mm, float dt) {
 #if CURVED
 uniform bool curved; // if FALSE, the ray ends where it enters
 const int END_STEPS = 3;
-const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and an end's view
+const float MIN_RISE = 0.3; // smallest tangent of the angle between the mesh and the v of a ray_end
 
 // The end of a ray. A straight ray into the flat sample that enters at texel, opposite to v, ends
 // at the same point.

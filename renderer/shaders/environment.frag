@@ -1,5 +1,5 @@
-// A picture of all directions. Its first row is the zenith and its middle column is +x. φ decreases
-// from left to right, as seen from inside.
+// Draws a picture of all directions as the background. Its first row is the zenith and its middle
+// column is +x. φ decreases from left to right, as seen from inside.
 uniform mat4 projection;
 uniform vec3 eye;
 uniform sampler2D environment; // radiance, as reflectance under a lamp of brightness 1

@@ -1,5 +1,5 @@
 // Draws stripes where the nearest planned view is missing; see hatching.h.
-uniform sampler2D seen_from; // directions in the local frame; the fourth is 0 for the background
+uniform sampler2D seen_from; // unit vectors in the local frame; w is 0 for the background
 uniform sampler2D missing;   // over the hemisphere: 1 where the nearest view is missing
 
 out vec4 colour;

@@ -49,7 +49,8 @@ vec3 shade(mat3 frame, vec2 x, vec3 v, vec3 p, float lit) {
     }
 #endif
 #ifdef NEAR_LAMPS
-    sum = min(sum, vec3(6e4)); // limit of half floats, because light has no limit near its lamp
+    sum = min(sum, vec3(6e4)); // below the limit of half floats: the light of a near lamp has no
+                               // limit close to the lamp
 #endif
     return sum;
 }

@@ -1,6 +1,6 @@
 // Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
 // a pixel's list of faces. The list ends at the face that sure_front.frag has found. peel_back.frag
-// and peel_front.frag find the face layer by layer.
+// and peel_front.frag find the same face without lists, layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 out vec4 seen;

@@ -1,4 +1,4 @@
-// All faces of a pixel as a linked list, in the order in which they were drawn.
+// The faces of each pixel, as a linked list that begins with the face that was drawn last.
 struct face {
     uint next;  // number of the next face, from 1; 0 if there is none
     float z;    // distance from the eye

@@ -14,7 +14,8 @@ vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
 #if LOG && AMBIENT
 // Returns the reflectance of a texel under the even sky. With logarithms it is not linear in the
-// weights, so it has its own texture. In other cases evaluate() includes the sky, and this is 0.
+// weights, so it has its own texture. In other cases evaluate() includes the sky, and this function
+// returns 0.
 vec3 sky_of(ivec2 texel, int level);
 #else
 vec3 sky_of(ivec2 texel, int level) {

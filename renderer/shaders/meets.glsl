@@ -2,8 +2,8 @@ uniform bool straight; // the mesh is taken as flat under each ray, with the sam
 
 // Returns whether a ray that enters at a front face and leaves through a back face after the
 // distance way meets the structure between them. front and back are the MDF distances from either
-// end. With straight, this is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each
-// half of the way has a separate chord.
+// end. With straight, this is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise the
+// ray must meet the structure within half of the way from one of the two ends.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }

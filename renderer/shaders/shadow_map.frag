@@ -1,5 +1,5 @@
-// The depth of the shadow map, measured from the base of the structure (Wang et al. 2005 §4.2). The
-// shadows of the structure on itself are already in the BTF.
+// Outputs the depth for a shadow map: the depth of the base of the structure (Wang et al. 2005
+// §4.2). The shadows of the structure on itself are already in the BTF.
 uniform sampler2D seen; // visibility from the light; see visibility.h
 uniform float range;
 
