@@ -51,7 +51,8 @@ void backdrop_free(Backdrop *backdrop) {
 }
 
 /* The footprint of the mesh (its lowest quarter seen from above) is modelled as a rectangle with
- * rounded corners. Their radius is 0 for a square plane, and half the width for a torus. */
+ * rounded corners. The radius of the corners is 0 for a square plane, and half the width for a
+ * torus. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
     double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
     for (guint k = 0; k < n; k++) {

@@ -18,8 +18,8 @@ static struct vec3 direction(double theta_deg, double phi_deg) {
     return vec3((double)to[0], (double)to[1], (double)to[2]);
 }
 
-/* The axes of the picture. Its vertical axis leans with the elevation, so that it is never along
- * the line of sight. */
+/* Returns the axes of the picture. The vertical axis is perpendicular to the line of sight, even if
+ * the camera looks straight down. */
 static struct axes camera_axes(const struct viewer_settings *s) {
     struct axes axes;
     axes.back = direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
@@ -45,7 +45,8 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     const struct vec3 centre = vec3_add(vec3_scale(axes.right, s->camera_pan[0] * radius),
                                         vec3_scale(axes.up, s->camera_pan[1] * radius));
     const struct vec3 eye = vec3_add(centre, vec3_scale(axes.back, distance));
-    /* The rows of the matrix; their fourth values are −row · eye. */
+    /* The first three values of each row of the matrix. The fourth is −row · eye, and in the third
+     * row a constant is added to it. */
     const struct vec3 rows[4] = {
         vec3_scale(axes.right, 1.0 / half_x), vec3_scale(axes.up, 1.0 / half_y),
         vec3_scale(axes.back, (near + far) * depth), vec3_scale(axes.back, -1.0)};
@@ -61,10 +62,11 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     ret_eye[2] = (float)eye.z;
 }
 
-/* With the camera at distance d and pan c, a point is inside the picture if |x − c| ≤ k (d − z). x
- * is its coordinate along one axis of the picture, z its coordinate towards the camera, and k the
- * tangent of half the field of view. The smallest d and its c follow from the maxima of x + k z
- * (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
+/* The bounds of the points along one axis of the picture, as camera_fit() needs them. x is the
+ * coordinate of a point along this axis, and z towards the camera. The point is inside the picture
+ * if |x − c| ≤ k (d − z). Here d is the distance of the camera, c its pan, and k the tangent of
+ * half the field of view. high is the maximum of x + k z over all points, and low the maximum of −x
+ * + k z. The smallest distance is therefore d = (high + low) / 2k, with c = (high − low) / 2. */
 struct extent {
     double high, low;
 };
@@ -79,9 +81,9 @@ static struct vec3 point(const float *points, guint i) {
     return vec3((double)p[0], (double)p[1], (double)p[2]);
 }
 
-/* Refines the pan so that the projected points are centred: perspective shrinks distant parts, so
- * that along the axis that does not fill the picture, the middle of the points would not lie in the
- * middle of the picture. */
+/* Returns the pan along one axis of the picture at which the points, in perspective, extend equally
+ * far to both sides of the middle. Begins with `pan`. The pan that follows from struct extent has
+ * this property only along the axis in which the points fill the picture. */
 static double camera_centre(const float *points, guint n, struct vec3 axis, struct vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {

@@ -120,13 +120,19 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
                               exr_part_plane(part, "B")};
     g_autofree float *rgb = g_new0(float, 3 * n);
     if (!planes[0] || !planes[1] || !planes[2]) {
-        refuse(path, "channel R, G or B is missing", error);
+        g_autofree char *missing = g_strdup_printf("channel %s is missing", !planes[0]   ? "R"
+                                                                            : !planes[1] ? "G"
+                                                                                         : "B");
+        refuse(path, missing, error);
         return NULL;
     }
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
         if (!(rgb[k] >= 0.0f && rgb[k] <= MAX_RADIANCE)) {
-            refuse(path, "a radiance is negative, above 1e30 or not a number", error);
+            g_autofree char *bad =
+                g_strdup_printf("the radiance of pixel (%zu, %zu) is %g, not within 0 … 1e30",
+                                k / 3 % part->width, k / 3 / part->width, (double)rgb[k]);
+            refuse(path, bad, error);
             return NULL;
         }
     }
@@ -139,8 +145,9 @@ struct environment *environment_read(const char *path, GError **error) {
     if (part == NULL)
         return NULL;
     float *rgb = NULL;
+    g_autofree char *size = g_strdup_printf("it has %d × %d pixels", part->width, part->height);
     if (part->width != 2 * part->height)
-        refuse(path, "its width is not twice its height", error);
+        refuse(path, size, error);
     else if (part->outside > 0)
         refuse(path,
                "it is cropped: its data window is smaller than its display window; "
@@ -166,8 +173,9 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
     const int most = VIEWER_MAX_LAMPS - (settings->light_distance > 0.0); /* see lamp_settings() */
     if (settings->n_lamps >= most) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "%d lamps leave no room for the environment; give fewer lamps",
-                    settings->n_lamps);
+                    "the environment needs at least one lamp, but all %d lamps that are possible "
+                    "in addition to the first are in use; give fewer lamps",
+                    most);
         return FALSE;
     }
     const int room = most - settings->n_lamps;
@@ -175,7 +183,7 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
                                     MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the environment map is black everywhere; choose another one");
+                    "the environment map is black everywhere; choose another environment map");
         return FALSE;
     }
     for (int k = 0; k < n; k++)

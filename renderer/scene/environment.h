@@ -30,8 +30,8 @@ void environment_free(struct environment *environment); /* NULL is ignored */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds the lamps of the environment to the settings, at most environment_lamps of them, turned by
- * environment_turn_deg. Fails, and changes nothing, if the environment is black or the settings
- * have no room for a lamp. */
+/* Adds the lamps of the environment to the settings, at most settings->environment_lamps, turned by
+ * settings->environment_turn_deg. Fails, and changes nothing, if the environment is black or the
+ * settings have no room for a lamp. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

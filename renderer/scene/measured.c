@@ -32,8 +32,10 @@ static float *read_measured(const Reference *reference, const struct measured *m
     g_autofree float *rgba = g_new(float, 4 * texels);
     if (all == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "there is no memory for a view of %d lights of %d × %d texels", info.n_lights,
-                    info.width, info.height);
+                    "a view of %d lights and %d × %d texels needs %.1f GiB of memory, which the "
+                    "system refused; close other programs",
+                    info.n_lights, info.width, info.height,
+                    3.0 * sizeof(float) * texels * info.n_lights / (1 << 30));
         return NULL;
     }
     if (!reference_read_view(reference, m->view, all, error))

@@ -9,12 +9,13 @@ struct measured {
     float view_theta_deg, view_phi_deg, light_theta_deg, light_phi_deg;
     int width, height; /* of the picture */
     guint8 *rgb;       /* side by side: measured, drawn, four times the difference around grey */
-    double error;      /* ‖drawn − measured‖ / ‖measured‖ of linear reflectances */
+    double error; /* ‖drawn − measured‖ / ‖measured‖ of linear reflectances; 0 if the measured
+                     picture is black */
 };
 
-/* Finds the measured frame that is nearest to the directions of camera and light over a horizontal
- * plane, and draws the comparison. Each texel is drawn as n × n pixels. n is the largest
- * number for which the three panels fit into width, but at least 1. */
+/* Finds the measured picture whose view and light are nearest to the directions of the camera and
+ * the first lamp, for a horizontal sample, and draws the comparison. Each texel is drawn as n × n
+ * pixels. n is the largest number for which the three panels fit into width, but at least 1. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

@@ -101,7 +101,8 @@ static gboolean reference_read_direction(const struct exr_part *part, const char
     if (btf_direction(part, of, ret_theta, ret_phi))
         return TRUE;
     g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                "part %s: an angle of its %s is missing or is not a number", part->name, of);
+                "part %s: the attribute %s.theta_deg or %s.phi_deg is missing or not a number",
+                part->name, of, of);
     return FALSE;
 }
 
@@ -163,8 +164,9 @@ Reference *reference_open(const char *btf, GError **error) {
             g_ptr_array_add(r->files, g_build_filename(btf, name, NULL));
     g_ptr_array_sort(r->files, compare_names);
     if (r->files->len == 0) {
-        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
-                    "there is no BTF in %s; run “mesorig process” on the session first", btf);
+        g_set_error(
+            error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
+            "there is no BTF (view_….exr) in %s; run “mesorig process” on the session first", btf);
         return NULL;
     }
     for (guint k = 0; k < r->files->len; k++)
@@ -501,8 +503,10 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     s->sky = sky;
     if (layers == NULL) {
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                    "there is no memory for a view of %u lights of %d × %d texels", r->names->len,
-                    r->width, r->height);
+                    "a view of %u lights and %d × %d texels needs %.1f GiB of memory, which the "
+                    "system refused; close other programs",
+                    r->names->len, r->width, r->height,
+                    (double)s->layer_size * sizeof(float) * (r->names->len + 2) / (1 << 30));
         return FALSE;
     }
     work_for_each(0, PARTS, reference_prepare, s);
@@ -677,9 +681,9 @@ static gboolean shade_material_number(Reference *r, int number, struct shading *
     shading->endless =
         number == 0 ? viewer_endless(viewer, shading->settings, &shading->lattice) : NULL;
     if ((index != NULL || shading->endless != NULL) && r->reprojection != NULL) {
-        g_set_error(
-            error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-            "a picture along the surface repeats the sample; leave out --index and --endless");
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "a picture along the surface can only repeat the sample; leave out --index and "
+                    "--endless");
         return FALSE;
     }
     shading->reference = r;

@@ -320,8 +320,9 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
     const struct mesh_part whole = {0, mesh->n_indices, 0};
     if (mesh->n_parts > VISIBILITY_MAX_PARTS) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%s: the shape has %u parts, but at most %d can be drawn", mesh->name,
-                    mesh->n_parts, VISIBILITY_MAX_PARTS);
+                    "%s: the shape has %u parts, but at most %d can be drawn; join parts of the "
+                    "same material",
+                    mesh->name, mesh->n_parts, VISIBILITY_MAX_PARTS);
         return FALSE;
     }
     g_free(viewer->parts);

@@ -28,8 +28,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
 
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error);
 gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path, GError **error);
-/* Sets the material that the method has opened. If it succeeds, it takes ownership of the
- * material. */
+/* Sets a material that the method has opened. Takes ownership of the material if it succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
 /* Sets the mesh and copies the parts. A part without an added material shows the main material. */

@@ -59,10 +59,11 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         const struct viewer_lamp *l = &s->lamps[k];
         if (!(l->distance >= 0.0 && l->distance <= 1000.0 && l->cone_deg >= 0.0 &&
               l->cone_deg <= 90.0 && l->inner_deg >= 0.0 && l->inner_deg <= 90.0)) {
-            g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                        "further lamp %d: its distance is %g, its cone is %g and its inner cone is "
-                        "%g; the distance must be 0 … 1000, and the cones must be 0 … 90°",
-                        k + 1, l->distance, l->cone_deg, l->inner_deg);
+            g_set_error(
+                error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "further lamp %d has the distance %g, the cone %g° and the inner cone %g°; the "
+                "distance must be within 0 … 1000 radii of the mesh, and both cones within 0 … 90°",
+                k + 1, l->distance, l->cone_deg, l->inner_deg);
             return FALSE;
         }
     }

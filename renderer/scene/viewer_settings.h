@@ -36,7 +36,8 @@ struct viewer_settings {
     double camera_fov_deg;                 /* of the shorter side of the picture */
     double light_theta_deg, light_phi_deg; /* direction of the first lamp from the origin */
     double lamp;                           /* brightness of the first lamp */
-    /* Distance and cone of this light as in struct viewer_lamp. The light aims at the origin. */
+    /* Distance and cone of the first lamp, as in struct viewer_lamp. The cone aims at the origin.
+     */
     double light_distance, light_cone_deg, light_inner_deg;
     int n_lamps; /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];

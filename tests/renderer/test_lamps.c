@@ -183,10 +183,10 @@ TEST(files) {
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "sky.exr", NULL);
     check_file(path, 8, 4, 3, NULL);
-    check_file(path, 8, 5, 3, "not twice its height");
+    check_file(path, 8, 5, 3, "it has 8 × 5 pixels");
     check_file(path, 8, 4, 0, "black");
-    check_file(path, 8, 4, NAN, "negative, above 1e30 or not a number");
-    check_file(path, 8, 4, -1, "negative, above 1e30 or not a number");
+    check_file(path, 8, 4, NAN, "is nan, not within 0 … 1e30");
+    check_file(path, 8, 4, -1, "is -1, not within 0 … 1e30");
     g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     g_autoptr(GError) error = NULL;
     g_assert_null(environment_read(path, &error));

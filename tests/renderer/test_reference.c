@@ -177,7 +177,7 @@ TEST(bad) {
     write_view(GREY, m, 2, dir);
     g_assert_null(reference_open(dir, &lost));
     g_assert_error(lost, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
-    g_assert_nonnull(strstr(lost->message, "view_0002.exr: part light_0000: an angle of its view"));
+    g_assert_nonnull(strstr(lost->message, "view_0002.exr: part light_0000: the attribute view."));
     m->layout.lights.n = 3;
     write_view(GREY, m, 2, dir); /* a light is missing */
     eigenmaps_free(m);

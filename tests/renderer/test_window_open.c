@@ -83,7 +83,7 @@ TEST(start) {
         type_path(&u, "o", second);
         user_wait_for_title(&u, then);
         g_autofree char *err = user_leave(&u);
-        g_assert_nonnull(strstr(err, "there is no /nonexistent"));
+        g_assert_nonnull(strstr(err, "there is no file or folder /nonexistent"));
         bookmarks = g_bookmark_file_new();
         g_assert_true(g_bookmark_file_load_from_file(bookmarks, list, &error));
         g_assert_true(g_bookmark_file_has_application(bookmarks, other, "mesorig-view", NULL));
