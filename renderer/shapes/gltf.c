@@ -61,7 +61,8 @@ static gboolean add_triangle(struct reader *r, const struct gltf_transform *p,
     const gboolean turned = gltf_determinant(p) < 0.0;
     if (r->soup->corners->len >= SOUP_MAX_CORNERS || r->soup->positions->len >= SCENE_MAX_VERTICES)
         return gltf_fail(r->gltf, SCENE_ERROR_TOO_LARGE, error,
-                         "it has too many triangles; simplify the mesh");
+                         "it has more than %d triangles or %d vertices; simplify the mesh",
+                         SOUP_MAX_CORNERS / 3, SCENE_MAX_VERTICES);
     for (int c = 0; c < 3; c++) {
         const gsize k = at[turned ? 2 - c : c];
         gint32 v = (gint32)(first + k);
@@ -83,7 +84,8 @@ static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
     const gsize n = a->of[INDICES] != NULL ? a->of[INDICES]->len : n_vertices;
     const guint first = r->soup->positions->len;
     if (first + n_vertices > SCENE_MAX_VERTICES)
-        return gltf_fail(r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
+        return gltf_fail(r->gltf, SCENE_ERROR_TOO_LARGE, error,
+                         "it has more than %d vertices; simplify the mesh", SCENE_MAX_VERTICES);
     for (gsize k = 0; a->of[NORMAL] != NULL && k < n_vertices; k++)
         add_vertex(r, p, a, k);
     for (gsize k = 0; k + 2 < n; k += mode == 4 ? 3 : 1) {
@@ -96,7 +98,10 @@ static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
         for (int c = 0; c < 3 && a->of[INDICES] != NULL; c++)
             at[c] = g_array_index(a->of[INDICES], guint32, at[c]);
         if (MAX(MAX(at[0], at[1]), at[2]) >= n_vertices)
-            return gltf_bad(r->gltf, error, "an index names a vertex that does not exist");
+            return gltf_bad(r->gltf, error,
+                            "an index names vertex %zu, but the primitive has %zu vertices, "
+                            "counted from 0; export the file again",
+                            MAX(MAX(at[0], at[1]), at[2]), n_vertices);
         if (!add_triangle(r, p, a, first, at, error))
             return FALSE;
     }
@@ -114,14 +119,18 @@ static gboolean read_attributes(struct reader *r, JsonObject *primitive, struct 
                 NULL)
             return FALSE;
     if (a->of[POSITION] == NULL)
-        return gltf_bad(r->gltf, error, "a primitive has no positions");
+        return gltf_bad(r->gltf, error,
+                        "a primitive has no positions (POSITION); export the file again");
     if (a->of[UV] == NULL && !r->bare)
         return gltf_fail(
             r->gltf, SCENE_ERROR_NO_TEXTURE, error,
             "a mesh has no texture coordinates (TEXCOORD_0); unwrap it and save it again");
     for (int k = 1; k < N_ATTRIBUTES; k++)
         if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
-            return gltf_bad(r->gltf, error, "the attributes of a primitive have different lengths");
+            return gltf_bad(r->gltf, error,
+                            "the attribute %s of a primitive has %u elements, but its POSITION has "
+                            "%u; export the file again",
+                            names[k], a->of[k]->len / n_numbers[k], a->of[POSITION]->len / 3);
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
     a->of[INDICES] = gltf_indices(r->gltf, gltf_int(primitive, "indices", -1), error);
@@ -137,7 +146,10 @@ gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
     if (mode >= 0 && mode < 4) /* points and lines have no surface */
         return TRUE;
     if (mode < 0 || mode > 6)
-        return gltf_bad(gltf, error, "a primitive has no known mode");
+        return gltf_bad(gltf, error,
+                        "a primitive has the mode %" G_GINT64_FORMAT
+                        "; 0 to 6 are known; export the file again",
+                        mode);
     const gboolean good =
         read_attributes(&r, primitive, &a, error) && add_triangles(&r, p, &a, mode, error);
     for (gsize k = 0; k < G_N_ELEMENTS(a.of); k++)
@@ -150,7 +162,10 @@ gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, 
     const float *values = (const float *)(const void *)soup->positions->data;
     for (gsize k = 0; k < 3 * (gsize)soup->positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))
-            return gltf_bad(gltf, error, "a node puts its mesh infinitely far away");
+            return gltf_bad(gltf, error,
+                            "a coordinate is %g after the transforms of the nodes, but must be "
+                            "within ±1e18; correct the nodes' scales and translations",
+                            (double)values[k]);
     return TRUE;
 }
 
@@ -182,7 +197,7 @@ struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error)
                     gltf_visit(&gltf, whole_visit, &whole, error) &&
                     gltf_check_positions(&gltf, &whole.soup, error);
     if (good && whole.soup.polygons->len == 0)
-        good = gltf_bad(&gltf, error, "there is no triangle in this file");
+        good = gltf_bad(&gltf, error, "the scene has no triangles; export at least one mesh");
     if (good)
         mesh = soup_mesh(&whole.soup, path, path, TRUE, error);
     gltf_clear(&gltf);

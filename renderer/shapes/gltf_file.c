@@ -57,7 +57,10 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
     JsonNode *node = k >= 0 && k < n ? json_array_get_element(items, (guint)k) : NULL;
     if (node != NULL && JSON_NODE_HOLDS_OBJECT(node))
         return json_node_get_object(node);
-    gltf_bad(gltf, error, "there is no entry %" G_GINT64_FORMAT " in its %s", k, array);
+    gltf_bad(gltf, error,
+             "there is no entry %" G_GINT64_FORMAT
+             " in the array “%s”, which has %u entries, counted from 0; export the file again",
+             k, array, n);
     return NULL;
 }
 
@@ -81,18 +84,23 @@ static int depth_of(const char *text, gsize length) {
 
 static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError **error) {
     g_autoptr(GError) why = NULL;
-    if (depth_of(text, length) > MAX_DEPTH)
-        return gltf_bad(gltf, error, "its JSON is nested too deeply");
+    const int nested = depth_of(text, length);
+    if (nested > MAX_DEPTH)
+        return gltf_bad(gltf, error, "its JSON is nested %d deep, but at most %d is read", nested,
+                        MAX_DEPTH);
     gltf->parser = json_parser_new_immutable();
     if (!json_parser_load_from_data(gltf->parser, text, (gssize)length, &why))
-        return gltf_bad(gltf, error, "not glTF: %s", why->message);
+        return gltf_bad(gltf, error, "not glTF, because its JSON cannot be parsed: %s",
+                        why->message);
     JsonNode *root = json_parser_get_root(gltf->parser);
     JsonObject *asset = root != NULL && JSON_NODE_HOLDS_OBJECT(root)
                             ? gltf_object(gltf->root = json_node_get_object(root), "asset")
                             : NULL;
     const char *version = asset != NULL ? gltf_string(asset, "version") : NULL;
     if (version == NULL || !g_str_has_prefix(version, "2."))
-        return gltf_bad(gltf, error, "not glTF of version 2");
+        return gltf_bad(gltf, error,
+                        "not glTF of version 2: asset.version is “%s”; export it as glTF 2.0",
+                        version != NULL ? version : "");
     JsonArray *required = gltf_array(gltf->root, "extensionsRequired");
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
@@ -117,13 +125,26 @@ static guint32 word(const guint8 *bytes) {
 static gboolean parse_binary(struct gltf *gltf, GBytes *file, GError **error) {
     gsize size;
     const guint8 *bytes = g_bytes_get_data(file, &size);
-    if (size < 20 || word(bytes + 4) != 2 || word(bytes + 8) > size || word(bytes + 16) != JSON ||
-        word(bytes + 12) > size - 20)
-        return gltf_bad(gltf, error, "truncated, or not binary glTF of version 2");
+    if (size < 20)
+        return gltf_bad(gltf, error, "truncated: it has only %zu bytes; copy the file again", size);
+    if (word(bytes + 4) != 2)
+        return gltf_bad(gltf, error,
+                        "not binary glTF of version 2, but of version %u; export it as glTF 2.0",
+                        word(bytes + 4));
+    if (word(bytes + 16) != JSON)
+        return gltf_bad(gltf, error, "its first chunk is not JSON; export the file again");
+    if (word(bytes + 8) > size || word(bytes + 12) > size - 20)
+        return gltf_bad(gltf, error,
+                        "truncated: its header names %u bytes with %u of JSON, but it has %zu; "
+                        "copy the file again",
+                        word(bytes + 8), word(bytes + 12), size);
     const gsize length = word(bytes + 12), next = 20 + length;
     if (next + 8 <= size && word(bytes + next + 4) == BINARY) {
         if (word(bytes + next) > size - next - 8)
-            return gltf_bad(gltf, error, "truncated: its buffer is not whole");
+            return gltf_bad(gltf, error,
+                            "truncated: its binary chunk should have %u bytes, but %zu are left; "
+                            "copy the file again",
+                            word(bytes + next), size - next - 8);
         gltf->binary = g_bytes_new_from_bytes(file, next + 8, word(bytes + next));
     }
     return parse(gltf, (const char *)bytes + 20, length, error);
@@ -168,7 +189,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     if (g_str_has_prefix(uri, "data:")) {
         gsize size = 0;
         if (comma == NULL || comma - uri < 7 || strncmp(comma - 7, ";base64", 7) != 0) {
-            gltf_bad(gltf, error, "a data URI is not in base64");
+            gltf_bad(gltf, error, "a data URI is not in base64; export the file again");
             return NULL;
         }
         guint8 *bytes = g_base64_decode(comma + 1, &size);
@@ -178,7 +199,9 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     g_autofree char *folder = g_path_get_dirname(gltf->path);
     if (name == NULL || g_path_is_absolute(name) || strstr(name, "..") != NULL ||
         strstr(name, ":") != NULL) {
-        gltf_bad(gltf, error, "its %s is not a file in its folder, and no other file is opened",
+        gltf_bad(gltf, error,
+                 "it names the file “%s”, but only files in its own folder are opened; export it "
+                 "again with all files in one folder",
                  uri);
         return NULL;
     }
@@ -199,7 +222,8 @@ static GBytes *buffer_at(struct gltf *gltf, gint64 k, GError **error) {
     else if (k == 0 && gltf->binary != NULL)
         bytes = g_bytes_ref(gltf->binary);
     else
-        gltf_bad(gltf, error, "buffer %d has no bytes", (int)k);
+        gltf_bad(gltf, error,
+                 "buffer %d has neither a URI nor a binary chunk; export the file again", (int)k);
     gltf->buffers->pdata[k] = bytes;
     return bytes;
 }
@@ -216,7 +240,9 @@ GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error) {
     const gint64 from = gltf_int(view, "byteOffset", 0), n = gltf_int(view, "byteLength", -1);
     const gint64 size = (gint64)g_bytes_get_size(buffer);
     if (from < 0 || n < 0 || from > size || n > size - from) {
-        gltf_bad(gltf, error, "truncated: image %d lies outside its buffer", (int)k);
+        gltf_bad(gltf, error,
+                 "truncated: image %d lies outside its buffer; copy or export the file again",
+                 (int)k);
         return NULL;
     }
     return g_bytes_new_from_bytes(buffer, (gsize)from, (gsize)n);
@@ -244,17 +270,21 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
     const gint64 size = (gint64)g_bytes_get_size(buffer);
     if (view_from < 0 || view_size < 0 || view_from > size || view_size > size - view_from)
         return gltf_bad(gltf, error,
-                        "truncated: a view of %" G_GINT64_FORMAT " bytes from %" G_GINT64_FORMAT
-                        " on lies outside its buffer of %" G_GINT64_FORMAT,
+                        "truncated: a buffer view of %" G_GINT64_FORMAT
+                        " bytes from byte %" G_GINT64_FORMAT
+                        " on lies outside its buffer of %" G_GINT64_FORMAT
+                        " bytes; copy or export the file again",
                         view_size, view_from, size);
     if (from < 0 || stride < element || stride > 65536 || from > view_size ||
         (ret->n > 0 && (gint64)(ret->n - 1) * stride + element > view_size - from))
         return gltf_bad(gltf, error,
-                        "the %" G_GSIZE_FORMAT " values of accessor %d lie outside its buffer view",
+                        "the %" G_GSIZE_FORMAT
+                        " values of accessor %d lie outside its buffer view; export the file again",
                         ret->n, (int)k);
     const guint8 *start = g_bytes_get_data(buffer, NULL);
     if (start == NULL)
-        return gltf_bad(gltf, error, "accessor %d: its buffer is empty", (int)k);
+        return gltf_bad(gltf, error, "the buffer of accessor %d is empty; export the file again",
+                        (int)k);
     ret->bytes = start + view_from + from;
     ret->stride = (gsize)stride;
     return TRUE;
@@ -276,10 +306,15 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
     JsonNode *normalized = json_object_get_member(accessor, "normalized");
     ret->normalized = normalized != NULL && JSON_NODE_HOLDS_VALUE(normalized) &&
                       json_node_get_boolean(normalized);
-    if (ret->size == 0 || g_strcmp0(gltf_string(accessor, "type"), shapes[n_components - 1]) != 0)
+    const char *shape = gltf_string(accessor, "type");
+    if (ret->size == 0)
         return gltf_bad(gltf, error,
-                        "accessor %d is not of type %s, or its component type is not known", (int)k,
-                        shapes[n_components - 1]);
+                        "accessor %d has the unknown component type %d; export the file again",
+                        (int)k, type);
+    if (g_strcmp0(shape, shapes[n_components - 1]) != 0)
+        return gltf_bad(gltf, error,
+                        "accessor %d is of type %s, but %s is needed; export the file again",
+                        (int)k, shape != NULL ? shape : "“”", shapes[n_components - 1]);
     if (gltf_object(accessor, "sparse") != NULL)
         return gltf_bad(
             gltf, error,
@@ -287,8 +322,9 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
             (int)k);
     if (n < 0 || n > SOUP_MAX_CORNERS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
-                         "the count of accessor %d is missing or not 0 to %d", (int)k,
-                         SOUP_MAX_CORNERS);
+                         "accessor %d has the count %" G_GINT64_FORMAT
+                         " (−1 if it is missing), but must have 0 to %d",
+                         (int)k, n, SOUP_MAX_CORNERS);
     ret->n = (gsize)n;
     return find_bytes(gltf, k, accessor, ret, error);
 }
@@ -327,8 +363,9 @@ GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError
                                                                (gsize)c * (gsize)numbers.size);
             if (!(fabsf(value) <= 1e18f)) {
                 gltf_bad(gltf, error,
-                         "value %" G_GSIZE_FORMAT " of accessor %d is not a finite number", k,
-                         (int)accessor);
+                         "element %zu of accessor %d is %g, but must be within ±1e18; export the "
+                         "file again",
+                         k, (int)accessor, (double)value);
                 return NULL;
             }
             g_array_append_val(floats, value);
@@ -341,7 +378,10 @@ GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error) {
     if (!find_numbers(gltf, accessor, 1, &numbers, error) || numbers.bytes == NULL)
         return NULL;
     if (numbers.type != 5121 && numbers.type != 5123 && numbers.type != 5125) {
-        gltf_bad(gltf, error, "indices of accessor %d are not unsigned integers", (int)accessor);
+        gltf_bad(gltf, error,
+                 "the indices in accessor %d have the component type %d, but must be unsigned "
+                 "integers (5121, 5123 or 5125); export the file again",
+                 (int)accessor, numbers.type);
         return NULL;
     }
     numbers.normalized = FALSE;

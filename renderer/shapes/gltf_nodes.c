@@ -104,15 +104,19 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
             return FALSE;
         if (level > MAX_LEVEL)
             return gltf_bad(walk->gltf, error,
-                            "its nodes form a cycle, or are nested more than %d deep", MAX_LEVEL);
+                            "its nodes form a cycle, or are nested more than %d deep; correct or "
+                            "simplify the hierarchy",
+                            MAX_LEVEL);
         if (++walk->n_visited > MAX_NODES)
             return gltf_bad(walk->gltf, error,
-                            "its nodes form a cycle, or there are more than %d of them", MAX_NODES);
+                            "its nodes form a cycle, or there are more than %d nodes; correct or "
+                            "simplify the hierarchy",
+                            MAX_NODES);
         const struct gltf_transform own = transform(node);
         const struct gltf_transform p = product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);
         if (mesh < 0 && json_object_has_member(node, "mesh"))
-            mesh = G_MAXINT; /* no file has so many meshes, so using it gives an error */
+            mesh = G_MAXINT; /* no file has so many meshes, so that using it gives an error */
         if (!walk->visit(walk->gltf, &p, node, mesh, walk->data, error) ||
             !visit_nodes(walk, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;
@@ -142,7 +146,10 @@ gboolean gltf_each_primitive(struct gltf *gltf, gint64 k, GltfUse use, gpointer 
     for (guint i = 0; primitives != NULL && i < json_array_get_length(primitives); i++) {
         JsonNode *node = json_array_get_element(primitives, i);
         if (!JSON_NODE_HOLDS_OBJECT(node))
-            return gltf_bad(gltf, error, "a primitive is not an object");
+            return gltf_bad(gltf, error,
+                            "primitive %u of mesh %" G_GINT64_FORMAT
+                            " is not a JSON object; export the file again",
+                            i, k);
         if (!use(gltf, json_node_get_object(node), data, error))
             return FALSE;
     }

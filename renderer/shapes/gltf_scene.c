@@ -54,8 +54,8 @@ static struct gltf_material read_material(JsonObject *from) {
     return ret;
 }
 
-/* Reads the base colour texture of a material. Returns FALSE if the file names a texture or picture
- * that cannot be read. */
+/* Reads the base colour texture of a material. Returns FALSE with an error if the file names a
+ * texture or picture that cannot be read. */
 static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct gltf_material *ret,
                              GError **error) {
     static const char *const axes[2] = {"wrapS", "wrapT"};
@@ -136,7 +136,9 @@ static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, g
     node_position(p, camera.eye);
     if (!node_axis(p, 0, 1.0, camera.right) || !node_axis(p, 1, 1.0, camera.up) ||
         !node_axis(p, 2, 1.0, camera.back))
-        return gltf_bad(gltf, error, "a camera's node is scaled to nothing");
+        return gltf_bad(
+            gltf, error,
+            "the node of a camera has the scale 0 along an axis; give it another scale");
     scene->camera = camera;
     scene->has_camera = TRUE;
     return TRUE;
@@ -151,7 +153,10 @@ static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gin
                          ? json_array_get_element(lamps, (guint)k)
                          : NULL;
     if (node == NULL || !JSON_NODE_HOLDS_OBJECT(node))
-        return gltf_bad(gltf, error, "there is no lamp %d in its KHR_lights_punctual", (int)k);
+        return gltf_bad(gltf, error,
+                        "a node names lamp %d, but KHR_lights_punctual has %u lamps, counted from "
+                        "0; export the file again",
+                        (int)k, lamps != NULL ? json_array_get_length(lamps) : 0);
     JsonObject *from = json_node_get_object(node), *cone = gltf_object(from, "spot");
     const char *type = gltf_string(from, "type");
     float rgb[3] = {1.0F, 1.0F, 1.0F};
@@ -161,14 +166,18 @@ static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gin
     while (kind < 3 && g_strcmp0(type, kinds[kind]) != 0)
         kind++;
     if (kind == 3)
-        return gltf_bad(gltf, error, "lamp %d is neither directional nor point nor spot", (int)k);
+        return gltf_bad(gltf, error,
+                        "lamp %d has the type “%s”, but must be directional, point or spot", (int)k,
+                        type != NULL ? type : "");
     lamp.kind = (enum gltf_lamp_kind)kind;
     read_colour(from, "color", 3, 1.0, 1.0, rgb);
     for (int c = 0; c < 3; c++)
         lamp.rgb[c] = rgb[c] * number(from, "intensity", 1.0, 0.0, 1e12);
     node_position(p, lamp.position);
     if (!node_axis(p, 2, -1.0, lamp.towards))
-        return gltf_bad(gltf, error, "a lamp's node is scaled to nothing");
+        return gltf_bad(
+            gltf, error,
+            "the node of lamp %d has the scale 0 along its z axis; give it another scale", (int)k);
     g_array_append_val(scene->lamps, lamp);
     return TRUE;
 }
@@ -178,8 +187,8 @@ static gboolean part_check(const struct gltf *gltf, const struct mesh *mesh, GEr
         for (int c = 0; c < 3; c++)
             if (!(fabs((double)mesh->vertices[k].position[c]) <= GLTF_SCENE_MAX_LENGTH))
                 return gltf_bad(gltf, error,
-                                "a vertex is %g from the origin; scale the scene so that it lies "
-                                "within %g",
+                                "a vertex has the coordinate %g; scale the scene so that all "
+                                "coordinates lie within ±%g",
                                 (double)mesh->vertices[k].position[c], GLTF_SCENE_MAX_LENGTH);
     return TRUE;
 }
@@ -190,7 +199,9 @@ static gboolean part_add(struct gltf *gltf, JsonObject *primitive, gpointer data
     JsonObject *attributes = gltf_object(primitive, "attributes");
     const gint64 material = gltf_int(primitive, "material", -1);
     if (material < -1 || material >= (gint64)scene->materials->len)
-        return gltf_bad(gltf, error, "a primitive names material %" G_GINT64_FORMAT " of %u",
+        return gltf_bad(gltf, error,
+                        "a primitive names material %" G_GINT64_FORMAT
+                        ", but the file has %u materials, counted from 0; export the file again",
                         material, scene->materials->len);
     if (scene->parts->len >= MAX_PARTS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error, "it has more than %d parts; join some",
@@ -263,7 +274,7 @@ struct gltf_scene *gltf_scene_read(const char *path, GError **error) {
     for (guint k = 0; good && k < scene->parts->len; k++)
         n += ((struct gltf_part *)scene->parts->pdata[k])->mesh->n_indices;
     if (good && n == 0)
-        good = gltf_bad(&gltf, error, "there is no triangle in this file");
+        good = gltf_bad(&gltf, error, "the scene has no triangles; export at least one mesh");
     gltf_clear(&gltf);
     if (!good)
         g_clear_pointer(&scene, gltf_scene_free);

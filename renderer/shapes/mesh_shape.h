@@ -9,9 +9,9 @@
 struct vertex_shape {
     /* |dP/du| and |dP/dv|: the length of a step of 1 in u or v (s of Wang et al. 2005). */
     float scale[2];
-    /* Second fundamental form (L, M, N) along tangent and bitangent. The normal curvature along
-     * the unit direction (a, b) is L a² + 2 M a b + N b². It is positive where the surface bends
-     * away. */
+    /* Second fundamental form (L, M, N) along tangent and bitangent. The normal curvature along the
+     * unit direction (a, b) is L a² + 2 M a b + N b². This curvature is positive where the surface
+     * bends away from its normal. */
     float bend[3];
     /* Gradients of ln scale[0] and of ln scale[1] along tangent and bitangent, per unit of length:
      * (∂ ln scale[0] / ∂t, ∂ ln scale[0] / ∂b, ∂ ln scale[1] / ∂t, ∂ ln scale[1] / ∂b) */

@@ -124,8 +124,8 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (strchr(" \t\r\n", *text) == NULL)
             return obj_bad(obj, error, "v/vt/vn is expected here");
         if (++n > MAX_CORNERS)
-            return fail(obj, SCENE_ERROR_TOO_LARGE, error, "this face has more than %d corners",
-                        MAX_CORNERS);
+            return fail(obj, SCENE_ERROR_TOO_LARGE, error,
+                        "this face has more than %d corners; triangulate the mesh", MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)

@@ -262,8 +262,8 @@ struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
     if (g_str_has_suffix(lower, ".gltf") || g_str_has_suffix(lower, ".glb"))
         return scene_read_gltf(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
-                "“%s” is not a shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
-                ".obj, .gltf or .glb file",
+                "“%s” is not a shape; give plane, torus, sphere, cylinder, torus-knot or the path "
+                "of an .obj, .gltf or .glb file",
                 name);
     return NULL;
 }

@@ -208,7 +208,8 @@ struct mesh *scene_read_parts(const char *path, const struct scene_binding *bind
         for (guint material = 0; material <= n; material++)
             parts_append(&p, (int)material, of_floor, mesh);
     if (!(mesh->radius > 0.0F)) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT, "%s: all positions are the same", path);
+        g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
+                    "%s: all positions are the same; export objects that have a size", path);
         g_clear_pointer(&mesh, mesh_free);
     }
     return mesh;

@@ -4,8 +4,9 @@
  * material 0.
  *
  * Lengths are as in the file. z is up, and the middle of the box around the objects becomes the
- * origin. A mesh is the floor if it is flat, lies in the lower half, faces up and reaches as far as
- * everything else on all sides, unless there is no other mesh.
+ * origin. A mesh belongs to the floor if it is flat, faces up, lies in the lower half of the box
+ * around all meshes, and reaches to all four sides of that box. If this is true of all meshes,
+ * there is no floor.
  */
 #pragma once
 

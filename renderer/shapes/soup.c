@@ -71,8 +71,8 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
         radius = MAX(radius, sqrt(sum));
     }
     if (!(radius > 1e-18)) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT, "%s: all positions are the same",
-                    where);
+        g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
+                    "%s: all positions are the same; export an object that has a size", where);
         return FALSE;
     }
     for (guint v = 0; v < soup->positions->len; v++)
