@@ -151,9 +151,9 @@ static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
     TraceSky *sky = trace_sky_new(environment, turn_deg);
     environment_free(environment);
     if (sky == NULL)
-        return trace_main_fail(error,
-                               "%s: the environment map is black everywhere; choose another one",
-                               environment_name);
+        return trace_main_fail(
+            error, "%s: the environment map is black everywhere; choose another environment",
+            environment_name);
     trace_scene_set_sky(scene, sky);
     return TRUE;
 }
@@ -165,13 +165,14 @@ static gboolean trace_main_set_lamps(TraceScene *scene, GError **error) {
             return FALSE;
         if (!(numbers[2] >= 0.0) || numbers[0] < 0.0 || numbers[0] > 180.0)
             return trace_main_fail(
-                error,
-                "--lamp %s: the first number must be 0 to 180, and the third must not be negative",
+                error, "--lamp %s: THETA must be 0 to 180, and BRIGHTNESS must not be negative",
                 *lamp);
         trace_scene_add_lamp(scene, numbers[0], numbers[1], numbers[2]);
     }
     if (scene->lamps->len > MAX_LAMPS)
-        return trace_main_fail(error, "%u lamps are too many; at most %d are possible",
+        return trace_main_fail(error,
+                               "the scene and --lamp together have %u lamps, but at most %d are "
+                               "possible; leave some out",
                                scene->lamps->len, MAX_LAMPS);
     if (scene->lamps->len == 0 && scene->sky == NULL && scene->lit.n == 0)
         return trace_main_fail(error, "the scene has no light; give --environment or --lamp");
@@ -185,9 +186,8 @@ static gboolean trace_main_set_camera(TraceScene *scene, GError **error) {
     if (!trace_main_numbers("camera", camera, 2, numbers, error))
         return FALSE;
     if (fabs(numbers[1]) > 90.0 || !(numbers[2] >= 1.0 && numbers[2] <= 170.0))
-        return trace_main_fail(
-            error, "--camera %s: the elevation must be −90 to 90, and the field of view 1 to 170",
-            camera);
+        return trace_main_fail(error, "--camera %s: ELEVATION must be −90 to 90, and FOV 1 to 170",
+                               camera);
     trace_scene_look(scene, numbers[0], numbers[1], numbers[2]);
     return TRUE;
 }

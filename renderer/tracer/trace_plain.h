@@ -25,8 +25,8 @@ struct trace_plain {
 void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, struct vec3 light,
                           double ret_rgb[3]);
 /* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)
- * for the highlight, or by the cosine for the diffuse part. Returns its density per solid angle, or
- * 0 if there is no direction. */
+ * for the highlight, or by the cosine for the diffuse part. Returns the density per solid angle of
+ * *ret_light, or 0 if view is below the horizon. */
 double trace_plain_draw(const struct trace_plain *plain, struct vec3 view, const double random[3],
                         struct vec3 *ret_light);
 double trace_plain_density(const struct trace_plain *plain, struct vec3 view, struct vec3 light);

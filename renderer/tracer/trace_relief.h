@@ -5,8 +5,9 @@
 #include "trace_surface.h"
 
 /* Returns whether a ray meets the relief between front, where it goes below the mesh, and back,
- * where it leaves the mesh. direction is the unit vector along the ray. Each half is marched
- * through the relief from its end, with the curvature of the mesh there (mesorig_material_march();
- * Wang et al. 2005 §4.1), as renderer/shaders/shell.glsl does. Any thread may call it. */
+ * where it leaves the mesh. direction is the unit vector along the ray. The first half of the way
+ * is marched through the relief from front, and the second half from back, with the curvature of
+ * the mesh there (mesorig_material_march(); Wang et al. 2005 §4.1), as renderer/shaders/shell.glsl
+ * does. Any thread may call it. */
 gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
                             struct vec3 direction);

@@ -81,12 +81,13 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
     scene->device = rtcNewDevice("threads=1");
     if (scene->device == NULL) {
         const enum RTCError why = rtcGetDeviceError(NULL);
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "Embree cannot be started (error %d)%s",
-                    (int)why,
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "Embree, which traces the rays, cannot be started (error %d)%s", (int)why,
                     why == RTC_ERROR_UNSUPPORTED_CPU
-                        ? ": it does not run on this processor, because it needs SSE2 or NEON"
-                    : why == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left"
-                                                     : "");
+                        ? ": this processor has neither SSE2 nor NEON, which Embree needs"
+                    : why == RTC_ERROR_OUT_OF_MEMORY
+                        ? ": there is no memory left; close other programs"
+                        : "; install Embree again");
         return FALSE;
     }
     scene->rays = rtcNewScene(scene->device);
@@ -108,8 +109,11 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
     const enum RTCError code = rtcGetDeviceError(scene->device);
     if (code != RTC_ERROR_NONE)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "Embree cannot read the scene's triangles (error %d)%s", (int)code,
-                    code == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left" : "");
+                    "Embree, which traces the rays, cannot take the scene's triangles (error %d)%s",
+                    (int)code,
+                    code == RTC_ERROR_OUT_OF_MEMORY
+                        ? ": there is no memory left; close other programs or simplify the scene"
+                        : "");
     return code == RTC_ERROR_NONE;
 }
 
@@ -171,7 +175,8 @@ TraceScene *trace_scene_read(const char *path, GError **error) {
     scene_take_materials(scene);
     scene_measure(scene);
     if (!(scene->reach > 0.0)) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "%s: all positions are the same", path);
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "%s: all positions are the same; export objects that have a size", path);
         trace_scene_free(scene);
         return NULL;
     }
@@ -224,7 +229,8 @@ static gboolean scene_check_name(const TraceScene *scene, const char *name, GErr
     if (!found) {
         g_autofree char *names = scene_names(scene);
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "the scene has no material “%s”; it has %s", name, *names ? names : "none");
+                    "the scene has no material “%s”; its materials are %s", name,
+                    *names ? names : "none");
         return FALSE;
     }
     for (guint k = 0; k < scene->gltf->parts->len; k++) {
@@ -286,11 +292,13 @@ static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf
     }
     mesorig_material_info(surface->material, &info);
     if (!info.has_relief || !(info.texel_mm > 0.0)) {
+        g_autofree char *text = g_strdup_printf(
+            info.has_relief ? "%s does not say how many mm a texel has; compress the material again"
+                            : "%s has no distances (MDF); give the file of its distances, such as "
+                              "products/mdf.exr of its session",
+            surface->path);
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_MATERIAL,
-                    "%s: it has no %s, so material “%s” cannot have a relief; give the file of its "
-                    "distances, such as products/mdf.exr of its session",
-                    surface->path, info.has_relief ? "size in mm" : "distances (MDF)",
-                    surface->name);
+                    "material “%s” cannot have a relief: %s", surface->name, text);
         return FALSE;
     }
     surface->has_relief = TRUE;

@@ -50,8 +50,8 @@ TraceScene *trace_scene_read(const char *path, GError **error);
 void trace_scene_free(TraceScene *scene); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
 
-/* Replaces all glTF materials of that name by the captured material in the file. tiles of it fit
- * into one unit of the texture coordinates. */
+/* Replaces all glTF materials of that name by the captured material in the file `path`. tiles is
+ * the number of tiles of the captured material in one unit of the texture coordinates. */
 gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
                                   double tiles, GError **error);
 /* Lets rays pass above the relief of the materials of this name, which must be captured materials.

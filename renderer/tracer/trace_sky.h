@@ -20,6 +20,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceSky, trace_sky_free)
 void trace_sky_radiance(const TraceSky *sky, struct vec3 towards, double ret_rgb[3]);
 /* Returns the density per solid angle with which trace_sky_draw() draws a direction. */
 double trace_sky_density(const TraceSky *sky, struct vec3 towards);
-/* Draws a direction and returns its density. */
+/* Draws a direction and computes the radiance from there. Returns the density per solid angle of
+ * the direction. */
 double trace_sky_draw(const TraceSky *sky, const double random[2], struct vec3 *ret_towards,
                       double ret_rgb[3]);

@@ -20,19 +20,25 @@ struct trace_texture {
 
 static void no_memory(GError **error) {
     g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                        "there is not enough memory for its picture");
+                        "there is not enough memory for the picture; make it smaller");
 }
 
 /* Decodes a PNG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
                                  GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
-    if (!png_image_begin_read_from_memory(&image, data, length) ||
-        image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
+    if (!png_image_begin_read_from_memory(&image, data, length)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "%s; save it as PNG or JPEG of at most %d pixels in each direction",
-                    *image.message ? image.message : "its picture is too large",
-                    TRACE_TEXTURE_MAX_SIDE);
+                    "the picture is neither a JPEG nor a readable PNG (%s); save it as PNG or JPEG",
+                    image.message);
+        png_image_free(&image);
+        return NULL;
+    }
+    if (image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "the picture has %u × %u pixels, but at most %d are possible in each "
+                    "direction; make it smaller",
+                    image.width, image.height, TRACE_TEXTURE_MAX_SIDE);
         png_image_free(&image);
         return NULL;
     }
@@ -43,8 +49,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
         if (ret == NULL)
             no_memory(error);
         else
-            g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its PNG picture cannot be read: %s",
-                        image.message);
+            g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                        "the PNG picture cannot be read: %s; save it again", image.message);
         png_image_free(&image);
         g_free(ret);
         return NULL;
@@ -86,8 +92,8 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     trouble.manager.error_exit = trace_texture_jpeg_error;
     trouble.manager.emit_message = jpeg_message;
     if (setjmp(trouble.back)) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its JPEG picture cannot be read: %s",
-                    trouble.text);
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "the JPEG picture cannot be read: %s; save it again", trouble.text);
         jpeg_destroy_decompress(&codec);
         g_free(ret);
         return NULL;
@@ -98,9 +104,9 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     const gsize width = codec.image_width, height = codec.image_height;
     if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "its picture is too large; save it as PNG or JPEG of at most %d pixels in each "
-                    "direction",
-                    TRACE_TEXTURE_MAX_SIDE);
+                    "the picture has %zu × %zu pixels, but at most %d are possible in each "
+                    "direction; make it smaller",
+                    width, height, TRACE_TEXTURE_MAX_SIDE);
         jpeg_destroy_decompress(&codec);
         return NULL;
     }
@@ -129,7 +135,7 @@ TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GEr
     const guint8 *data = g_bytes_get_data(bytes, &length);
     if (data == NULL) {
         g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                            "the file of its picture is empty");
+                            "the file of the picture is empty; save it again");
         return NULL;
     }
     const gboolean jpeg = length > 2 && data[0] == 0xff && data[1] == 0xd8;

@@ -129,7 +129,7 @@ TEST(texture) {
 /* A picture that is damaged, and one that is not there: the colour only, and a warning. */
 TEST(texture_unread) {
     static const char *const uris[] = {"data:image/jpeg;base64,/9j/4A==", "nowhere.png"};
-    static const char *const words[] = {"its JPEG picture cannot be read", "nowhere.png"};
+    static const char *const words[] = {"the JPEG picture cannot be read", "nowhere.png"};
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
     for (int k = 0; k < 2; k++) {
@@ -212,7 +212,7 @@ TEST(jpeg) {
     trace_texture_free(texture);
     g_autoptr(GBytes) less = g_bytes_new_static(jpeg, size - 20);
     g_assert_null(trace_texture_new(less, wrap, &error));
-    g_assert_nonnull(strstr(error->message, "its JPEG picture cannot be read"));
+    g_assert_nonnull(strstr(error->message, "the JPEG picture cannot be read"));
 }
 
 /* Beneath an even sky of radiance 1 a white body is invisible: every pixel is 1. Convex. */

@@ -158,13 +158,13 @@ TEST(mistakes) {
         {2, "a.gltf -o x.png --lamp 20", "--lamp 20: give 2 to 3 numbers"},
         {2, "a.gltf -o x.png --lamp 20,0,-3", "must not be negative"},
         {2, "a.gltf -o x.png --environment studio --camera 1,2,nan", "--camera 1,2,nan"},
-        {2, "a.gltf -o x.png --environment studio --camera 1,95", "the elevation must be"},
+        {2, "a.gltf -o x.png --environment studio --camera 1,95", "ELEVATION must be"},
         {1, "a.gltf -o no/x.png --environment studio", "there is no folder no; make it first"},
         {2, "a.gltf -o x.png --environment studio --material cloth", "NAME=PATH"},
         {2, "a.gltf -o x.png --environment studio --material cloth=cloth.exr,0",
          "0 tiles are not possible"},
         {1, "a.gltf -o x.png --environment studio --material silk=cloth.exr",
-         "no material “silk”; it has “cloth”"},
+         "no material “silk”; its materials are “cloth”"},
         {1, "a.gltf -o x.png --environment studio --material cloth=none.exr", "none.exr"},
         {1, "a.gltf -o x.png --environment studio --material cloth=a.gltf", "a.gltf"},
         {1, "bare.gltf -o x.png --environment studio --material cloth=cloth.exr",
@@ -173,8 +173,8 @@ TEST(mistakes) {
         {1, "cloth.exr -o x.png --environment studio", "cloth.exr: not glTF"},
         {1, "a.gltf -o x.png --environment cloth.exr", "cloth.exr"},
         {1, "far.gltf -o x.png --environment studio", "scale the scene"},
-        {1, "lamp.gltf -o x.png --environment studio", "there is no lamp 3"},
-        {1, "names.gltf -o x.png --environment studio", "names material 7 of 2"},
+        {1, "lamp.gltf -o x.png --environment studio", "names lamp 3"},
+        {1, "names.gltf -o x.png --environment studio", "names material 7, but the file has 2"},
     };
     g_autofree char *path = in_folder("x.png"), *far = in_folder("far.gltf");
     g_autofree char *lamp = in_folder("lamp.gltf"), *names = in_folder("names.gltf");
