@@ -15,7 +15,8 @@ function halfAngles(settings, aspect) {
   return aspect >= 1 ? [half * aspect, half] : [half, half / aspect];
 }
 
-// Returns the pan along an axis that centres the points in the picture.
+// Returns the pan along one axis of the picture at which the points, in perspective, extend equally
+// far to both sides of the middle. Begins with `pan`.
 function centre(points, axis, back, distance, pan) {
   for (let round = 0; round < 4; round++) {
     let low = Infinity, high = -Infinity;

@@ -28,7 +28,7 @@ export class Gpu {
   constructor(gl) {
     this.gl = gl;
     if (!gl.getExtension("EXT_color_buffer_float"))
-      throw new Error("This device cannot draw into floating-point textures (EXT_color_buffer_float).");
+      throw new Error("This device cannot draw into floating-point textures (EXT_color_buffer_float); use another one.");
     this.filtersFloats = gl.getExtension("OES_texture_float_linear") !== null;
     this.largest = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     this.largest3D = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE);
@@ -44,7 +44,7 @@ export class Gpu {
     gl.shaderSource(shader, text);
     gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
-      throw new Error(`${name} does not compile: ${gl.getShaderInfoLog(shader)}`);
+      throw new Error(`The shader ${name} does not compile on this device: ${gl.getShaderInfoLog(shader)}`);
     return shader;
   }
 
@@ -62,7 +62,7 @@ export class Gpu {
     }
     gl.linkProgram(id);
     if (!gl.getProgramParameter(id, gl.LINK_STATUS) && !gl.isContextLost())
-      throw new Error(`${names.at(-1)} does not link: ${gl.getProgramInfoLog(id)}`);
+      throw new Error(`The shader ${names.at(-1)} does not link on this device: ${gl.getProgramInfoLog(id)}`);
     const program = { id, uniforms: this.uniformsOf(id) };
     this.programs.set(key, program);
     return program;

@@ -25,7 +25,7 @@ function checkShell({ shell, data }) {
   const size = counts.every(n => Number.isInteger(n) && n > 0) ? counts[0] * counts[1] * counts[2] : 0;
   if (!data.shell || data.shell.length !== size || !lengths.every(x => Number.isFinite(x) && x >= 0) ||
       shell.width_mm === 0 || shell.height_mm === 0)
-    throw new Error("The material is damaged: its shell does not have the size that the header says.");
+    throw new Error("The material is damaged: its shell does not have the size that the header gives; export the material again.");
 }
 
 // Resolves to the header, with its sections as typed arrays in "data". bytes is a Uint8Array.
@@ -49,7 +49,7 @@ export async function readMaterial(bytes, progress = () => {}) {
     const part = bytes.subarray(at, at + section.bytes);
     const buffer = part.length === section.bytes ? await inflate(part) : new ArrayBuffer(0);
     if (buffer.byteLength !== section.size)
-      throw new Error(`The material is damaged: its part “${section.name}” is incomplete.`);
+      throw new Error(`The material is damaged: its part “${section.name}” is incomplete; copy or download it again.`);
     const Kind = arrays[section.name];
     if (Kind) material.data[section.name] = new Kind(buffer);
     at += section.bytes;
@@ -62,7 +62,7 @@ export async function readMaterial(bytes, progress = () => {}) {
 // Fetches a file and reads it with readMaterial().
 export async function loadMaterial(url, progress = () => {}) {
   const answer = await fetch(url);
-  if (!answer.ok) throw new Error(`${url}: ${answer.status} ${answer.statusText}`);
+  if (!answer.ok) throw new Error(`The material ${url} cannot be loaded: ${answer.status} ${answer.statusText}`);
   return readMaterial(new Uint8Array(await answer.arrayBuffer()), progress);
 }
 

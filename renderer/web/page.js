@@ -240,7 +240,7 @@ async function start() {
   listenToTheme();
   $("name").textContent = document.title;
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
-  if (!gl) throw new Error("This browser has no WebGL 2, or it is switched off.");
+  if (!gl) throw new Error("This browser has no WebGL 2, or WebGL is switched off; switch it on, or use another browser.");
   if (received.bytes.length === 0 || received.at !== received.bytes.length)
     throw new Error("The page is incomplete; copy or download it again.");
   const material = await readMaterial(received.bytes, share => { $("bar").value = 0.5 + 0.4 * share; });

@@ -37,7 +37,7 @@ class Shell {
     let { width: w, height: h } = shell;
     if (Math.max(w, h) > gpu.largest || depth > gpu.mostLayers)
       throw new Error(`The material's shell of ${w} × ${h} × ${depth} voxels is too large for this device, whose ` +
-        `textures have ${gpu.largest} × ${gpu.largest} texels in ${gpu.mostLayers} layers.`);
+        `textures have ${gpu.largest} × ${gpu.largest} texels in ${gpu.mostLayers} layers; use another device.`);
     this.texture = gl.createTexture();
     this.size = [shell.width_mm, shell.height_mm];
     this.uniforms = { mdf_shell: this.texture, mdf_most_per_mm: shell.most_per_mm, mdf_top: shell.top_mm,
