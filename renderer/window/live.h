@@ -21,7 +21,8 @@ Live *live_new(const char *session);
 void live_free(Live *live); /* ends the thread when it reads the next file; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
 
-/* Returns immediately. Returns eigen-maps that are newer than before, which the caller then owns,
- * or NULL. Starts a new computation when there are more views than in the last one. If a
- * computation has failed, returns NULL with an error once. */
+/* Returns immediately. If a computation has finished since the last call, returns its eigen-maps,
+ * which the caller then owns, and the number of their views in *ret_n_views. If it has failed,
+ * returns NULL with an error. Otherwise returns NULL without an error. Starts a new computation if
+ * there are more views than in the last one. */
 struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error);

@@ -304,7 +304,7 @@ static void viewer_main_report(const struct studio *studio) {
     g_print("%s}\n", json->str);
 }
 
-/* Prints the written files, and the frame with which a picture is compared. */
+/* Prints the written files, and with --measured the measured picture that was compared. */
 static void viewer_main_tell(const struct studio *studio) {
     const GPtrArray *files = studio->files;
     const struct measured *m = &studio->measured;

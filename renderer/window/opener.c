@@ -60,9 +60,9 @@ Opener *opener_new(struct GLFWwindow *window, GError **error) {
     GLFWwindow *context = glfwCreateWindow(16, 16, "mesorig-view", NULL, window);
     glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
     if (context == NULL) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_NONE,
-            "no second OpenGL context for loading materials could be made; try --render FILE.png");
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "no second OpenGL context for loading materials can be made; draw without a "
+                    "window: --render FILE.png");
         return NULL;
     }
     Opener *opener = g_new0(Opener, 1);

@@ -28,7 +28,9 @@ static const struct method *scene_files_method(const struct method *method, cons
     file_opened_clear(&file);
     if (found == NULL)
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--material: %s is neither a session nor a compressed material", path);
+                    "--material: %s is neither a session nor a compressed material; give the "
+                    "directory of a session or a file that “mesorig compress” made",
+                    path);
     return found;
 }
 

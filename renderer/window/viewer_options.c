@@ -117,7 +117,9 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
     for (char **text = o->materials; text != NULL && *text != NULL; text++) {
         struct scene_binding *binding = &o->bindings[o->n_bindings];
         if (o->n_bindings == most)
-            return refuse_options(error, "--material %s: at most %d are possible", *text, most);
+            return refuse_options(
+                error, "--material %s: at most %d captured materials are possible; leave some out",
+                *text, most);
         o->n_bindings++;
         if (!scene_binding_parse(*text, binding, error))
             return FALSE;
@@ -200,8 +202,8 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         const char *text;
     } rules[] = {
         {s->plain && !first, "--plain needs --method eigenmaps"},
-        {o->frames < 0 || o->frames > 10000 || o->close_after < 0,
-         "--frames must be 1 … 10000, and --close-after at least 1"},
+        {o->frames < 0 || o->frames > 10000, "--frames must be 1 … 10000"},
+        {o->close_after < 0, "--close-after must be at least 1"},
         {(o->split != NULL) + (o->difference != NULL) + o->reference > 1,
          "only one of --split, --difference and --reference can be given"},
         {o->normal_map != NULL && !o->method->takes_normals &&

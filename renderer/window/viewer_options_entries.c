@@ -44,7 +44,13 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     double numbers[8] = {0, 0, 1, 1, 1, 0, 0, 0};
     g_auto(GStrv) parts = g_strsplit(value, ",", -1);
     const guint n = g_strv_length(parts);
-    gboolean good = (n == 2 || (n >= 5 && n <= 8)) && s->n_lamps < VIEWER_MAX_LAMPS;
+    if (s->n_lamps >= VIEWER_MAX_LAMPS) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "%s %s: at most %d lamps are possible; leave some out", option, value,
+                    VIEWER_MAX_LAMPS);
+        return FALSE;
+    }
+    gboolean good = n == 2 || (n >= 5 && n <= 8);
     for (guint k = 0; good && k < n; k++) {
         char *end;
         numbers[k] = g_ascii_strtod(parts[k], &end);
@@ -53,8 +59,7 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     }
     if (!good)
         return bad(error, option, value,
-                   "THETA,PHI or THETA,PHI,R,G,B, optionally followed by DISTANCE, CONE, INNER, at "
-                   "most 64 times,");
+                   "THETA,PHI or THETA,PHI,R,G,B, optionally followed by DISTANCE, CONE, INNER,");
     s->lamps[s->n_lamps++] = (struct viewer_lamp){
         .theta_deg = numbers[0],
         .phi_deg = numbers[1],

@@ -82,7 +82,7 @@ static void toggle_full_screen(struct window *w) {
         return;
     }
     if (monitor == NULL) {
-        window_say(w, "No monitor is known that could be filled.");
+        window_say(w, "No monitor was found, so the window cannot fill one.");
         return;
     }
     const GLFWvidmode *mode = glfwGetVideoMode(monitor);

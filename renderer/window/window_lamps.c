@@ -40,7 +40,9 @@ void window_add_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
     /* one lamp is reserved for a near light */
     if (w->n_lamps >= VIEWER_MAX_LAMPS - 1 - (w->environment != NULL)) {
-        window_say(w, "There are 63 lamps already; remove one first.");
+        g_autofree char *why = g_strdup_printf(
+            "There are %d lamps in addition to the first already; remove one.", w->n_lamps);
+        window_say(w, why);
         return;
     }
     s->lamps[w->n_lamps++] = (struct viewer_lamp){.theta_deg = 45.0,

@@ -1,4 +1,4 @@
-/* Shared by the files of the window. */
+/* The state of the window, and the functions that the files window*.c call in each other. */
 #pragma once
 
 #include "chooser.h"

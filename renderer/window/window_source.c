@@ -258,12 +258,14 @@ void window_compare_measured(struct window *w) {
         return;
     }
     w->show_measured = FALSE;
-    window_say(w, error != NULL ? error->message
-                                : "only a session has measured frames to compare with");
+    window_say(w,
+               error != NULL
+                   ? error->message
+                   : "only a session has measured pictures to compare with; open a session first");
 }
 
-/* Shows the latest eigen-maps of a session that is being captured. Ends when the file of the
- * eigen-maps exists. */
+/* Shows the latest eigen-maps of a session that is being captured. Stops following the session when
+ * the file of the eigen-maps exists. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;
