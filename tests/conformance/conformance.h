@@ -1,6 +1,6 @@
 /*
- * What every driver must do, as tests: one suite a class, run over any driver. To test a new one,
- * describe a section of a rig file that opens it and add the suite to a test program:
+ * Tests that every driver must pass: one suite for each class of devices. To test a new driver,
+ * describe a section of a rig file that opens the driver, and add the suite to a test program:
  *
  *     static const struct conformance my_axis = {
  *         .name = "my-axis",
@@ -13,15 +13,15 @@
  *
  * A driver fails that reports a command twice, or from within the call that gave it (reports.h).
  *
- * Each check is a test of its own, /conformance/CLASS/NAME/CHECK, and opens the device anew. The
- * axis suite moves the axis between a quarter and three quarters of its way (a wrapping axis: of a
- * turn). The struct, and what it points to, must live until the tests have run.
+ * Each check is a separate test, /conformance/CLASS/NAME/CHECK, which opens the device anew. The
+ * suite for an axis moves the axis between a quarter and three quarters of its range, or of a turn
+ * if the axis wraps. The struct, and what it points to, must live until the tests have run.
  *
- * A skeleton of contrib/new-driver, whose open() says that it is not implemented, passes: checks
- * that need the device are skipped.
+ * A skeleton of contrib/new-driver, whose open() says that it is not implemented, passes: all
+ * checks that need an open device are skipped.
  *
- * The checks of lost answers need a device that can be made to fail: fail(), or a simulated driver
- * with the options fault_unheard and fault_dead_s. Without either they are skipped.
+ * The checks of lost answers need a device that can be made to fail: by fail(), or by the options
+ * fault_unheard and fault_dead_s of a simulated driver. These checks are skipped for other drivers.
  */
 #pragma once
 
@@ -33,18 +33,21 @@
 
 enum conformance_fault {
     CONFORMANCE_WELL,
-    CONFORMANCE_UNANSWERED, /* carries commands out if it can, and does not answer */
-    CONFORMANCE_CUT,        /* neither obeys nor answers */
+    CONFORMANCE_UNANSWERED, /* the device carries commands out if it can, but does not answer */
+    CONFORMANCE_CUT,        /* the device neither carries commands out nor answers */
 };
 
 struct conformance {
-    const char *name;     /* in the tests' paths */
-    const char *section;  /* one section of a rig file, as text */
-    const char *path;     /* of the file it pretends to be in, for relative paths; NULL: here */
-    gboolean real_clock;  /* hardware; otherwise virtual time */
-    double tolerance_deg; /* axis: how far off its own position may be; 0: 0.01 */
-    gint64 exposure_us;   /* camera: what to expose for; 0: its shortest */
-    void (*fail)(gpointer fail_data, enum conformance_fault fault); /* NULL: it cannot */
+    const char *name;    /* NAME in the paths of the tests */
+    const char *section; /* one section of a rig file, as text */
+    const char *path;    /* path of a file that would contain the section, for relative paths in it;
+                            NULL: ./test.conf */
+    gboolean real_clock; /* TRUE for hardware; otherwise the clock is virtual */
+    double tolerance_deg; /* axis: largest error of a position that it reports; 0 means 0.01 */
+    gint64 exposure_us;   /* camera: exposure time; 0 means the shortest one */
+    void (*fail)(gpointer fail_data,
+                 enum conformance_fault fault); /* makes the device fail in this way; NULL if it
+                                                   cannot be made to fail */
     gpointer fail_data;
 };
 
@@ -54,7 +57,8 @@ void conformance_camera(const struct camera_driver *driver, const struct conform
 void conformance_laser(const struct laser_driver *driver, const struct conformance *with);
 void conformance_interlock(const struct interlock_driver *driver, const struct conformance *with);
 
-/* For any test that drives devices. A Config of one section lives as long as its test. */
+/* For any test that drives devices: parses with->section with more_keys added. *ret_section belongs
+ * to the returned Config. */
 Config *conformance_config(const struct conformance *with, const char *more_keys,
                            const struct config_section **ret_section);
 
@@ -62,10 +66,11 @@ Config *conformance_config(const struct conformance *with, const char *more_keys
  * and after WAIT_S (lib/wait.h) on a real one. */
 void conformance_wait(Clock *clock, const int *counter, int n, double limit_s);
 
-/* Runs the main loop for so long on the clock. */
+/* Runs the main loop until this time has passed on the clock. */
 void conformance_pass(Clock *clock, double seconds);
 
-/* Asserts that it is this error and that its message has these words; clears it. */
+/* Asserts that *error has this domain and code and that its message contains these words. Clears
+ * *error. */
 void conformance_expect_error(GError **error, GQuark domain, int code, const char *words);
 
 int conformance_open_files(void);

@@ -65,7 +65,7 @@ static void end(struct bench *bench) {
     g_clear_pointer(&bench->clock, clock_unref);
 }
 
-/* A position at a fraction of the whole way. */
+/* Returns the position at a fraction of the axis's range, or of a turn for a wrapping axis. */
 static double at(const struct bench *bench, double fraction) {
     const struct axis_motion *m = &bench->axis->motion;
     return m->wraps ? 360 * fraction : m->min_deg + fraction * (m->max_deg - m->min_deg);
@@ -161,7 +161,8 @@ static gboolean moves_in_time(struct bench *bench, double to) {
     return (double)(clock_now_us(bench->clock) - start) / 1e6 <= predicted * 1.5 + 2;
 }
 
-/* A computer that is busy makes any move late on a real clock. The move is then made again. */
+/* Checks that a move takes about as long as predicted. On a real clock, a busy computer can make a
+ * move late. The move is then repeated. */
 static void move_in_time(struct bench *bench, double to) {
     const double from = axis_position_deg(bench->axis);
     UNTIL (moves_in_time(bench, to)) {
@@ -180,8 +181,9 @@ static void moves(struct bench *bench) {
     }
 }
 
-/* A motion that should be under way may have ended on a real clock, if this program did not run in
- * the meantime. Asserts that it did not: in less than half of its time no motion ends. */
+/* On a real clock, a motion that should be under way may have ended, if this program did not run in
+ * the meantime. Asserts that this was the reason: a motion never ends in less than half of its
+ * time. */
 static void assert_held_up(struct bench *bench, gint64 start_us, double motion_s) {
     g_assert_true(bench->with->real_clock);
     g_assert_cmpfloat((double)(clock_now_us(bench->clock) - start_us) / 1e6, >=, motion_s / 2);
@@ -197,8 +199,8 @@ static void refuses_turn(struct bench *bench, double by_deg, double speed_deg_s)
 }
 
 /* Turns, and returns whether the axis has reported its position before and after the middle of the
- * turn. The reports must be right: the axis was where they say, at a steady speed, and it
- * arrives. */
+ * turn. Asserts that the reports are right: the axis was where they say, at a steady speed. Asserts
+ * that the axis arrives. */
 static gboolean turns_with_reports(struct bench *bench, double from, double by, double speed) {
     const struct axis_motion *m = &bench->axis->motion;
     double deg, later_deg;
@@ -223,8 +225,9 @@ static gboolean turns_with_reports(struct bench *bench, double from, double by, 
     return TRUE;
 }
 
-/* It turns as it reports, or says that it cannot, and nothing moves. Drivers leave out a report
- * whose answer took too long, as on a busy computer. The turn is then made again. */
+/* Checks that the axis turns as it reports, or that it refuses a turn and does not move. Drivers
+ * leave out a report whose answer took too long, as on a busy computer. The turn is then repeated.
+ */
 static void turns(struct bench *bench) {
     const struct axis_motion *m = &bench->axis->motion;
     const double from = at(bench, 0.25), by = at(bench, 0.75) - from;
@@ -239,16 +242,17 @@ static void turns(struct bench *bench) {
     refuses_turn(bench, by, m->speed_deg_s * 1.01);
     refuses_turn(bench, by, 0);
     refuses_turn(bench, -by, speed);
-    speed = MIN(speed, sqrt(by * m->accel_deg_s2 / 4)); /* half of the way at it, at least */
+    /* At least half of the way is at this speed. */
+    speed = MIN(speed, sqrt(by * m->accel_deg_s2 / 4));
     UNTIL (turns_with_reports(bench, from, by, speed)) {
         g_assert_true(bench->with->real_clock);
         start_move(bench, from);
         expect(bench, AXIS_ARRIVED);
     }
-    move_in_time(bench, from); /* as quick as ever */
+    move_in_time(bench, from); /* a turn does not change the speed of moves */
 }
 
-/* In the middle of a turn. */
+/* Checks that axis_stop() stops a turn in its middle. */
 static void stops_turning(struct bench *bench) {
     const double from = at(bench, 0.25), by = at(bench, 0.75) - from;
     home(bench);
@@ -311,8 +315,8 @@ static void busy(struct bench *bench) {
     assert_at(bench, at(bench, 0.4));
 }
 
-/* A move, and a third of its time: braking from then on, it must stand before the target. Returns
- * the time at which the move began. */
+/* Begins a move, and lets 0.3 of its predicted time pass. An axis that brakes from then on stands
+ * still before the target. Returns the time at which the move began. */
 static gint64 start_some(struct bench *bench, double from_deg, double to_deg) {
     const double predicted = axis_move_time_s(&bench->axis->motion, from_deg, to_deg);
     gint64 start_us = 0;
@@ -373,7 +377,8 @@ static void stop_standing(struct bench *bench) {
     expect_silence(bench, 0.3);
 }
 
-/* It says that it stands, also when nothing was asked of it before. */
+/* Checks that the axis answers axis_halt() with AXIS_STOPPED, also if no command was given before.
+ */
 static void halt_standing(struct bench *bench) {
     g_assert_true(axis_halt(bench->axis, NULL));
     expect(bench, AXIS_STOPPED);
@@ -389,8 +394,8 @@ static void halt_standing(struct bench *bench) {
     expect_silence(bench, 0.3);
 }
 
-/* A command is not answered: the axis is stopped until it says that it stands, and only the fault
- * is reported. */
+/* Checks a command that is not answered: the axis is stopped until it confirms that it stands
+ * still, and only the fault is reported. */
 static void unanswered(struct bench *bench, gboolean stop) {
     g_autofree char *keys = conformance_fault_keys(bench->with, stop ? 3 : 2);
     g_clear_pointer(&bench->axis, axis_close);

@@ -2,7 +2,7 @@
 #include "lib/ok.h"
 #include "reports.h"
 
-/* Lamps, laser and interlock: what is only switched. */
+/* The suites for lamps, lasers and interlocks. */
 
 struct bench {
     gconstpointer driver;
@@ -13,7 +13,7 @@ struct bench {
     Interlock *door;
     gboolean failing; /* the next event has an error */
     struct conformance_safety safety;
-    gboolean overtaken; /* the "on" of lamp 0 may not be carried out */
+    gboolean overtaken; /* “on” of lamp 0 may be overtaken by “off”, and then fails as busy */
     int n_events;
     int index[64];
     gboolean on[64];
@@ -110,7 +110,8 @@ static void lamps_one_by_one(struct bench *bench) {
     }
 }
 
-/* "Off" may overtake what was not sent yet: the "on" of the same lamp is then not carried out. */
+/* Checks the order of commands. “Off” may overtake commands that were not sent yet. “On” of the
+ * same lamp is then not carried out. */
 static void lamps_in_order(struct bench *bench) {
     int n = MIN(bench->bank->n, 16), n_first = 0;
     bench->overtaken = TRUE;
@@ -151,8 +152,9 @@ static void lamps_no_such_lamp(struct bench *bench) {
     expect_silence(bench, 0.2);
 }
 
-/* A command is not answered: the lamp is unsafe until "off" was confirmed, and only the command's
- * own failure is reported. on: the command; index -1: all off. */
+/* Checks a command that is not answered: the lamp is unsafe until “off” was confirmed, and only the
+ * failure of the command itself is reported. on and index are those of the command; index −1 means
+ * all lamps off. */
 static void lamps_unanswered(struct bench *bench, int index, gboolean on) {
     const struct device *device;
     g_autofree char *keys = conformance_fault_keys(bench->with, on ? 1 : 2);
@@ -211,7 +213,8 @@ static void lamps_lost_cut(struct bench *bench) {
                device_error_new(DEVICE_ERROR_PROTOCOL, bench->bank->device.who, "lost"));
     g_assert_cmpint(bench->n_events, ==, 1);
     bench->failing = !!bench->with->fail;
-    conformance_wait(bench->clock, &bench->n_events, 2, 10); /* the "off" of the class */
+    conformance_wait(bench->clock, &bench->n_events, 2,
+                     10); /* the class lamps has switched the lamp off */
     if (bench->with->fail)
         conformance_expect_unsafe(bench->with, &bench->bank->device, &bench->safety);
     conformance_expect_safe(bench->with, &bench->bank->device, &bench->safety);
@@ -449,7 +452,7 @@ static void interlock_first_state(struct bench *bench) {
     conformance_wait(bench->clock, bench->n_reports, 1, 10);
 }
 
-/* The state is said again as if by the driver; whoever listens hears of changes only. */
+/* Reports states as the driver would. Listeners are called only when the state changes. */
 static void interlock_listeners(struct bench *bench) {
     int first = 0, second = 0;
     conformance_pass(bench->clock, 0.2);
@@ -467,7 +470,7 @@ static void interlock_listeners(struct bench *bench) {
     g_assert_cmpint(second, ==, 2);
 }
 
-/* Nothing comes afterwards. */
+/* Checks that no event comes after the interlock was closed. */
 static void interlock_closed(struct bench *bench) {
     interlock_close(g_steal_pointer(&bench->door));
     conformance_pass(bench->clock, 1);
