@@ -1,5 +1,6 @@
 /*
- * What pictures of mirror balls that are drawn by a formula share. It shares no code with calib/.
+ * Helpers for tests that draw pictures of mirror balls by a formula. They share no code with
+ * calib/.
  */
 #pragma once
 
@@ -36,7 +37,7 @@ static inline struct xyz polar(double theta_deg, double phi_deg) {
     return (struct xyz){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
 }
 
-/* The code of linear light in sRGB, 0 … 1. */
+/* Returns the sRGB value of linear light; both are 0 … 1. */
 static inline double ball_scene_srgb(double light) {
     return light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
 }
@@ -44,5 +45,5 @@ static inline double ball_scene_srgb(double light) {
 /* Makes the folder "photos" of world_fixture_folder(), or empties it. */
 void ball_scene_clear(void);
 
-/* Writes a grey PNG there. */
+/* Writes a grey PNG into that folder. */
 void ball_scene_write(const char *name, const guint8 *pixels, int width, int height);

@@ -7,7 +7,7 @@
 #include "process.h"
 #include "remove_tree.h"
 
-#define IN_PATH "in-path" /* a folder in the program's own */
+#define IN_PATH "in-path" /* a folder in the program's own folder */
 
 static const char *beside_folder(void) {
     static char *folder;

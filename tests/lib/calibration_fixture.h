@@ -22,7 +22,7 @@ struct fixture_rig {
     double focal_px, distance_mm, first_theta_deg, last_theta_deg;
     int seed, supersample;
     double error_mm, error_deg; /* standard deviations of the cameras' poses */
-    /* maximum position error, which is a fixed function of the angle */
+    /* maximum position error of the turntable; the error is a fixed function of the angle */
     double turntable_error_deg;
     double blur_px;
     const char *board;
@@ -69,7 +69,8 @@ struct fixture_errors {
     double direction_deg; /* worst camera, seen from the origin */
     double distance_pct;  /* worst camera */
     double axis_mm, axis_deg;
-    /* of focal length, principal point, rotation and shift; per degree of freedom; all cameras */
+    /* squared Mahalanobis distance of the errors of focal length, principal point, rotation and
+     * shift, per degree of freedom; mean of all cameras */
     double chi2;
 };
 

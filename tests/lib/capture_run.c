@@ -101,8 +101,6 @@ static gboolean too_late(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Runs the main loop until the capture has stopped or has taken this number of frames. With frames
- * = 0, only the first condition counts. */
 enum capture_state run_until(struct run *run, gint64 frames) {
     guint guard = g_timeout_add_seconds(120, too_late, run);
     struct capture_status status = run_status(run);
@@ -187,7 +185,6 @@ static void check_same_file(const char *a_session, const char *b_session, const 
     exr_file_free(b);
 }
 
-/* Returns a session that was captured without faults; it is made once. */
 const char *run_undisturbed(void) {
     static char *path;
     if (path)

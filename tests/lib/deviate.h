@@ -4,7 +4,7 @@
 #include <glib.h>
 #include <math.h>
 
-/* Nearly normal: the sum of twelve even ones. */
+/* Returns a nearly normal deviate: the sum of twelve uniform numbers, less 6. */
 static inline double deviate_sum(GRand *rand) {
     double sum = -6;
     for (int i = 0; i < 12; i++)
@@ -12,7 +12,7 @@ static inline double deviate_sum(GRand *rand) {
     return sum;
 }
 
-/* By Box and Muller. */
+/* Returns a normal deviate by the method of Box and Muller. */
 static inline double deviate_normal(GRand *rand) {
     const double u = 1 - g_rand_double(rand), v = g_rand_double(rand);
     return sqrt(-2 * log(u)) * cos(2 * G_PI * v);

@@ -36,10 +36,10 @@ enum displaced_part { DISPLACED_NONE, DISPLACED_SHAPE, DISPLACED_FLOOR };
 struct displaced_pixel {
     enum displaced_part part;
     float distance; /* from the eye */
-    /* by the shape as a whole, see displaced_trace(); shadows of the structure on itself do not
-     * count */
+    /* the point lies in the shadow of the shape as a whole, see displaced_trace(); shadows of the
+     * structure on itself do not count */
     gboolean shadowed;
-    gboolean dark; /* by anything */
+    gboolean dark; /* the light does not reach the point, for any reason */
     float cosine;  /* of the angle between light and surface; 0 if the light comes from behind */
     float albedo[3];
 };

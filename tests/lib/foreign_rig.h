@@ -77,8 +77,8 @@ gboolean foreign_clear(const struct foreign_scene *scene, const struct foreign_s
                        double x_mm, double y_mm);
 
 /* Finds where the line of sight through a point of the sample frame first meets the scene. *ret_mm
- * is its distance behind that point; it is negative in front of it. Returns FALSE if the line meets
- * nothing. */
+ * is the distance of the scene behind point_mm along this line; it is negative if the line meets
+ * the scene in front of point_mm. Returns FALSE if the line meets nothing. */
 gboolean foreign_distance_mm(const struct foreign_scene *scene, const struct pinhole *camera,
                              double turntable, const double point_mm[3], double *ret_mm);
 

@@ -4,12 +4,12 @@
 #include "lib/painted.h"
 #include "lib/wait.h"
 
-/* A frame may take READOUT_MS on a busy computer. The driver waits for the triple, and then for 2 s
- * longer. */
+/* The time that a frame takes on a busy computer. The driver waits three times as long for a frame,
+ * and then for 2 s longer. */
 #define READOUT_MS "1000"
-/* The driver reads the clock of a camera so often, and takes the quickest answer. */
+/* number of times that the driver reads the clock of a camera; it uses the quickest answer */
 #define CLOCK_ASKED 5
-#define ROUNDING_US 20 /* of the clocks and their stamps */
+#define ROUNDING_US 20 /* rounding error of the clocks and of the time stamps */
 
 VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
     struct virtual_camera_options options = {.serial = serial,
@@ -116,8 +116,8 @@ void eye_expect_lost(struct eye *eye, enum device_error code, const char *words)
 }
 
 /* The driver reads the clock of an armed camera, and later from time to time before a trigger. The
- * quickest answer took at most an even share of the time that was there for all of them, and the
- * mapping is wrong by at most half of that. */
+ * quickest of CLOCK_ASKED answers took at most 1 / CLOCK_ASKED of the time in which all of them
+ * came. The mapping is wrong by at most half the time of this answer. */
 void eye_check_times(struct eye *eye, int shots, gint64 exposure_us,
                      gint64 (*triggered_us)(const struct eye *eye)) {
     gint64 since_us, longest_us = 0;

@@ -24,7 +24,7 @@ void eye_on_event(Camera *camera, enum camera_event event, Frame *frame, const G
  * failure. */
 gboolean eye_open(struct eye *eye, const char *keys, GError **error);
 gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error);
-/* does both; must succeed */
+/* calls eye_open() and eye_ready(), which must succeed */
 void eye_start(struct eye *eye, const char *keys, gint64 exposure_us);
 void eye_close(struct eye *eye);
 
@@ -47,14 +47,14 @@ void eye_recover(struct eye *eye, guint64 shot);
 /* Waits until the driver refuses to arm a camera that was lost, with this error. */
 void eye_expect_lost(struct eye *eye, enum device_error code, const char *words);
 
-/* Checks the time stamps of the camera, which the driver maps to ours, against the times at which
- * the virtual camera was triggered. triggered_us returns that of the last trigger. The pictures are
- * exposed for exposure_us. */
+/* Checks the time stamps of frames, which the driver maps from the camera's clock to that of this
+ * computer, against the times at which the virtual camera was triggered. triggered_us() returns the
+ * time of the last trigger. exposure_us is the exposure time of the frames. */
 void eye_check_times(struct eye *eye, int shots, gint64 exposure_us,
                      gint64 (*triggered_us)(const struct eye *eye));
 
-/* Takes a picture of painted.h in each pixel format, which must show what was painted. more has
- * further lines of the section. */
+/* Takes a picture of painted.h in each pixel format, and checks that the frame shows what was
+ * painted. more has further lines of the section. */
 struct eye_depth {
     const char *name;
     int bits;
@@ -63,7 +63,7 @@ void eye_check_formats(struct eye *eye, enum cfa cfa, const struct eye_depth *de
                        const char *more);
 
 /* Checks a part of the picture, the exposure, the gain and the black level of a camera of painted.h
- * with 12 bits and a black level of 64 DN. It is open with EYE_PART. */
+ * with 12 bits and a black level of 64 DN. The camera must be open with EYE_PART. */
 #define EYE_PART "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
 void eye_check_part(struct eye *eye);
 void eye_check_settings(const struct virtual_camera_state *state);

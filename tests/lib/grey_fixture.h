@@ -29,7 +29,8 @@ static const double grey_mm[][2] = {{-12, 12}, {12, 12}, {-12, -12}, {12, -12}};
 
 void grey_write(const char *folder, int seed, const char *world_keys);
 
-/* Returns the error of the grey scale with all deviations above, with or without calibration. */
+/* Returns the largest relative error of the four patches with all deviations above, with or without
+ * calibration. */
 double grey_error(int seed, gboolean calibrated);
 
 /* Writes the true values as a calibration file. The cameras were calibrated this number of days

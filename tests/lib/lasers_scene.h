@@ -12,7 +12,7 @@ struct sweep_poses {
     int cameras;     /* number of cameras that are used: the last ones of the scene */
 };
 
-/* A flat plate of the given height. The rig is the same for each height. */
+/* Returns a scene with a flat plate of this height. The rig is the same for each height. */
 static inline struct scene *sweep_scene(guint32 seed, int pixels, double camera_px,
                                         double height_mm) {
     static char sample[256];
@@ -102,7 +102,7 @@ static inline gboolean sweep_measure(guint32 seed, int pixels, double camera_px,
 struct sweep_errors {
     /* maximum over all steps; offset_mm is the maximum over the sample */
     double angle_deg, offset_mm;
-    double source_mm; /* distance perpendicular to the axis */
+    double source_mm; /* largest error of a laser's position, perpendicular to its axis */
     double stretch;
 };
 

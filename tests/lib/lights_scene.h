@@ -178,8 +178,8 @@ static inline struct picture *scene_picture(struct scene *scene, int camera, int
 
 struct scene_errors {
     double direction_deg, distance, zero_deg, axis_deg, centre_mm; /* largest, absolute */
-    /* of the lamps' positions at arc angle 0, relative to their covariance, per degree of
-     * freedom */
+    /* squared Mahalanobis distance of the errors of the lamps' positions at arc angle 0, per degree
+     * of freedom */
     double chi2;
 };
 

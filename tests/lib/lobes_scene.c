@@ -4,8 +4,8 @@
 
 #include <string.h>
 
-/* Computes the same with microfacet.h, in the frame of the surface whose x has the azimuth of the
- * tangent. */
+/* Computes what lobes_evaluate() computes, but with the formula of microfacet_formula.h and the
+ * rotation of the scene. The frame is that of the surface, with x at the azimuth of the tangent. */
 static void rotated_value(const struct scene *s, int texel, const float *v, const float *l,
                           float ret[3]) {
     const struct lobes *p = s->lobes;

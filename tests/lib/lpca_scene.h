@@ -24,8 +24,8 @@ struct scene { /* one picture, and the data from which its expected values are c
     gboolean revised; /* lpca is on a grid (lpca_resample.h) */
 };
 
-/* Compares a picture of a torus with its expected values. material is that of the method, and NULL
- * fails. */
+/* Compares a picture of a torus with its expected values. material is a material of the method;
+ * NULL fails the test. */
 void lpca_scene_compare(const struct scene *scene, const struct method *method, gpointer material);
 
 /* Does the same with the pairs of measured directions, or with a grid of directions if n_grid is

@@ -17,7 +17,8 @@ char *modbus_rig_section(const char *bus, const char *header, const char *keys) 
                            bus, RIG_UNIT, keys);
 }
 
-/* For the conformance suites, in which no answer is late: also not on a busy computer. */
+/* Does the same as modbus_rig_section() with a longer timeout, so that no answer is late even on a
+ * busy computer. The conformance suites need this. */
 static char *patient_section(const char *bus, const char *header, const char *keys) {
     return g_strdup_printf("[%s]\nbus = %s\nunit = %d\ntimeout_ms = 300\nlate_ms = 120\n%s", header,
                            bus, RIG_UNIT, keys);

@@ -32,7 +32,7 @@ struct rings near_field_twelve(double offset);
 void near_field_direction(double theta_deg, double phi_deg, double ret[3]);
 void near_field_texel_centre(int texel, double ret[3]);
 
-/* Computes the unit vector from the point from to the point at. */
+/* Computes the unit vector from the point `from` towards the point `at`. */
 void near_field_towards(const double at[3], const double from[3], double ret[3]);
 
 /* Computes positions of cameras and lamps. The lamps have different distances, and slightly

@@ -39,7 +39,6 @@ void operator_free(struct operation *run) {
     g_free(run);
 }
 
-/* Runs mesorig with arguments that end with NULL, and checks its exit code. */
 void operator_does(struct operation *run, int code, ...) {
     va_list arguments;
     va_start(arguments, code);
@@ -60,7 +59,6 @@ static int by_text(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* Returns the name and checksum of every product, one product per line. */
 char *operator_products(const char *session) {
     static const char *const folders[] = {"products", "products/btf"};
     g_autoptr(GPtrArray) lines = g_ptr_array_new_with_free_func(g_free);
@@ -85,7 +83,6 @@ char *operator_products(const char *session) {
     return g_strjoinv("\n", (char **)lines->pdata);
 }
 
-/* Returns the products of a session that was captured and processed without faults. */
 const char *operator_undisturbed(void) {
     static char *products;
     if (products)
@@ -108,7 +105,6 @@ void operator_check_products(struct operation *run) {
     g_assert_cmpstr(products, ==, operator_undisturbed());
 }
 
-/* Returns the data of all frames in the database, one frame per line. */
 char *operator_frames(const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);

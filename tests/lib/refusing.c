@@ -17,7 +17,7 @@ void refusing_begin(gboolean links) {
     struct sock_filter rules[] = {
         LOAD(nr),
         UNLESS(SYS_renameat2, 4),
-        LOAD(args[4]), /* its flags */
+        LOAD(args[4]), /* the flags of renameat2() */
         UNLESS(0, 1),
         RETURN(SECCOMP_RET_ALLOW),
         FAIL(EINVAL),

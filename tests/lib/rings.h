@@ -8,7 +8,8 @@
 #define RINGS  3
 #define A_RING 8
 
-/* A BTF on rings of views, and of lights in other azimuths. All values are 0. */
+/* Makes a BTF whose views are on rings. Its lights are on the same rings, in other azimuths. All
+ * values are 0. */
 struct btf_matrix *rings_btf(const char *name);
 
 void rings_fill(double offset_deg, float **ret_theta_deg, float **ret_phi_deg);

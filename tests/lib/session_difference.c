@@ -18,8 +18,8 @@ static void difference_planes(const float *a, const float *b, gsize n, gboolean 
     }
 }
 
-/* Returns whether a channel contains flags. It exists only if a texel has a flag, which depends on
- * the noise. */
+/* Returns whether a channel contains flags. Such a channel exists only if a texel has a flag, which
+ * depends on the noise. */
 static gboolean is_mark(const char *channel) {
     return strcmp(channel, "mark") == 0 || strcmp(channel, "saturated") == 0;
 }

@@ -15,7 +15,8 @@ char *session_fixture_new_folder(void) {
     return path;
 }
 
-/* Returns a random finite double other than −0. All bit patterns have the same probability. */
+/* Returns a random finite double other than −0. Three of four have random bits; the others are
+ * whole numbers from −9 to 9. */
 static double session_fixture_random_double(GRand *rand) {
     for (;;) {
         guint64 bits = (guint64)g_rand_int(rand) << 32 | g_rand_int(rand);

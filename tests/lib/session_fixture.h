@@ -25,7 +25,7 @@
 extern char *session_fixture_folder;
 
 char *session_fixture_path(const char *name);
-char *session_fixture_new_folder(void); /* makes an empty folder in it */
+char *session_fixture_new_folder(void); /* makes an empty folder in that folder */
 
 struct random_plan {
     struct session_plan plan;

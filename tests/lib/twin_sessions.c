@@ -66,7 +66,7 @@ void twin_assert_noise_alone(const char *name) {
         struct difference real =
             twin_compare("simulated.session", name, kinds[i].folder, kinds[i].holes);
         g_assert_cmpfloat(noise.rms, >, 0);
-        g_assert_cmpfloat(real.rms, >, 0); /* other noise */
+        g_assert_cmpfloat(real.rms, >, 0); /* the noise differs */
         g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
         g_assert_cmpfloat(fabs(real.systematic), <, noise.rms);
         g_assert_cmpfloat(real.seen_differently, <, noise.seen_differently + 0.05);

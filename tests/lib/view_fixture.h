@@ -19,7 +19,7 @@
 #define W   7 /* number of texels; it is odd, not a power of two, and the material is not square */
 #define H   5
 
-/* returns s a + t b */
+/* Returns s a + t b. */
 struct vec3 view_fixture_mix(struct vec3 a, double s, struct vec3 b, double t);
 
 /* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y and blue = the number of the texel. Terms
@@ -42,7 +42,8 @@ struct hit {
     struct vec3 t, b, n, to_eye;
 };
 
-/* Finds the hit by steps whose length is the distance from the surface. */
+/* Finds the first hit of a ray with the torus. Each step along the ray is as long as the distance
+ * from the surface. */
 struct hit view_fixture_hit_torus(struct vec3 eye, struct vec3 d);
 
 struct check {

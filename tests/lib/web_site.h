@@ -24,10 +24,10 @@ enum {
     SITE_RIG = 4,              /* the daemon has opened the rig */
 };
 
-/* Starts both. changes are changes of the rig file, or NULL. */
+/* Starts the daemon and the server. changes are changes of the rig file, or NULL. */
 struct site *site_new(int flags, const struct change *changes);
 
-/* Ends both programs with SIGTERM. Both must then exit with code 0. */
+/* Ends the server and the daemon with SIGTERM. Both must then exit with code 0. */
 void site_free(struct site *site);
 
 /* Starts the daemon again. The socket of the previous daemon must be gone. */
@@ -50,9 +50,10 @@ void site_send(GSocket *socket, const char *text);
  * NULL, only the first condition counts; g_free(). */
 char *site_receive(GSocket *socket, const char *until);
 
-/* Does all three: connects, sends the request unchanged except that each “$” becomes this server's
- * name and port, and returns the whole answer; g_free(). */
+/* Connects, sends the request unchanged except that each “$” becomes this server's name and port,
+ * and returns the whole answer; g_free(). */
 char *site_converse(const struct site *site, const char *from, const char *request);
 
-/* Returns the status of such an answer, or 0 if it has none. */
+/* Returns the status of an answer that site_receive() or site_converse() returned, or 0 if it has
+ * none. */
 guint site_status(const char *answer);

@@ -13,5 +13,5 @@ World *world_fixture_new(const char *text);
 void world_fixture_clean(void);
 
 /* Adds an axis-aligned box without a bottom, as lines of an OBJ file. n is the number of vertices
- * before it. */
+ * that obj already has. */
 void world_fixture_box(GString *obj, int n, double x0, double x1, double y0, double y1, double z);

@@ -9,7 +9,7 @@ XDisplay *x_display_new(void);    /* returns NULL if Xvfb is not installed */
 void x_display_free(XDisplay *x); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(XDisplay, x_display_free)
 
-const char *x_display_name(const XDisplay *x); /* of DISPLAY */
+const char *x_display_name(const XDisplay *x); /* a value of $DISPLAY */
 
 /* Waits for the single window, and gives it the keyboard. Returns FALSE if there is no window
  * within this time. */
