@@ -21,7 +21,7 @@ static glong read_holder(int fd) {
 
         if (pread(fd, text, sizeof text - 1, 0) > 0)
             holder = strtol(text, NULL, 10);
-        else
+        if (holder == 0)
             g_usleep(1000);
     }
     return holder;

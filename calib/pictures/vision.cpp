@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <stdexcept>
 
 namespace {
 
@@ -325,7 +326,9 @@ gboolean vision_start_camera(const double *const *points, const int *n, int n_vi
                                 cv::CALIB_FIX_K1 | cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3);
         ret_focal_px[0] = camera.at<double>(0, 0);
         ret_focal_px[1] = camera.at<double>(1, 1);
-        return std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0;
+        if (std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0)
+            return true;
+        throw std::runtime_error("the focal length is not a number above 0");
     });
 }
 

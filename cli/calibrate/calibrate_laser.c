@@ -15,7 +15,6 @@
 #define MAX_POINTS 2000 /* maximum number of points of each sweep */
 #define EDGE_MM    1.0  /* width of the plate's edge that is ignored */
 #define UNEVEN_MM  0.03
-#define UNEVEN_RAD (0.02 * G_PI / 180)
 #define RAD(deg)   ((deg) * (G_PI / 180))
 
 static char *planes_option;

@@ -137,13 +137,14 @@ static int run_list(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-static gboolean parse_number(const char *text, guint *ret, GError **error) {
+#define SESSION_HINT "“mesorig queue list” shows the sessions' numbers"
+
+/* hint says where the user finds the number. */
+static gboolean parse_number(const char *text, const char *hint, guint *ret, GError **error) {
     guint64 value;
     if (!g_ascii_string_to_unsigned(text, 10, 1, G_MAXUINT, &value, NULL)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "“%s” is not a number from 1 on; “mesorig queue list” shows the sessions' "
-                    "numbers",
-                    text);
+                    "“%s” is not a number from 1 on; %s", text, hint);
         return FALSE;
     }
     *ret = (guint)value;
@@ -180,7 +181,7 @@ static int run_remove(const struct call *call, GError **error) {
         return CLI_FAILED;
     for (int i = 0; i < call->n_arguments; i++) {
         guint number;
-        if (!parse_number(call->arguments[i], &number, error) ||
+        if (!parse_number(call->arguments[i], SESSION_HINT, &number, error) ||
             !remove_one(call, link_rig(link), number, error))
             return CLI_FAILED;
     }
@@ -190,8 +191,9 @@ static int run_remove(const struct call *call, GError **error) {
 
 static int run_move(const struct call *call, GError **error) {
     guint number, place;
-    if (!parse_number(call->arguments[0], &number, error) ||
-        !parse_number(call->arguments[1], &place, error))
+    if (!parse_number(call->arguments[0], SESSION_HINT, &number, error) ||
+        !parse_number(call->arguments[1], "give the place in the queue, 1 for the first", &place,
+                      error))
         return CLI_FAILED;
     g_autoptr(Link) link = queue_link(error);
     if (!link || !bus_rig1_call_queue_move_sync(link_rig(link), number, place, NULL, error))

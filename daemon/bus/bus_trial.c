@@ -43,14 +43,19 @@ static void on_trial_end(GObject *source, GAsyncResult *result, gpointer data) {
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
         return; /* the trial no longer exists */
     struct bus_trial *trial = data;
+    const gboolean late = trial->deadline_id == 0; /* on_trial_deadline() has ended it */
     const gboolean exited = heard && g_subprocess_get_if_exited(trial->process);
     const int code = exited ? g_subprocess_get_exit_status(trial->process) : -1;
     g_autofree char *said = strip_said(text);
     if (code != 0 && !*said) {
         g_free(said);
-        said = g_strdup_printf("“mesorig queue try”, which takes the test shots, ended without a "
-                               "message (it may take 1800 s at most)%s%s",
-                               error ? ": " : "", error ? error->message : "");
+        said = late
+                   ? g_strdup_printf("“mesorig queue try”, which takes the test shots, did not end "
+                                     "within %d s",
+                                     TRIAL_S)
+                   : g_strdup_printf("“mesorig queue try”, which takes the test shots, ended "
+                                     "without a message%s%s",
+                                     error ? ": " : "", error ? error->message : "");
     }
     trial->func(chosen ? chosen : "", said,
                 code == 0          ? BUS_TRIAL_DONE

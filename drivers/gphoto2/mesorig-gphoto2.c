@@ -85,8 +85,9 @@ static void answer(gint64 id, JsonObject *result, const GError *error) {
 static gboolean read_input(struct helper *helper, int wait_ms) {
     guint8 bytes[4096];
     struct pollfd ready = {helper->in, POLLIN, 0};
-    if (poll(&ready, 1, wait_ms) <= 0)
-        return errno == EINTR;
+    const int n_ready = poll(&ready, 1, wait_ms);
+    if (n_ready <= 0)
+        return n_ready < 0 && errno == EINTR;
     const gssize n = read(helper->in, bytes, sizeof bytes);
     if (n > 0)
         g_byte_array_append(helper->input, bytes, (guint)n);

@@ -16,6 +16,7 @@
 #include <string.h>
 
 #include "base/direction.h"
+#include "base/plural.h"
 #include "base/robust.h"
 #include "base/srgb.h"
 
@@ -331,12 +332,11 @@ gboolean import_look_tell(const struct import_look *look, Session *session, GPtr
     while (g_hash_table_iter_next(&iter, &told, &n))
         g_ptr_array_add(tones, told);
     g_ptr_array_sort(tones, by_text);
-    for (guint i = 0; notes && i < tones->len; i++)
-        g_ptr_array_add(
-            notes,
-            g_strdup_printf("tones of %d %s: %s",
-                            GPOINTER_TO_INT(g_hash_table_lookup(look->tones, tones->pdata[i])),
-                            "pictures", (char *)tones->pdata[i]));
+    for (guint i = 0; notes && i < tones->len; i++) {
+        const int n_pictures = GPOINTER_TO_INT(g_hash_table_lookup(look->tones, tones->pdata[i]));
+        g_ptr_array_add(notes, g_strdup_printf("tones of %d %s: %s", PLURAL(n_pictures, "picture"),
+                                               (char *)tones->pdata[i]));
+    }
     look_at_lamps(look, wrong);
     if (look->n_lights >= MIN_LIGHTS)
         look_at_tones(look, wrong);

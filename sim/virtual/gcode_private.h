@@ -23,7 +23,7 @@ struct VirtualGcode {
     GThread *thread;
 
     GMutex mutex; /* guards the following members */
-    gboolean quit, unplugged, was_open;
+    gboolean quit, was_open;
     struct virtual_gcode_faults faults;
     struct virtual_gcode_state state;
     guint n_sent, n_received; /* numbers of bytes, for the faults */

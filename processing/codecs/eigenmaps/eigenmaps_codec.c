@@ -144,7 +144,7 @@ static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct cod
 }
 
 static char *describe(const struct codec *codec G_GNUC_UNUSED, const struct codec_result *result) {
-    return g_strdup_printf("%d eigen-maps", result->components);
+    return g_strdup_printf("%d %s", PLURAL(result->components, "eigen-map"));
 }
 
 static gboolean eigenmaps_codec_write(const char *path, gpointer const *levels,

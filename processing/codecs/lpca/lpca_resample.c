@@ -28,6 +28,7 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     ret->weight_scales = g_memdup2(lpca->weight_scales, sizeof(float) * (gsize)lpca->n_clusters *
                                                             (gsize)lpca->n_components);
     ret->light_scales = NULL;
+    ret->packed = NULL;
     ret->brdfs = g_try_new(float, tables *btf_layout_values(&ret->layout));
     ret->error = 0;
     return ret;

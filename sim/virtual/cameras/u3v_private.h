@@ -67,7 +67,7 @@ struct VirtualU3v {
     struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
     gsize sent; /* bytes of the picture's payload that were sent */
-    gboolean headless, tailless, stunted, hollow; /* faults of this picture (imager.h) */
+    gboolean tailless, stunted, hollow; /* faults of this picture (imager.h) */
 };
 
 static inline void u3v_put(guint8 *to, guint64 value, int n) {
