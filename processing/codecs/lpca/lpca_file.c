@@ -359,6 +359,9 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     const int tables = lpca->n_components + 1;
     const gsize n = (gsize)lpca->n_clusters * (gsize)tables;
     struct lpca_packed *packed = lpca->packed = lpca_packed_new();
+    if (lpca->n_clusters != 1)
+        return format_error(path, error,
+                            "it is packed, but has several clusters: a packed file has one");
     if (lpca->colours != LPCA_RGB || lpca->n_grid > 0)
         return format_error(path, error,
                             "it is packed, but has mesorig.colours or mesorig.grid, which a packed "

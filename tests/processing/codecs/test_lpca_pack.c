@@ -241,3 +241,19 @@ TEST(regroup) {
     g_assert_cmpfloat(error_of(drawn, btf), <, hypot(direct->error, 0.01) * 1.1);
     g_assert_cmpfloat(error_of(drawn, btf), >, packed->error);
 }
+
+/* A packed file has one cluster, which those who draw it rely on. */
+TEST(clusters) {
+    TEMPORARY_FOLDER(folder);
+    g_autofree char *path = g_build_filename(folder, "x.lpca", NULL);
+    g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
+    g_autoptr(Lpca) exact = compute(btf, 4, 4);
+    g_autoptr(GError) error = NULL;
+    struct lpca_packer *packer = lpca_packer_new(exact, 0);
+    g_autoptr(Lpca) packed = lpca_packer_round(packer, 1e-3);
+    lpca_packer_free(packer);
+    ok(lpca_write(path, packed, ERR));
+    g_autoptr(Lpca) read = lpca_read(path, &error);
+    g_assert_null(read);
+    g_assert_nonnull(strstr(error->message, "has several clusters"));
+}
