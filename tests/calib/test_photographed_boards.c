@@ -352,9 +352,10 @@ TEST(other_sizes) {
     g_assert_cmpint(code, ==, 0);
     g_assert_true(written);
     g_assert_nonnull(strstr(said, ": 3 pictures, "));
-    g_assert_nonnull(strstr(said, "aloeL.jpg: it has 1282 × 1110 pixels, but 3 of the 5 "
-                                  "photographs have 640 × 480"));
-    g_assert_nonnull(strstr(said, "baboon.jpg: it has 512 × 512"));
+    g_assert_nonnull(strstr(said,
+                            "aloeL.jpg: the photograph has 1282 × 1110 pixels, but 3 of the 5 "
+                            "photographs have 640 × 480"));
+    g_assert_nonnull(strstr(said, "baboon.jpg: the photograph has 512 × 512"));
 }
 
 /* What OpenCV's programs ask for. The boards have no margin and outer squares that are cut. */

@@ -104,7 +104,7 @@ static void derive(struct chain *chain, const char *from) {
 /* The files of a session that was measured: its distances and its surface, in all forms. */
 static void read_measured(struct chain *chain) {
     static const char *const outputs[][2] = {
-        {"points", ".ply"}, {"height", ".exr"}, {"normals", ".exr"}};
+        {"points", ".ply"}, {"mesh", ".ply"}, {"height", ".exr"}, {"normals", ".exr"}};
     static const char *const methods[] = {"mdf", "mdf-views"};
     const char *session = chain->run->session;
     g_autofree char *history = new_file(chain, ".svg");

@@ -70,6 +70,7 @@ static const struct call_case {
     {"resample", "small.session -o resampled.session", AGAIN_STAYS},
     {"export btf", "small.session -o small.btf", AGAIN_REFUSED},
     {"export points", "small.session -o points.ply", AGAIN_OWN},
+    {"export mesh", "small.session -o mesh.ply", AGAIN_OWN},
     {"export height", "small.session -o height.exr --layered", AGAIN_OWN},
     {"export normals", "small.session -o normals.exr --layered", AGAIN_OWN},
     {"export web", "small.session -o page.html", AGAIN_OWN},
@@ -363,11 +364,11 @@ static void place_run_all(struct place *place) {
 
 /* Files that are the same in any place and at any time. */
 static const char *const same[] = {
-    "plan.svg",   "energy.svg",  "hsh.exr",      "distances.exr", "compared.svg",
-    "index.exr",  "board.svg",   "board.png",    "small.btf",     "points.ply",
-    "height.exr", "normals.exr", "page.html",    "page.mesoweb",  "small.glb",
-    "text.gltf",  "small.bsdf",  "small.binary", "grey.ptm",      "grey/info.json",
-    "view.png",   "light.exr",   "trace.png",    "trace.exr",     "parts.exr"};
+    "plan.svg",     "energy.svg", "hsh.exr",        "distances.exr", "compared.svg", "index.exr",
+    "board.svg",    "board.png",  "small.btf",      "points.ply",    "mesh.ply",     "height.exr",
+    "normals.exr",  "page.html",  "page.mesoweb",   "small.glb",     "text.gltf",    "small.bsdf",
+    "small.binary", "grey.ptm",   "grey/info.json", "view.png",      "light.exr",    "trace.png",
+    "trace.exr",    "parts.exr"};
 
 static void places_agree(const struct place *a, const struct place *b) {
     for (gsize i = 0; i < G_N_ELEMENTS(same); i++) {

@@ -247,7 +247,7 @@ TEST(capture) {
     desk_does(&desk, 0, "pause");
     desk_waits(&desk, "\"state\": \"paused\"");
     desk_does(&desk, 1, "lamp lamp30");
-    assert_has(desk.run->err, "is being captured (paused)");
+    assert_has(desk.run->err, "is being captured on this rig (state: paused)");
     desk_does(&desk, 0, "abort");
     desk_does(&desk, 0, "lamp lamp30 --for 3");
     desk_ends(capture, SIGKILL);

@@ -259,7 +259,7 @@ TEST(heights) {
         const char *what, * or ; /* NULL: it is not told */
     } cases[] = {
         {2, FALSE, 20, 20.4, "given as 20.4 mm, but the lines show ", NULL},
-        {1, FALSE, 20, 23, "given as 23 mm, ", "is not 1 mm, but "},
+        {1, FALSE, 20, 23, "is not 23 mm, but ", "given as 1 mm, but "},
         {1, TRUE, 20, 23, NULL, NULL},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
