@@ -23,8 +23,9 @@ struct Backdrop {
 
 static gboolean need(Backdrop *backdrop, int which, GError **error) {
     static const char *const constants[N_PROGRAMS] = {
-        "#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
-        "#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
+        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 0\n",
+        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 1\n",
+        "#define SOFT_SHADOWS\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
     static const char *const ground[] = {"screen.vert", "shadow.glsl", "further.glsl",
                                          "background.frag", NULL};
     static const char *const environment[] = {"screen.vert", "environment.frag", NULL};

@@ -48,7 +48,8 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *of_places = places_constants(places, s->style.nearest);
     g_autofree char *constants =
-        g_strdup_printf("#define CURVED %d\n#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define "
+        g_strdup_printf("#define SOFT_SHADOWS\n#define CURVED %d\n#define LAMPS %d\n#define "
+                        "LAMP_SHADOWS %d\n#define "
                         "AMBIENT %d\n%s%s%s%s",
                         kind == PROGRAM_RELIEF, s->n_lamps > 0,
                         kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0,

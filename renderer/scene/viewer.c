@@ -96,9 +96,11 @@ static guint geometry_program(Viewer *viewer, int which, GError **error) {
         "mesh.vert",    "frame.glsl",  "visible.glsl",  "shadow.glsl",
         "further.glsl", "curved.glsl", "geometry.frag", NULL};
     static const char *const constants[GEOMETRIES] = {
-        "#define CURVED 1\n#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
-        "#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS 0\n#define NEAR_LAMPS\n",
-        "#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n"};
+        "#define SOFT_SHADOWS\n#define CURVED 1\n#define FURTHER 0\n#define LAMP_SHADOWS 0\n",
+        "#define SOFT_SHADOWS\n#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS "
+        "0\n#define NEAR_LAMPS\n",
+        "#define SOFT_SHADOWS\n#define CURVED 1\n#define FURTHER 1\n#define LAMP_SHADOWS "
+        "1\n#define NEAR_LAMPS\n"};
     guint *program = &viewer->geometry_programs[which];
     if (*program == 0)
         *program = gpu_program(constants[which], names, error);
@@ -505,6 +507,7 @@ static gboolean look(const Viewer *viewer, const struct viewer_settings *s, int 
         .shadows = s->shadows,
         .lit = s->lamp > 0.0,
         .n_further = s->n_lamps,
+        .light_size_deg = s->light_size_deg,
         .shadow_size = s->shadow_size,
     };
     viewer_parts(viewer, s, &ret->seen);

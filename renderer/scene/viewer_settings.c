@@ -31,6 +31,7 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         {"camera pan", s->camera_pan[1], -1000.0, 1000.0},
         {"camera field of view", s->camera_fov_deg, 1.0, 120.0},
         {"light theta", s->light_theta_deg, 0.0, 180.0},
+        {"light size", s->light_size_deg, 0.0, 60.0},
         {"light phi", s->light_phi_deg, -1e6, 1e6},
         {"tiles", s->tiles_u, 0.0, 1000.0},
         {"tiles", s->tiles_v, 0.0, 1000.0},

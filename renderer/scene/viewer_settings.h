@@ -59,6 +59,9 @@ struct viewer_settings {
      * structure also casts and receives them (§4.2). */
     gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
+    /* Angle that the first lamp covers in the sky, seen from the mesh. 0 gives sharp shadows. Other
+     * lamps always have sharp shadows. */
+    double light_size_deg;
     /* Width and height of the first lamp's shadow map; see relief.h for the others. */
     int shadow_size;
     /* The environment is visible behind the mesh; needs viewer_set_environment(). */

@@ -6,6 +6,12 @@ uniform vec3 shadow_light; // unit vector towards the lamp
 uniform vec3 shadow_right; // direction of the map's +x; its +y is shadow_light × shadow_right
 uniform vec3 shadow_range; // shadow_maps_range(): distance at depth 0, length of the range, bias
 uniform float shadow_radius;
+#ifdef SOFT_SHADOWS
+uniform sampler2D shadow_depths; // the depths of shadow_map
+uniform float lamp_spread;       // tangent of half the angle that the lamp covers in the sky; 0 for
+                                 // sharp shadows
+const int LOOKS = 32, FILTER = 64;
+#endif
 
 // Returns the position of p in the map: x, y and the depth z. Within the map, all three are 0 … 1.
 vec3 in_map(vec3 p, vec3 towards, vec3 right, vec3 range) {
@@ -17,10 +23,50 @@ bool outside(vec3 at) {
     return any(lessThan(at.xy, vec2(0.0))) || any(greaterThan(at.xy, vec2(1.0)));
 }
 
+#ifdef SOFT_SHADOWS
+// Returns the direction of point k on a spiral, whose points are spread evenly over all directions.
+vec2 spiral(int k) {
+    float angle = 2.39996323 * float(k);
+    return vec2(cos(angle), sin(angle));
+}
+
+// Returns the share of a round lamp's light that arrives at a place in the map (percentage-closer
+// soft shadows; Fernando 2005). From the place, the lamp is a cone towards the light. What blocks
+// the light lies within this cone. The mean distance of that to the place gives the width of the
+// cone there, over which the map is filtered.
+float soft_lamp_at(vec3 at) {
+    float across = shadow_range.y * lamp_spread / (2.0 * shadow_radius); // of the map, per depth
+    float most = across * at.z, sum = 0.0, n = 0.0;
+    // Points are dense near the place, where low cones are narrow, and count by their area.
+    for (int k = 0; k < LOOKS; k++) {
+        float away = most * (float(k) + 0.5) / float(LOOKS);
+        float blocker = textureLod(shadow_depths, at.xy + away * spiral(k), 0.0).r;
+        if ((at.z - blocker) * across > away) {
+            sum += away * (at.z - blocker);
+            n += away;
+        }
+    }
+    if (n == 0.0)
+        return texture(shadow_map, at);
+    float width = across * sum / n, lit = 0.0;
+    for (int k = 0; k < FILTER; k++) {
+        float away = width * sqrt((float(k) + 0.5) / float(FILTER));
+        lit += textureLod(shadow_map, vec3(at.xy + away * spiral(k), at.z - 0.1 * away / across), 0.0);
+    }
+    return lit / float(FILTER);
+}
+#endif
+
 // Returns the share of the first lamp's light that arrives at p, 0 … 1.
 float lamp_at(vec3 p) {
     if (!shadows)
         return 1.0;
     vec3 at = in_map(p, shadow_light, shadow_right, shadow_range);
-    return outside(at) ? 1.0 : texture(shadow_map, at);
+    if (outside(at))
+        return 1.0;
+#ifdef SOFT_SHADOWS
+    if (lamp_spread > 0.0)
+        return soft_lamp_at(at);
+#endif
+    return texture(shadow_map, at);
 }

@@ -50,6 +50,10 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_SHADOW_MAP] = {"shadow-map", NULL, SETTING_WHOLE, AT(settings.shadow_size), 16.0,
                             16384.0, "%.0f", "PIXELS",
                             "Size of the shadow map of the first lamp, 16 … 16384, default 1024"},
+    [SETTING_LIGHT_SIZE] = {"light-size-deg", "size", SETTING_NUMBER, AT(settings.light_size_deg),
+                            0.0, 60.0, "%.1f°", "DEG",
+                            "With --shadows: angle that the light covers in the sky, which makes "
+                            "the edges of its shadows soft; default 0"},
     [SETTING_LIGHT_THETA] = {"light-theta-deg", "θ", SETTING_NUMBER, AT(settings.light_theta_deg),
                              0.0, 180.0, "%.0f°", "DEG",
                              "Polar angle of the light, 0 (straight above) … 180, default 50"},

@@ -67,6 +67,8 @@ static char *drawn_of(const struct viewer_settings *s) {
         g_string_append_printf(text, ", %d layers", s->visibility.layers);
     if (s->shadows)
         g_string_append_printf(text, ", shadow map %d", s->shadow_size);
+    if (s->shadows && s->light_size_deg > 0.0)
+        g_string_append_printf(text, ", light of %g°", s->light_size_deg);
     return g_string_free(text, FALSE);
 }
 

@@ -146,6 +146,8 @@ static void draw_chosen_lamp(struct window *w) {
         if (!window_draw_setting(w, SETTING_LIGHT_PHI))
             s->light_phi_deg = phi;
         window_draw_setting(w, SETTING_LIGHT_BRIGHTNESS);
+        if (s->shadows && s->light_distance == 0.0)
+            window_draw_setting(w, SETTING_LIGHT_SIZE);
         draw_lamp_place(w, &s->light_distance, &s->light_cone_deg, &s->light_inner_deg);
     } else if (w->lamp <= w->n_lamps) {
         struct viewer_lamp *lamp = &s->lamps[w->lamp - 1];

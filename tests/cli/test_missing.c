@@ -195,7 +195,7 @@ TEST(session) {
     assert_has(run->out, "of pictures that were not taken");
     leave_out(run, "9");
     operator_does(run, 1, "process", run->session, NULL);
-    assert_has(run->err, "more than 10 % of the 24 pictures");
+    assert_has(run->err, "more than 10 % of each view's pictures under the 24 lights");
     exr_file_free(whole);
     exr_file_free(made);
     operator_free(run);

@@ -39,6 +39,8 @@ static void on_event(Axis *axis, enum axis_event event, const GError *error, gpo
     }
     g_assert_false(axis_is_moving(axis));
     g_assert_cmpint(event == AXIS_FAULT, ==, error != NULL);
+    if (error != NULL)
+        g_test_message("fault: %s", error->message);
     bench->n_events++;
     bench->last = event;
 }

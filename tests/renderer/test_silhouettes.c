@@ -1,5 +1,6 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
+#include "base/direction.h"
 #include "lib/mdf_copy.h"
 #include "lib/mdf_file.h"
 #include "lib/ok.h"
@@ -433,6 +434,70 @@ GPU_TEST(shadow) {
 }
 
 /* The shadow map is kept only as long as nothing changes that it depends on. */
+/* The share of a disc of radius 1 that another disc covers. Its radius is r, and the distance
+ * between the centres is d. */
+static double covered(double r, double d) {
+    if (d >= 1.0 + r)
+        return 0.0;
+    if (d <= fabs(r - 1.0))
+        return r >= 1.0 ? 1.0 : r * r;
+    const double a = acos((d * d + 1.0 - r * r) / (2.0 * d));
+    const double b = acos((d * d + r * r - 1.0) / (2.0 * d * r));
+    return (a - sin(2.0 * a) / 2.0 + r * r * (b - sin(2.0 * b) / 2.0)) / G_PI;
+}
+
+/* The shadow of a sphere of radius 1 on the floor below it, under a lamp that covers an angle. Seen
+ * from the floor, the sphere covers a disc of the sky, which overlaps that of the lamp. */
+GPU_TEST(soft_shadow) {
+    static const struct silhouettes_shape shape = {"sphere", 1.0, 0, 0, 1.0, 1.0};
+    const struct scene_options scene = {12, 6, SCENE_Z_UP, TRUE};
+    g_autoptr(Mesh) mesh = ok(scene_make("sphere", &scene, ERR));
+    g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
+    struct viewer_settings s = viewer_settings_default;
+    s.shadows = TRUE;
+    s.light_theta_deg = 35.0;
+    s.light_phi_deg = 160.0;
+    s.camera_elevation_deg = 60.0;
+    viewer_fit(view, &s, (double)W / H);
+    double light[3], sum[2] = {0.0};
+    float l[3];
+    direction_from_deg(s.light_theta_deg, s.light_phi_deg, l);
+    for (int c = 0; c < 3; c++)
+        light[c] = (double)l[c];
+    const struct displaced_camera camera = silhouettes_camera(&shape, &s, W, H);
+    int n = 0;
+    for (int soft = 0; soft < 2; soft++) {
+        const double half = 6.0 * G_PI / 180.0;
+        s.light_size_deg = soft ? 12.0 : 0.0;
+        g_autofree float *seen = see(view, &s, W, H);
+        n = 0;
+        for (int k = 0; k < W * H; k++) {
+            const float *p = seen + 4 * (gsize)k;
+            const double distance = silhouettes_floor_distance(&camera, k % W, k / W);
+            double at[3], length = 0.0, along = 0.0;
+            silhouettes_floor_point(&camera, k % W, k / W, at);
+            for (int c = 0; c < 3; c++) {
+                length += at[c] * at[c];
+                along -= at[c] * light[c];
+            }
+            length = sqrt(length);
+            const double apart = acos(CLAMP(along / length, -1.0, 1.0));
+            const double share = 1.0 - covered(asin(1.0 / length) / half, apart / half);
+            if (p[3] < 0.5F || fabs((double)p[2] - distance) > 2e-3 * distance || share < 0.02 ||
+                share > 0.98)
+                continue;
+            sum[soft] += fabs((double)p[0] - share);
+            n++;
+        }
+        sum[soft] /= MAX(n, 1);
+    }
+    g_test_message("%d points in the half-shadow: light off by %.3f, sharp %.3f", n, sum[1],
+                   sum[0]);
+    g_assert_cmpint(n, >, 200);
+    g_assert_cmpfloat(sum[1], <, 0.07);
+    g_assert_cmpfloat(sum[1], <, 0.35 * sum[0]);
+}
+
 GPU_TEST(shadow_kept) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = pile(3);

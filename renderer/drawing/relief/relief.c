@@ -3,6 +3,7 @@
 #include "drawing/gl/gpu.h"
 
 #include <epoxy/gl.h>
+#include <math.h>
 #include <string.h>
 
 #define SLACK 1e-4 /* tolerance of distances from the eye, in radii of the mesh */
@@ -17,7 +18,8 @@ struct Relief {
     gboolean curved[RELIEF_MAX_MATERIALS];
     int n_further;
     guint seen;
-    float light[3], radius;
+    float light[3], radius, lamp_spread; /* lamp_spread: see shadow.glsl */
+    guint depths; /* sampler of the depths of a shadow map; 0 before it is first used */
     float axes[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_axes() */
 };
 
@@ -49,6 +51,8 @@ void relief_free(Relief *relief) {
     visibility_free(relief->lamp);
     shadow_maps_free(relief->first);
     shadow_maps_free(relief->further);
+    if (relief->depths != 0)
+        glDeleteSamplers(1, &relief->depths);
     g_free(relief);
 }
 
@@ -89,6 +93,28 @@ static void parts_casting(struct visibility_scene *scene, guint n_casting) {
     scene->n_parts = n;
 }
 
+/* Makes the sampler that reads the depths of a shadow map without a comparison. */
+static gboolean make_depths(Relief *relief, GError **error) {
+    GLint units = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &units);
+    if (units <= RELIEF_DEPTHS_UNIT) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "soft shadows need %d texture units, but %s has %d; draw with sharp shadows "
+                    "(--light-size-deg 0)",
+                    RELIEF_DEPTHS_UNIT + 1, gpu_renderer(), units);
+        return FALSE;
+    }
+    if (relief->depths != 0)
+        return TRUE;
+    glGenSamplers(1, &relief->depths);
+    glSamplerParameteri(relief->depths, GL_TEXTURE_COMPARE_MODE, GL_NONE);
+    glSamplerParameteri(relief->depths, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glSamplerParameteri(relief->depths, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glSamplerParameteri(relief->depths, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glSamplerParameteri(relief->depths, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    return gpu_check("making a sampler", error);
+}
+
 gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = from->seen;
     const struct visibility_options *o = &from->seen.options;
@@ -116,6 +142,9 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     relief->radius = from->radius;
     relief->silhouettes = from->silhouettes;
     relief->shadows = from->shadows && from->lit;
+    relief->lamp_spread = relief->shadows ? (float)tan(from->light_size_deg * G_PI / 360.0) : 0.0F;
+    if (relief->lamp_spread > 0.0F && !make_depths(relief, error))
+        return FALSE;
     relief->n_further = 0;
     if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
@@ -155,6 +184,14 @@ void relief_bind(const Relief *relief, int material, guint program) {
                      relief->silhouettes ? relief->seen : 0);
     gpu_bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
                      relief->shadows ? shadow_maps_texture(relief->first) : 0);
+    /* With sharp shadows the sampler is not used, and shares the unit of a sampler of its type. */
+    if (relief->lamp_spread > 0.0F) {
+        gpu_bind_texture(program, "shadow_depths", RELIEF_DEPTHS_UNIT, GL_TEXTURE_2D,
+                         shadow_maps_texture(relief->first));
+        glBindSampler(RELIEF_DEPTHS_UNIT, relief->depths);
+    } else
+        glUniform1i(glGetUniformLocation(program, "shadow_depths"), VISIBILITY_UNIT);
+    glUniform1f(glGetUniformLocation(program, "lamp_spread"), relief->lamp_spread);
     glUniform1i(glGetUniformLocation(program, "silhouettes"), relief->silhouettes);
     glUniform1i(glGetUniformLocation(program, "shadows"), relief->shadows);
     glUniform1f(glGetUniformLocation(program, "slack"), SLACK * relief->radius);

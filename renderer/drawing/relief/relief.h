@@ -40,7 +40,8 @@ struct relief_scene {
     /* Whether silhouettes and the shadows of all lamps are drawn. Silhouettes need a part with an
      * MDF. */
     gboolean silhouettes, shadows;
-    gboolean lit; /* the first lamp is on; if FALSE, it casts no shadow */
+    gboolean lit;          /* the first lamp is on; if FALSE, it casts no shadow */
+    double light_size_deg; /* angle that the first lamp covers; 0 for sharp shadows */
     int n_further;
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
     /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size
@@ -54,6 +55,7 @@ struct relief_scene {
 gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
 
 #define RELIEF_FURTHER_UNIT 14 /* unit of the shadow maps of further lamps */
+#define RELIEF_DEPTHS_UNIT  16 /* unit of the depths of the first lamp's shadow map */
 
 /* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use, for parts with
  * this material. */

@@ -118,7 +118,7 @@ static void check_wrong(void) {
          "does not lie within the 4 × 4"},
         {2, "export bsdf satin.session -o x.bsdf --region 3,3", "X,Y,WIDTH,HEIGHT"},
         {2, "export bsdf satin.session -o x.bsdf --texel 1", "X,Y"},
-        {2, "export bsdf satin.session -o x.bsdf --texel 1,1 --region 0,0,1,1", "exclude"},
+        {2, "export bsdf satin.session -o x.bsdf --texel 1,1 --region 0,0,1,1", "give --region or --texel, not both"},
         {1, "export bsdf ptm.session -o x.bsdf", "1 views and 19 lights"},
         {1, "export bsdf few.csv -o x.bsdf", "few.csv"},
         {1, "export bsdf . -o x.bsdf", "."},

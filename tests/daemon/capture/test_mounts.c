@@ -83,7 +83,7 @@ TEST(bad_rig_files) {
         {"mount_of = laser30", "mount_of = laser30\npart = laser30", "part"},
         {"[interlock door]",
          "[laser x]\nmount_of = laser60\ntheta_deg = 1\ndistance_mm = 1\n\n[interlock door]",
-         "itself a mount"},
+         "itself only a mount position"},
         {"[laser laser60]", "[laser nowhere]", "\"nowhere\""},
     };
     struct run *run = mounts_new(TRUE);

@@ -221,7 +221,7 @@ TEST(choose) {
     lpca_free(best);
     wanted.bytes = 1000;
     g_assert_null(lpca_choose(btf, &options, &wanted, &error));
-    g_assert_nonnull(strstr(error->message, "is too little"));
+    g_assert_nonnull(strstr(error->message, "is too small"));
     g_clear_error(&error);
     for (gsize i = 0; i < btf_layout_texels(&btf->layout); i++) /* all texels alike */
         memcpy(btf->values + i * 3 * (gsize)(btf->layout.views.n * btf->layout.lights.n),
