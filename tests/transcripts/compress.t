@@ -53,19 +53,19 @@ Memory that is too little is told together with what would be enough.
 Eigen-maps. A view takes 3 kB as floats.
 
   $ mesorig compress S -m eigenmaps --components 1 -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-map, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the existing file
   $ mesorig compress S -m eigenmaps -o matrix.exr
   matrix.exr: done in … s: 4 eigen-maps, error 0.02 % at the measured directions (0.00 % before rounding), 6.2 kB, 1:0.99 of the BTF in half floats; 14.1 kB on disk
   $ cmp matrix.exr S/products/eigenmaps.exr
   $ mesorig compress S -m eigenmaps --memory 7kB --components 1 -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-map, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --memory 5kB --components 1 -o other.exr --force
   mesorig: --memory gives 5.0 kB, which is too little for 1 eigen-map of 8 × 8 texels and 4 lights. Each takes 3.1 kB, and reading one view takes as much; allow at least 6.1 kB
   [1]
   $ mesorig compress S -m eigenmaps --error 99% -o other.exr --force
-  other.exr: done in … s: 1 eigen-maps, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
+  other.exr: done in … s: 1 eigen-map, error 19.51 % at the measured directions (19.51 % before rounding), 1.6 kB, 1:3.96 of the BTF in half floats; 4.5 kB on disk
   it replaces the “eigenmaps” that Mesorig had written there
   $ mesorig compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr --force
   mesorig: an error of 0.0001 % is not reached: with 1 eigen-map it is 19.5 %; allow more eigen-maps or a larger error

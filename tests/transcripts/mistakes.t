@@ -166,16 +166,16 @@ A session with a database of garbage stays as it is.
   $ head -c 9000 /bin/sh >x.session/session.db
   $ cp x.session/session.db garbage
   $ mesorig resume x.session
-  mesorig: x.session/session.db: not a session's database: file is not a database
+  mesorig: x.session/session.db: not a session's database: file is not a database; restore it from a backup
   [1]
   $ mesorig process x.session
-  mesorig: x.session/session.db: not a session's database: file is not a database
+  mesorig: x.session/session.db: not a session's database: file is not a database; restore it from a backup
   [1]
   $ mesorig info x.session
-  mesorig: x.session/session.db: not a session's database: file is not a database
+  mesorig: x.session/session.db: not a session's database: file is not a database; restore it from a backup
   [1]
   $ mesorig status x.session
-  mesorig: x.session/session.db: not a session's database: file is not a database
+  mesorig: x.session/session.db: not a session's database: file is not a database; restore it from a backup
   [1]
   $ mesorig capture rig.conf session.conf -o x.session
   mesorig: x.session exists already; choose another name, or resume it

@@ -149,7 +149,7 @@ static const struct bad bad_files[] = {
     {GOOD "[views]\npreset=81\nrings=15:1\n", 9, "only one of them"},
     {GOOD "[views]\n", 9, "either"},
     {GOOD "[views]\nrings=15:1\ndevices=all\n", 9, "only one of them"},
-    {GOOD "[views]\ndevices=all\noffset_deg=5\n", 11, "leave it out"},
+    {GOOD "[views]\ndevices=all\noffset_deg=5\n", 11, "leave offset_deg out"},
     {GOOD "[views]\nrings=15\n", 10, "theta:count"},
     {GOOD "[views]\nrings=15:1:2:3\n", 10, "theta:count"},
     {GOOD "[views]\nrings=90:1\n", 10, "theta:count"},
