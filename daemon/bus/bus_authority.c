@@ -188,6 +188,11 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
         return;
     }
     const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
+    /* The call of a question that was stopped has been answered. */
+    if (!question->authority) {
+        question_end(question, FALSE, error);
+        return;
+    }
     if (answer && !allowed)
         error = g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
                             "you are not allowed to call %s: an administrator can allow the action "

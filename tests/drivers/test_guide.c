@@ -25,7 +25,8 @@ TEST(pieces) {
     g_auto(GStrv) parts = g_strsplit(guide, "```", -1);
     int n = 0;
     for (int i = 1; parts[i] && parts[i + 1]; i += 2) {
-        g_assert_true(g_str_has_prefix(parts[i], "c\n"));
+        if (!g_str_has_prefix(parts[i], "c\n"))
+            continue; /* a rig file */
         const char *piece = parts[i] + 2;
         if (strstr(piece, "struct conformance"))
             continue;
