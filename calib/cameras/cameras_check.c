@@ -48,10 +48,14 @@ gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
         stops, work->bundle.n_stops ? range_deg : 0.0, MIN_STOPS, MIN_TURN_DEG);
 }
 
-static const char *first_reason(const struct cameras_work *work, int camera) {
-    for (int i = 0; i < work->task->n_pictures; i++)
-        if (work->seen[i].camera == camera && !work->seen[i].corners && work->seen[i].why)
-            return work->seen[i].why;
+static const char *first_reason(const struct cameras_work *work, int camera,
+                                gboolean only_set_aside) {
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        const struct seen *seen = &work->seen[i];
+        if (seen->camera == camera && !seen->corners && seen->why &&
+            (seen->set_aside || !only_set_aside))
+            return seen->why;
+    }
     return "the camera has no pictures";
 }
 
@@ -74,7 +78,7 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                "not found in %d photographs, and %d contradict the others; for example, %s; take "
                "out photographs of another board, camera, zoom or focus, or give more photographs",
                used, all, MAX(MIN_PICTURES, (all + 1) / 2), all - used - contradict, contradict,
-               first_reason(work, 0));
+               first_reason(work, 0, FALSE));
 }
 
 /* For a rig, only pictures in which the board was found are counted, because a tilted board on the
@@ -92,7 +96,7 @@ gboolean cameras_check_majority(const struct cameras_work *work, GError **error)
                 "sessions do not belong together; for example, %s; capture again, or give only "
                 "sessions that belong together",
                 work->nominal.cameras[c].name, contradict, used + contradict,
-                first_reason(work, c));
+                first_reason(work, c, TRUE));
     }
     return TRUE;
 }

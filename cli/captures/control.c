@@ -205,8 +205,8 @@ static int run_safe(const struct call *call, GError **error) {
     }
     g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
                 "the rig %s was commanded into its safe state, but these devices have not "
-                "confirmed their off or stop: %s; mesorigd repeats the commands until they do: go "
-                "to the rig, and switch these devices off by hand",
+                "confirmed that they are off or stand still: %s; go to the rig, and switch these "
+                "devices off by hand; mesorigd repeats the commands meanwhile",
                 path, open->str);
     return CLI_FAILED;
 }

@@ -20,7 +20,7 @@ static const GOptionEntry entries[] = {
      "File to write (products/index.exr of the session)", "FILE.exr"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size of the map in texels (512x512)", "WxH"},
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method,
-     "Method of synthesis; auto makes both and takes the better one (auto)",
+     "Method of synthesis; auto takes textons, unless quilting keeps order clearly better (auto)",
      "auto|textons|quilting"},
     {"tileable", 0, 0, G_OPTION_ARG_NONE, &tileable,
      "Find a part of the sample that can be repeated without seams", NULL},

@@ -311,11 +311,12 @@ static gboolean check_lights(struct import_set *set, GError **error) {
         const int light = g_array_index(set->shots, struct session_shot, row->shot).source;
         const struct import_row **other = &there[view * n_lights + (guint)light];
         if (*other)
-            return data_error_fail(set->table, row->line, error,
-                                   "%s shows the view of %s (line %d) under a lamp whose direction "
-                                   "differs by less than %g°; give a smaller value to --same-light",
-                                   row->name, (*other)->name, (*other)->line,
-                                   set->wish->same_light_deg);
+            return data_error_fail(
+                set->table, row->line, error,
+                "%s and %s (line %d) show the same view, and their lamps are less "
+                "than %g° (--same-light) apart, which makes them the same light; "
+                "give a smaller --same-light, or leave one of the pictures out",
+                row->name, (*other)->name, (*other)->line, set->wish->same_light_deg);
         *other = row;
         any[view] = TRUE;
     }

@@ -192,7 +192,8 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
         return FALSE;
     if (picture->width != relight->width || picture->height != relight->height)
         return data_error_fail(path, 0, error,
-                               "it has %d × %d pixels, but info.json states %d × %d",
+                               "it has %d × %d pixels, but info.json states %d × %d; build the set "
+                               "again in Relight, or correct info.json",
                                picture->width, picture->height, relight->width, relight->height);
     if (picture->bits != 8)
         return data_error_fail(

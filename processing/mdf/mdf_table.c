@@ -143,8 +143,8 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "the file has no view" AGAIN);
     } else if ((gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
         g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
-                    "%d × %d texels of %u views are too many; at most %d texels of all views "
-                    "together can be drawn",
+                    "%d × %d texels of %u views are too many: all views together may have %d; "
+                    "process the session with fewer texels",
                     first->width, first->height, file->parts->len, MDF_TABLE_MAX_TEXELS);
     } else if (exr_get_double(first, "texel_mm", &texel_mm, error)) {
         t = mdf_table_new(first->width, first->height, file->parts->len, texel_mm, NULL, NULL);

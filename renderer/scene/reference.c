@@ -188,6 +188,7 @@ Reference *reference_open_material(const char *path, GError **error) {
 }
 
 gboolean reference_move_along_surface(Reference *r, const char *mdf, GError **error) {
+    g_return_val_if_fail(r->files != NULL, FALSE);
     const struct reference_info info = reference_info(r);
     r->reprojection = session_check_product(mdf, error)
                           ? reprojection_read(mdf, info.view_theta_deg, info.view_phi_deg,

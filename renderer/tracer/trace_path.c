@@ -258,12 +258,12 @@ static gboolean option_fail(const char *name, gint64 value, gint64 least, gint64
 }
 
 gboolean trace_options_check(const struct trace_options *o, GError **error) {
-    return option_fail("width", o->width, 1, TRACE_MAX_SIDE, error) &&
-           option_fail("height", o->height, 1, TRACE_MAX_SIDE, error) &&
-           option_fail("number of pixels", (gint64)o->width * o->height, 1, TRACE_MAX_PIXELS,
-                       error) &&
-           option_fail("samples", o->samples, 1, TRACE_MAX_SAMPLES, error) &&
-           option_fail("depth", o->depth, 0, TRACE_MAX_DEPTH, error);
+    return option_fail("--size, width", o->width, 1, TRACE_MAX_SIDE, error) &&
+           option_fail("--size, height", o->height, 1, TRACE_MAX_SIDE, error) &&
+           option_fail("--size, number of pixels", (gint64)o->width * o->height, 1,
+                       TRACE_MAX_PIXELS, error) &&
+           option_fail("--samples", o->samples, 1, TRACE_MAX_SAMPLES, error) &&
+           option_fail("--depth", o->depth, 0, TRACE_MAX_DEPTH, error);
 }
 
 void trace_picture_free(TracePicture *picture) {

@@ -159,9 +159,13 @@ static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
     for (gsize pair = 0; pair < pairs; pair++) {
         const gssize nearest = abrdf_nearest(abrdf, lights, pair / n, pair % n);
         if (nearest < 0) {
-            data_error_set(path, 0, error,
-                           "view %zu has no value in any texel of the region; give another region",
-                           pair / n);
+            data_error_set(
+                path, 0, error,
+                "the view at θ %.4g°, φ %.4g° has no value in any of the texels that are "
+                "exported; give a --region that the view has seen, or capture the view "
+                "again",
+                (double)abrdf->info.views.theta_deg[pair / n],
+                (double)abrdf->info.views.phi_deg[pair / n]);
             return NULL;
         }
         const gsize from = pair / n * n + (gsize)nearest;
