@@ -147,7 +147,7 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
                                   "camera %s: the board was found in %d of the camera's %d "
                                   "pictures, and at least %d are needed; for example, %s",
                                   work->nominal.cameras[c].name, good, all, MIN_PICTURES,
-                                  first_reason(work, c));
+                                  first_reason(work, c, FALSE));
     }
     return check_lays(work, error);
 }

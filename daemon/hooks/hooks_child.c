@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #define KILL_S 3
@@ -65,9 +66,13 @@ static void take_output(struct child *child, gsize n) {
 }
 
 /* Runs between fork and exec. Makes a process group, so that the program and the processes that it
- * starts can be ended together. */
+ * starts can be ended together. data is memory that is shared with the parent, for the number of
+ * the group. The parent cannot ask GSubprocess for the number, because a program that has ended
+ * already has none there, and may have left processes behind. */
 static void prepare_child(gpointer data) {
+    pid_t *group = data;
     setpgid(0, 0);
+    *group = getpid();
     signal(SIGPIPE, SIG_DFL);
 }
 
@@ -167,27 +172,32 @@ void hooks_child_run(const char *const *argv, const char *const *environ, const 
     GError *error = NULL;
     if (environ)
         g_subprocess_launcher_set_environ(launcher, (char **)environ);
-    g_subprocess_launcher_set_child_setup(launcher, prepare_child, NULL, NULL);
+    pid_t *group =
+        mmap(NULL, sizeof *group, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (group == MAP_FAILED) {
+        g_task_return_new_error(task, G_IO_ERROR, (int)g_io_error_from_errno(errno),
+                                "%s cannot be started: %s", argv[0], g_strerror(errno));
+        g_object_unref(task);
+        return;
+    }
+    g_subprocess_launcher_set_child_setup(launcher, prepare_child, group, NULL);
     g_autoptr(GSubprocess) process = g_subprocess_launcher_spawnv(launcher, argv, &error);
+    const pid_t child_group = *group;
+    munmap(group, sizeof *group);
     if (!process) {
         g_task_return_error(task, error);
         g_object_unref(task);
         return;
     }
     struct child *child = g_new0(struct child, 1);
-    const char *id = g_subprocess_get_identifier(process);
     child->task = task;
     child->process = g_object_ref(process);
     child->reading = g_cancellable_new();
     child->name = g_path_get_basename(argv[0]);
-    child->group = id ? (pid_t)g_ascii_strtoll(id, NULL, 10) : 0;
+    child->group = child_group;
     child->time_limit_s = time_limit_s;
     child->line = g_string_new(NULL);
     g_task_set_task_data(task, child, child_free);
-    if (child->group > 1)
-        /* parent and child both call setpgid(), so that the group exists when either of them
-         * continues */
-        setpgid(child->group, child->group);
     child->limit_id = g_timeout_add((guint)(time_limit_s * 1000), on_limit, child);
     char *own_input = g_strdup(input);
     g_output_stream_write_all_async(g_subprocess_get_stdin_pipe(process), own_input,
