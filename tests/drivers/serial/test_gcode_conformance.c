@@ -44,7 +44,7 @@ BEFORE_TESTS {
         tested[i] = (struct conformance){
             .name = boards[i].name, .real_clock = TRUE, .fail = fail, .fail_data = models[i]};
         tested[i].section = g_strdup_printf(
-            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 400\nboot_ms = 1000\n"
+            "[axis test]\ndriver = gcode-axis\nport = %s\nanswer_ms = 1500\nboot_ms = 1000\n"
             "min_deg = -90\nmax_deg = 90\nspeed_deg_s = 400\naccel_deg_s2 = 4000\npoll_ms = 5\n"
             "%s%s",
             virtual_gcode_port(models[i]),
