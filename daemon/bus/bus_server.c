@@ -1,6 +1,7 @@
 #include "bus.h"
 #include "bus_client.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <gio/gunixsocketaddress.h>
 #include <glib/gstdio.h>
@@ -253,15 +254,17 @@ static gboolean remove_stale(const char *path, GError **error) {
     }
     strcpy(to.sun_path, path);
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const gboolean answered = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) == 0;
+    /* Only this error says that nobody listens. A full backlog or missing rights do not. */
+    const gboolean stale =
+        fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) != 0 && errno == ECONNREFUSED;
     if (fd >= 0)
         close(fd);
-    if (answered)
+    if (stale)
+        g_unlink(path);
+    else
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE,
                     "another program listens at %s: choose another path for --listen", path);
-    else
-        g_unlink(path);
-    return !answered;
+    return stale;
 }
 
 static GSocket *listen_at(const char *path, GError **error) {

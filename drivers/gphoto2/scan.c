@@ -7,6 +7,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/pidfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -39,8 +40,9 @@ static void add_line(GPtrArray *to, const char *line) {
         found->note = g_strdup("this user may not open it; add the user to the group plugdev");
 }
 
-/* Reads the output of a program until its end or until the deadline, and kills the program then. */
-static gboolean read_output(GPid pid, int fd, GString *to) {
+/* Reads the output of a program until its end or until the deadline, and kills the program then.
+ * *ret_status is the status of the program as waitpid() gives it. */
+static gboolean read_output(GPid pid, int fd, GString *to, int *ret_status) {
     const gint64 limit_us = g_get_monotonic_time() + LIST_US;
     char bytes[4096];
     gssize n = 1;
@@ -53,8 +55,15 @@ static gboolean read_output(GPid pid, int fd, GString *to) {
         g_string_append_len(to, bytes, MAX(n, 0));
     }
     close(fd);
+    /* The program ends right after its output. */
+    struct pollfd ends = {pidfd_open(pid, 0), POLLIN, 0};
+    if (n == 0 && ends.fd >= 0)
+        poll(&ends, 1, (int)(MAX(limit_us - g_get_monotonic_time(), 0) / 1000));
+    if (ends.fd >= 0)
+        close(ends.fd);
     kill(pid, SIGKILL);
-    waitpid(pid, NULL, 0);
+    *ret_status = 0;
+    waitpid(pid, ret_status, 0);
     return n == 0;
 }
 
@@ -63,16 +72,21 @@ gboolean gphoto2_scan(GPtrArray *to, GError **error) {
     const char *const argv[] = {program, "--list", NULL};
     g_autoptr(GString) text = g_string_new(NULL);
     GPid pid;
-    int out;
+    int out, status;
     if (!program || !g_spawn_async_with_pipes_and_fds(
                         NULL, argv, NULL, G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDERR_TO_DEV_NULL,
                         NULL, NULL, -1, -1, -1, NULL, NULL, 0, &pid, NULL, &out, NULL, error))
         return FALSE;
-    if (!read_output(pid, out, text)) {
+    if (!read_output(pid, out, text, &status)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
                     "libgphoto2 did not list the still cameras within %d s; unplug the last device "
                     "that was connected",
                     (int)(LIST_US / G_USEC_PER_SEC));
+        return FALSE;
+    }
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                    "libgphoto2 could not list the still cameras: “%s --list” tells why", program);
         return FALSE;
     }
     g_auto(GStrv) lines = g_strsplit(text->str, "\n", -1);

@@ -65,8 +65,10 @@ void draw_dot(ImDrawList *list, const struct ui_dot *dot, ImVec2 at) {
         list->AddCircle(at, 3.0F * scale, colour);
         break;
     case UI_DOT_CAMERA:
-        list->AddLine(ImVec2(at.x - 6, at.y), ImVec2(at.x + 6, at.y), colour, 2.0F);
-        list->AddLine(ImVec2(at.x, at.y - 6), ImVec2(at.x, at.y + 6), colour, 2.0F);
+        list->AddLine(ImVec2(at.x - 6.0F * scale, at.y), ImVec2(at.x + 6.0F * scale, at.y), colour,
+                      2.0F * scale);
+        list->AddLine(ImVec2(at.x, at.y - 6.0F * scale), ImVec2(at.x, at.y + 6.0F * scale), colour,
+                      2.0F * scale);
         break;
     case UI_DOT_CHOSEN_LIGHT:
         list->AddCircle(at, 8.0F * scale, colour, 24, 1.5F);
