@@ -44,19 +44,24 @@ void bus_keep_queue(Bus *bus, const char *path);
 
 gboolean bus_has_rig(const Bus *bus); /* whether a rig is open */
 
-/* Returns one line for users: "running, 12 % (120 of 1000 shots), 1 h 20 min left". Without a
- * session, it is only the state, for instance "idle". Free it with g_free(). */
+/* Returns one line for users: "running, 12 % (120 of 1000 shots), 1 h 20 min left". If the
+ * capture has stopped for a reason, the reason replaces the time left. Without a session, the
+ * line is only the state, for instance "idle". Free it with g_free(). */
 char *bus_status(Bus *bus);
 
-/* Sets a function that is called when the main client has closed its connection. The main client is
- * the first client that called OpenRig, Start or Resume. */
+/* Sets a function that is called when the main client has closed its connection. The main client
+ * is the first client that called OpenRig, Start or Resume since the last main client closed its
+ * connection. On a message bus, the connection is the one to the bus. */
 void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
-/* Starts a server for clients of the same user. The kernel tells the server the user of each client
- * (D-Bus authentication EXTERNAL). address is "unix:path=…"; a stale socket at that path is
- * replaced. The rig is shown on every connection. Commands of the same user find the daemon in the
- * folder that bus_client.h describes. A client is refused if too few descriptors would be left for
- * devices and files, or if its process has too many connections. */
+/* Starts a server for clients of the same user. The kernel tells the server the user of each
+ * client (D-Bus authentication EXTERNAL). address is "unix:path=…"; a socket at that path at
+ * which no process listens is replaced. Returns NULL with an error if the address has another
+ * form or contains a comma, semicolon or percent sign, if another kind of file is at the path,
+ * if a process listens there, or if the socket cannot be made. The rig is shown on every
+ * connection. Commands of the same user find the daemon in the folder that bus_client.h
+ * describes. A client is refused if too few descriptors would be left for devices and files, or
+ * if its process has too many connections. */
 typedef struct BusServer BusServer;
 BusServer *bus_serve(Bus *bus, const char *address, GError **error);
 

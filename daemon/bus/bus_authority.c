@@ -42,7 +42,7 @@ static const struct {
     {"MoveAxis", ACTION("move"), TRUE},
     {"HomeAxis", ACTION("move"), TRUE},
     {"SetLaser", ACTION("laser"), TRUE}, /* switching off is always allowed, as for SetLamp */
-    {"Renew", NULL, TRUE},               /* for lights that the client was allowed to switch on */
+    {"Renew", NULL, TRUE}, /* polkit was asked when the client switched the light on */
     {"Release", ACTION("release"), FALSE},
     {"SafeState", NULL, FALSE},
 };
@@ -161,8 +161,9 @@ static gboolean question_late(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The last callback of a question. If allowed is TRUE, passes the call on. Otherwise error gives
- * the reason. */
+/* Ends a question and frees it. If allowed is TRUE, passes the call on, unless the rig is held
+ * in its safe state meanwhile: the call is then refused. If allowed is FALSE, answers the call
+ * with error. Takes ownership of error. Does not answer if the question was stopped. */
 static void question_end(struct question *question, gboolean allowed, GError *error) {
     if (question->authority) {
         g_ptr_array_remove(question->authority->questions, question);

@@ -40,10 +40,11 @@ void bus_authority_clear(struct bus_authority *authority);
 BusRig1 *bus_authority_skeleton(void);
 void bus_authority_attach(BusRig1 *skeleton, struct bus_authority *authority);
 
-/* Ends the calls about which polkit has not answered yet, with BUS_ERROR_CANCELLED. Returns TRUE if
- * one of them would have begun a capture. */
+/* Ends the calls about which polkit has not answered yet, with BUS_ERROR_CANCELLED and the text
+ * why. Returns TRUE if one of them was a Start or Resume. */
 gboolean bus_authority_stop(struct bus_authority *authority, const char *why);
 
-/* Returns the caller of a method on the system bus. Returns NULL for the daemon's own user and for
- * root, who may do everything that the daemon can do. */
+/* Returns the caller of a method on the system bus. Returns NULL for the daemon's own user and
+ * for root, who may do everything that the daemon can do, and for calls about which polkit is
+ * not asked. The invocation owns the result. */
 const struct bus_caller *bus_authority_caller(GDBusMethodInvocation *invocation);

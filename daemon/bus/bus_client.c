@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define LONGEST_FOLDER  80    /* the path of a socket has at most 107 bytes */
+#define LONGEST_FOLDER  80    /* bytes; the path of a socket in the folder has at most 107 */
 #define CONNECT_WAIT_MS 15000 /* a mesorigd on a busy computer may need several seconds */
 #define UNIX_PATH       "unix:path="
 

@@ -30,14 +30,17 @@ const char *bus_client_folder(void);
 char *bus_client_make_folder(GError **error);
 void bus_client_remove_folder(const char *folder);
 
-/* Lets clients of the same user find the daemon that listens at "unix:path=…". Returns the folder
- * that has to be removed when the daemon ends; free it with g_free(). Returns NULL without an error
- * if the daemon's socket is already in such a folder. */
+/* Lets clients of the same user find the daemon that listens at "unix:path=…". Returns the
+ * folder that has to be removed when the daemon ends; free it with g_free(). Returns NULL
+ * without an error if the daemon's socket is already in such a folder. Returns NULL with an
+ * error if the address has a percent sign without two hexadecimal digits, or if the folder or
+ * the link in it cannot be made. */
 char *bus_client_announce(const char *address, GError **error);
 
-/* Connects to the daemon at an address, within 5 s. Errors name the address and say how to start a
- * daemon there. G_IO_ERROR_NOT_FOUND and G_IO_ERROR_CONNECTION_REFUSED mean that no process listens
- * there. bus_client_connect() runs the default main context while it waits. */
+/* Connects to the daemon at an address, within 15 s; after that, the error is
+ * G_IO_ERROR_TIMED_OUT. Errors name the address and say what to do. G_IO_ERROR_NOT_FOUND and
+ * G_IO_ERROR_CONNECTION_REFUSED mean that no process listens there. bus_client_connect() runs
+ * the default main context while it waits. */
 void bus_client_connect_async(const char *address, GCancellable *cancellable,
                               GAsyncReadyCallback callback, gpointer data);
 GDBusConnection *bus_client_connect_finish(GAsyncResult *result, GError **error);

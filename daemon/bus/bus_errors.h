@@ -6,16 +6,18 @@
 #define BUS_ERROR bus_error_quark()
 GQuark bus_error_quark(void);
 enum bus_error {
-    BUS_ERROR_BUSY,       /* another operation is under way; the message says what to do first */
+    BUS_ERROR_BUSY, /* Another operation is under way, or a device has not confirmed that it is off
+                       or stands still. The message says what to do first. */
     BUS_ERROR_NO_RIG,     /* no rig is open */
     BUS_ERROR_NO_SESSION, /* nothing is being captured */
     BUS_ERROR_BAD_PATH,   /* a path is not absolute */
-    BUS_ERROR_UNKNOWN,    /* there is no device or option of that name */
+    BUS_ERROR_UNKNOWN,    /* no device or option has that name, or an option has the wrong type */
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
-    BUS_ERROR_FAILED,     /* any error whose domain has no name on the bus */
+    BUS_ERROR_FAILED, /* any other error, also every error of a domain that has no name on the bus
+                       */
     /* A limit of time, memory or waiting calls was reached; the message says which. */
     BUS_ERROR_LIMIT,
-    BUS_ERROR_CANCELLED, /* another call has ended the operation of this call */
+    BUS_ERROR_CANCELLED, /* the operation of this call was ended; the message says by what */
     BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */
     BUS_ERROR_DENIED,    /* polkit or the rights of a folder do not allow the caller to do this */
 };

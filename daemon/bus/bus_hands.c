@@ -33,7 +33,7 @@ struct hand {
     gpointer parked_data;
     GDBusConnection *connection; /* connection of the client */
     char *sender;                /* name of the client on a message bus, or NULL */
-    guint watch;                 /* watch of that name */
+    guint watch; /* calls on_vanished() when sender leaves the bus; 0 if sender is NULL */
     /* the device was commanded off or to stop; the use ends when it has obeyed */
     gboolean off_asked;
     guint lease; /* timer for the end of the lease of a lamp or laser */
@@ -130,8 +130,8 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* Ends the use of a device that has failed to obey. If the device may still give light, its class
- * sends "off" until the device confirms it. */
+/* Ends the use of a device that has failed to obey. If the device may still give light, its
+ * class (drivers/lights.h) repeats the command "off" until the device confirms it. */
 static void hand_lose(struct hand *hand, const GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -256,8 +256,8 @@ static void hand_listen(struct hand *hand, gboolean listen) {
         axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
 }
 
-/* Switches off or stops the device of a client. A light stays in use until it has confirmed that it
- * is off, and an axis until it stands still. */
+/* Switches off or stops the device of a client. The use of a camera ends at once. A light stays
+ * in use until it has confirmed that it is off, and an axis until it stands still. */
 static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);

@@ -14,7 +14,7 @@
 #include "bus_jobs.h"
 
 struct bus_hands {
-    struct bus_rig *rig;         /* borrowed; n_hands is set here */
+    struct bus_rig *rig;         /* borrowed; this module sets rig->n_hands */
     const struct bus_jobs *jobs; /* borrowed */
     GPtrArray *list;             /* of struct hand: devices that clients use by hand */
     guint interlocks[DEVICES_MAX_INTERLOCKS];
@@ -25,7 +25,7 @@ void bus_hands_clear(struct bus_hands *hands);
 
 /* Each function carries out the method of the same name. It answers the call when the device has
  * done what was requested. For a lamp or laser this is when the light is stable. If the request
- * fails, it answers with an error immediately. */
+ * fails, the function answers with an error immediately. */
 void bus_hands_snap(struct bus_hands *hands, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
 void bus_hands_set_lamp(struct bus_hands *hands, GDBusMethodInvocation *invocation,
@@ -42,9 +42,10 @@ void bus_hands_home(struct bus_hands *hands, GDBusMethodInvocation *invocation, 
 gboolean bus_hands_renew(struct bus_hands *hands, GDBusMethodInvocation *invocation, double for_s,
                          guint *ret_n, GError **error);
 
-/* Moves an axis to park_deg, after homing it if necessary. An axis without park_deg is only homed.
- * Refuses an axis that a client is using, and all axes while an interlock is open. done is called
- * once. It gets an error if the axis did not arrive or if another call has ended the move. */
+/* Moves an axis to park_deg, after homing it if necessary. An axis without park_deg is only
+ * homed. Returns FALSE with an error if the axis is in use by hand, an interlock is open, or the
+ * axis refuses the command. Otherwise done is called once, with an error if the axis did not
+ * arrive or if another call has ended the move. */
 typedef void (*BusParked)(gpointer data, const GError *error);
 gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpointer data,
                         GError **error);
@@ -54,11 +55,12 @@ gboolean bus_hands_park(struct bus_hands *hands, Axis *axis, BusParked done, gpo
 void bus_hands_watch(struct bus_hands *hands, gboolean watch);
 
 /* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
- * commands lights off and stops axes. */
+ * commands lights off and stops axes. A light remains in use until it has confirmed that it is
+ * off, and an axis until it stands still. */
 void bus_hands_stop(struct bus_hands *hands, const char *why);
 
-/* The same as bus_hands_stop(), but does not wait for the devices. The caller listens to them from
- * now on. */
+/* Does the same as bus_hands_stop(), but no device remains in use. From now on the caller may
+ * listen to the devices. */
 void bus_hands_end(struct bus_hands *hands, const char *why);
 
 /* Ends, as bus_hands_stop() does, the use of all devices by one client. Call it when the connection

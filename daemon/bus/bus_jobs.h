@@ -18,8 +18,8 @@ void bus_jobs_init(struct bus_jobs *jobs, struct bus_rig *rig);
 void bus_jobs_clear(struct bus_jobs *jobs);
 
 /* Called once, with the result of the child, or with NULL and an error if the job failed or was
- * stopped. invocation is the call of the job. The function takes ownership of invocation and error.
- */
+ * stopped. invocation is the call of the job. The function takes ownership of invocation and
+ * error, but not of result. */
 typedef void (*BusJobDone)(GDBusMethodInvocation *invocation, GVariant *result, GError *error,
                            gpointer data);
 

@@ -40,15 +40,18 @@ struct Bus {
 /* Returns whether a path is absolute. The error is BUS_ERROR_BAD_PATH. */
 gboolean bus_need_absolute(const char *path, GError **error);
 
-/* Ends all operations, and waits until every device of a rig with real devices has confirmed that
- * it is off or stands still. The error is BUS_ERROR_BUSY if a device has not confirmed. The rig
- * then stays open, and the command to the device is repeated until the device confirms. Runs the
- * main loop. */
+/* Returns whether the rig may be closed. That is always so for a rig without a guardian, and for
+ * a rig that has been made safe (bus_rig.h, is_safe). For any other rig, ends all operations and
+ * waits until every device has confirmed that it is off or stands still (bus_end(), which runs
+ * the main loop). The error is BUS_ERROR_BUSY if a device has not confirmed. The rig then stays
+ * open, the queue of sessions is paused, and the command to the device is repeated until the
+ * device confirms. */
 gboolean bus_can_close(Bus *bus, GError **error);
 
-/* Closes the rig. Devices that have not confirmed that they are off or stand still are left to the
- * guardian and are not closed. Closing them would wait for their answers, and the guardian could
- * not use the lines meanwhile. If a device has not confirmed, the program must end after this. */
+/* Closes the rig. Does nothing if called from within bus_end(), which runs the main loop.
+ * Devices that have not confirmed that they are off or stand still are left to the guardian and
+ * are not closed. Closing them would wait for their answers, and the guardian could not use the
+ * lines meanwhile. If a device has not confirmed, the program must end after this. */
 void bus_close_rig(Bus *bus);
 
 /* Each function does the work of the method of the same name in a child process, and answers the
@@ -62,5 +65,5 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
 gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                           const char *directory, GVariant *options, GError **error);
 
-/* Connects the handlers of all methods. */
+/* Connects the handlers of all methods except SafeState, which bus_latch.c answers. */
 void bus_answer_calls(Bus *bus);

@@ -5,9 +5,9 @@
 
 #include <string.h>
 
-/* Maximum number of calls of one client, and of all clients, that may wait for the main loop. The
- * loop handles all waiting calls in one iteration. A SafeState that arrives during that iteration
- * waits for its end. */
+/* Maximum number of calls of one client, and of all clients, that may wait for the main loop.
+ * The loop handles all waiting calls in one iteration. After a SafeState that arrives during
+ * that iteration, the devices are commanded only when the iteration has ended. */
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
@@ -96,10 +96,10 @@ static gboolean leave(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Counts a call until the main loop handles it, passes SafeState to the latch, and refuses a call
- * that is too much. GDBus passes each call to the main loop by an idle source of the default
- * priority. leave() is queued just before, at the same priority, and therefore runs just before the
- * call. */
+/* Counts a call until the main loop handles it, passes SafeState to the latch, and refuses a
+ * call beyond the limits above. GDBus passes each call to the main loop by an idle source of the
+ * default priority. leave() is queued just before, at the same priority, and therefore runs just
+ * before the call. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
     struct bus_queue *queue = data;

@@ -39,9 +39,11 @@ struct bus_run {
 /* Returns whether a capture is under way. The error is BUS_ERROR_NO_SESSION. */
 gboolean bus_run_need(const struct bus_run *run, GError **error);
 
-/* Captures into a session directory that a job has made, or that a job has examined if resumed is
- * TRUE. warning is the answer of PREPARER_EXAMINE, or NULL for none. If process is TRUE, the
- * session is processed during the capture. Ends all use of devices by hand. */
+/* Captures into a session directory that a job has made, or that a job has examined if resumed
+ * is TRUE. warning is the answer of PREPARER_EXAMINE, or NULL for none. If process is TRUE, the
+ * session is processed during the capture. Ends all use of devices by hand. Fails if the latch
+ * of the safe state is set, if a device has not confirmed that it is safe, or if capture_begin()
+ * or capture_go_on() fails. */
 gboolean bus_run_begin(struct bus_run *run, const char *directory, gboolean resumed,
                        const char *warning, gboolean process, GError **error);
 

@@ -19,7 +19,8 @@ void bus_safety_forget(struct bus_rig *rig);
  * not confirmed that it is off or stands still. */
 gboolean bus_safety_need(struct bus_rig *rig, GError **error);
 
-/* Returns whether a rig is open, nobody uses it, and the latch of the safe state is not set. */
+/* Returns whether a rig is open and not being closed, no capture is under way, no device is in
+ * use by hand, and the latch of the safe state is not set. */
 gboolean bus_safety_is_free(const struct bus_rig *rig);
 
 /* Holds the clock (bus_rig_hold_clock()) if no capture is under way, no device is in use by hand,

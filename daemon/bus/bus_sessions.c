@@ -131,9 +131,10 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
     return TRUE;
 }
 
-/* Checks the calibration of a call that replaces the one of the rig file. begins is FALSE for a
- * resumed session, which keeps its calibration. path is NULL if the call names no calibration,
- * which is always allowed. */
+/* Checks the path of a calibration with which a call replaces the calibration of the rig file.
+ * Fails if begins is FALSE, because a resumed session keeps its calibration, if path is not
+ * absolute, or if text is NULL and no file exists at path. path is NULL if the call names no
+ * calibration, which is always allowed. */
 static gboolean check_calibration(const char *path, const char *text, gboolean begins,
                                   GError **error) {
     if (!path)

@@ -9,17 +9,19 @@ struct bus_trial;
 
 enum bus_trial_end {
     BUS_TRIAL_DONE,
-    BUS_TRIAL_SESSION, /* the session would fail, or a file that it names is wrong */
+    BUS_TRIAL_SESSION, /* any other failure: most often the session would fail, or a file that it
+                          names is wrong */
     BUS_TRIAL_RIG,     /* a device has failed */
 };
 
 /* Called once, never from within bus_trial_start(). chosen contains the lines for
- * session_conf_choose(). said contains warnings, or the reason why the test shots failed. Both may
- * be empty, and both belong to the caller. */
+ * session_conf_choose(). said contains warnings, or the reason why the test shots failed. Both
+ * may be empty, and both are valid only during the call. */
 typedef void (*BusTrialFunc)(const char *chosen, const char *said, enum bus_trial_end end,
                              gpointer data);
 
-/* Starts the program. address is the argument of bus_new(). */
+/* Starts the child process for the session item. address is the argument of bus_new(). Returns
+ * NULL with an error if the program mesorig is not found or cannot be started. */
 struct bus_trial *bus_trial_start(const char *address, const struct queue_item *item,
                                   BusTrialFunc func, gpointer data, GError **error);
 

@@ -203,7 +203,7 @@ static void on_prepared(GDBusMethodInvocation *invocation, GVariant *result, GEr
     if (result && bus_run_begin(at->run, beginning->directory, beginning->resumes,
                                 *warning ? warning : NULL, beginning->process, &error)) {
         bus_rig_flush(at->rig);
-        return; /* bus_unattended_begun() was called and has reported it */
+        return; /* bus_unattended_begun() was called and has reported that the capture began */
     }
     if (!at->item)
         return;

@@ -16,7 +16,7 @@
 
 struct bus_unattended;
 
-/* Borrows the parts of the bus and the address. */
+/* Borrows run, jobs, and what they borrow. */
 struct bus_unattended *bus_unattended_new(struct bus_run *run, struct bus_jobs *jobs);
 void bus_unattended_free(struct bus_unattended *at);
 

@@ -44,15 +44,16 @@ struct preparer_request {
     const struct bus_caller *caller;
 };
 
-/* Starts the work. callback gets the result for preparer_finish(). If cancellable is cancelled, the
- * child is killed. */
+/* Starts the work. request is used only during this call. callback passes its result to
+ * preparer_finish(). If cancellable is cancelled, the child is killed. */
 void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
                   GAsyncReadyCallback callback, gpointer data);
 
 /* Returns the result. PREPARER_CHECK returns the report of the plan (report.h). PREPARER_EXAMINE
  * returns a string, which is empty or a warning for capture_go_on(). PREPARER_BEGIN returns an
- * empty string. Free it with g_variant_unref(). Errors are those of the task, or
- * BUS_ERROR_LIMIT. */
+ * empty string. Free it with g_variant_unref(). Errors are those of the task, BUS_ERROR_LIMIT if
+ * the child needed too much time or memory, BUS_ERROR_FAILED if the child gave no answer,
+ * G_IO_ERROR_CANCELLED, and those of starting the child. */
 GVariant *preparer_finish(GAsyncResult *result, GError **error);
 
 /* Runs as the child: reads a request from standard input and writes an answer to standard output.

@@ -46,14 +46,14 @@ struct queue_item {
     char *prompt;
     /* Lines for session_conf_choose(); empty if nothing is chosen yet. */
     char *chosen;
-    char *message; /* reason why it has stopped */
+    char *message; /* reason why the session has stopped; empty in other states */
     double predicted_s;
     guint64 bytes; /* predicted size of the session */
     /* number of times that the session began without an orderly end of this program */
     int starts;
     gboolean process; /* process the session during the capture */
     gboolean yes;     /* continue even if the test shots give warnings */
-    /* time in seconds since 1970; 0 if the session has not begun or has not ended yet */
+    /* Times at which the session began and ended, in seconds since 1970; 0 if it has not yet. */
     gint64 begun_at_s, ended_at_s;
     gboolean has_caller; /* FALSE if this program's own user or root has added it */
     guint32 uid;         /* user who has added it */
@@ -85,15 +85,18 @@ struct queue_item *queue_next(const Queue *queue);
 const char *queue_paused(const Queue *queue);
 gboolean queue_pause(Queue *queue, const char *why, GError **error); /* why NULL ends the pause */
 
-/* Adds an item and gives it a number. Takes ownership of the item in any case. Fails if another
- * session of the queue has the same directory. */
+/* Adds an item and gives it a number. Takes ownership of the item in any case. Fails if a
+ * session that has not ended has the same directory, if too many sessions wait, or if the file
+ * cannot be written. */
 gboolean queue_add(Queue *queue, struct queue_item *item, GError **error);
 
-/* Removes a session. Fails for a session that has begun or is about to begin. */
+/* Removes a session. Fails if there is no session of this number, if the session is being
+ * captured or its test shots are being taken, or if the file cannot be written. */
 gboolean queue_remove(Queue *queue, guint id, GError **error);
 
-/* Moves a session to a place, counted from 1, among the sessions that wait. A place beyond the last
- * of these sessions means the end of the queue. */
+/* Moves a session to a place, counted from 1, among the sessions that wait. A place beyond the
+ * last of these sessions means the end of the queue. Fails for the place 0, for a session that
+ * has ended, and in the cases of queue_remove(). */
 gboolean queue_move(Queue *queue, guint id, guint place, GError **error);
 
 /* Sets state and message of a session; message may be NULL. If the file cannot be written, the
