@@ -15,7 +15,7 @@ struct Hooks {
     struct event *event; /* the event that is handled; NULL if there is none */
     GQueue waiting;      /* of struct event, the oldest first */
     GQueue programs;     /* paths (char *) of the programs that must still run for the event */
-    gboolean busy;       /* whether the first program of the queue runs */
+    gboolean busy;       /* whether the first of programs runs */
     GCancellable *cancellable;
 };
 

@@ -34,9 +34,11 @@ gboolean hooks_is_idle(const Hooks *hooks);
 const char *hooks_what_of_event(const char *level, const char *message);
 GVariant *hooks_details_of_event(const char *source, const char *message);
 
-/* Describe an event for users. Free the results with g_free(). */
-char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */
-char *hooks_text(const char *what, GVariant *details);  /* one or two further lines; may be empty */
+/* Describe an event for users. hooks_title() returns one line: "weave: captured". hooks_text()
+ * returns the message, the session directory and the number of waiting sessions, each on a line of
+ * its own if there is one, so the text may be empty. Free the results with g_free(). */
+char *hooks_title(const char *what, GVariant *details);
+char *hooks_text(const char *what, GVariant *details);
 
 /* Describes an event for programs: {"event": …, "time": …, "session": …, …}. Free it with
  * g_free(). */

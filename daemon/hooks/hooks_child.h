@@ -9,9 +9,10 @@
 #define HOOKS_CHILD_MAX_OUTPUT 16384
 
 /* Runs argv. input is written to its standard input. environ is its environment; NULL means the
- * environment of this program. Each line that the program prints is written to the log. After the
- * time limit, the program and all processes of its process group get SIGTERM, and three seconds
- * later SIGKILL. If cancellable is cancelled, they are killed. */
+ * environment of this program. Each line that the program prints is written to the log. After
+ * the time limit, the program and all processes of its process group get SIGTERM, and three
+ * seconds later SIGKILL. If cancellable is cancelled, they get SIGKILL at once. When the program
+ * has ended, the other processes of its group get SIGKILL. */
 void hooks_child_run(const char *const *argv, const char *const *environ, const char *input,
                      double time_limit_s, GCancellable *cancellable, GAsyncReadyCallback callback,
                      gpointer data);
