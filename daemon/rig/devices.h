@@ -1,22 +1,22 @@
-/*
- * The rig that a rig file describes. Every device is opened by its driver, and the same sections
+/* The rig that a rig file describes. Every device is opened by its driver, and the same sections
  * give the nominal geometry (geometry/rig.h). The list of drivers is in devices_drivers.c.
  *
  * The sections are [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which
- * is optional; one further axis for the sweep of each laser; [lamps BANK], which places its lamps
- * (lamp_places.h) or has a [lamp NAME] for each of them; [camera NAME]; [laser NAME]; [interlock
- * NAME] and [mark NAME], which are optional.
+ * is optional; further axes for the sweeps of the lasers, of which several lasers may share one;
+ * [lamps BANK], which places its lamps (lamp_places.h) or has a [lamp NAME] for each of them;
+ * [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], which are optional.
  *
- * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by the
- * arc. An axis that the rig does not have counts as standing at 0.
+ * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by [axis
+ * arc], or is overhead if there is no such axis. An axis that the rig does not have counts as
+ * standing at 0.
  *
  * A camera with arm_deg is carried by the arm, and a lamp with probe_deg by the probe. In geometry
  * and timing, each of their stops is a separate camera or lamp (geometry/rig.h). All stops share
  * the same device.
  *
- * A [laser NAME] with mount_of is not a device. It is a further mount position of the unit that it
- * names, where an operator mounts the unit by hand. In geometry and timing it is a separate laser.
- */
+ * A [laser NAME] with mount_of is not a device. It is a further mount position of the unit that
+ * it names, where an operator mounts the unit by hand. In geometry and timing it is a separate
+ * laser. */
 #pragma once
 
 #include "drivers/axis.h"
@@ -147,8 +147,8 @@ gboolean devices_any_unsafe(const struct devices *devices);
 
 /* Commands the safe state, and waits until every device has confirmed it. Lasers and lamps must
  * confirm that they are off, axes that they stand still. This includes axes that another program
- * has started. Returns FALSE with an error if a device has not confirmed this within 20 s. Runs the
- * main loop, and removes the listeners of all lasers, lamps and axes. */
+ * has started. Returns FALSE with an error if a device reports a failure or has not confirmed
+ * this within 20 s. Runs the main loop, and removes the listeners of all lasers, lamps and axes. */
 gboolean devices_secure(struct devices *devices, GError **error);
 
 /* Beginning of a reason or an event that reports that lamps, lasers or axes may not be safe. */

@@ -41,8 +41,9 @@ static void keep_device(struct layout *layout, const struct config_section *sect
     g_array_append_val(layout->devices, device);
 }
 
-/* Reads the options of the driver and the keys of the rig (place) from a section, without opening
- * the device. If the driver is not known, only the keys of the rig are checked. */
+/* Reads the options of the driver and the keys of the rig (place) from a section, without
+ * opening the device. If the driver is not known, only the keys of the rig are checked. Returns
+ * whether all of them were read; the caller then clears place with options_clear(). */
 static gboolean read_device(struct layout *layout, const struct config_section *section,
                             gpointer place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
@@ -139,9 +140,11 @@ static struct vec3 position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Sets *ret_fixed to whether a lamp or laser is fixed: it is if its azimuth is given, or if there
- * is no arc. Without an arc, the azimuth may be left out only for a lamp or laser overhead, where
- * every azimuth is the same position. Otherwise returns FALSE. */
+/* Sets *ret_fixed to whether a lamp or laser is fixed: it is if its azimuth is given, or if
+ * there is no arc. Without an arc, the azimuth may be left out only for a lamp or laser
+ * overhead, where every azimuth is the same position. In any other position, the azimuth is
+ * missing: returns FALSE, and reports that unless the heading of another section is wrong, which
+ * may be the one of the arc. */
 static gboolean take_carrier(const struct layout *layout, const struct config_section *section,
                              const struct place_fields *place, int *ret_fixed, Mistakes *mistakes) {
     const gboolean given = config_value(section, "phi_deg", NULL) != NULL;
@@ -309,7 +312,7 @@ static gboolean wire_to(struct layout *layout, int i, const struct place_fields 
                : FALSE;
 }
 
-/* Sets what all kinds of lamps have in common. */
+/* Sets position, exponent and intensity, and aims the lamp at the middle of the turntable's top. */
 static void place_lamp(struct rig_lamp *lamp, const struct place_fields *p) {
     lamp->position_mm = position(p);
     lamp->aim = vec3_scale(vec3_unit(lamp->position_mm), -1);
@@ -365,7 +368,8 @@ static gboolean read_bank_lamps(struct layout *layout, int bank, Mistakes *mista
         layout->lamp_bank[i] = -1;
         g_strlcpy(rig->lamps[i].name, place->name, RIG_NAME);
         place_lamp(&rig->lamps[i], &p);
-        rig->lamps[i].fixed = 1; /* except lamps of an arc that is an axis */
+        rig->lamps[i].fixed =
+            1; /* take_carrier() below clears this for lamps that [axis arc] carries */
         if ((g_str_equal(key, "theta_deg") &&
              !take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes)) ||
             !wire_lamp(layout, i, bank, place->index,
@@ -760,7 +764,8 @@ static gboolean is_place_line(const struct layout_bank *bank, int line) {
 char *layout_text(const struct layout *layout) {
     GString *text = g_string_new(NULL);
     g_auto(GStrv) lines = g_strsplit(config_text(layout->config), "\n", -1);
-    const struct layout_bank *within = NULL; /* the bank with a file of positions */
+    const struct layout_bank *within =
+        NULL; /* the bank of this section if it has "positions"; otherwise NULL */
     gsize n, next = 0;
     const struct config_section *sections = config_sections(layout->config, &n);
 

@@ -27,8 +27,8 @@ struct layout {
     const struct config_section *turntable, *arc, *arm, *probe;
     /* One axis may be the sweep of several lasers. */
     const struct config_section *sweeps[RIG_MAX_LASERS];
-    /* All stops of one camera or lamp have the same section. So have all lamps that the section of
-     * their bank places. */
+    /* All stops of one camera or lamp have the same section. All lamps that a section [lamps
+     * NAME] places have that section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
     /* index of the laser unit that is mounted at each laser's position */
@@ -56,8 +56,8 @@ void layout_clear(struct layout *layout);
 const struct layout_device *layout_device(const struct layout *layout,
                                           const struct config_section *section);
 
-/* Returns the text of the rig file as a session keeps it: without references to files of positions,
- * whose lamps are written as sections [lamp NAME]. g_free() */
+/* Returns the text of the rig file as a session keeps it: without references to files of
+ * positions, whose lamps are written as sections [lamp NAME]. Free it with g_free(). */
 char *layout_text(const struct layout *layout);
 
 /* Returns the keys that the rig reads in a section of a class, in addition to the driver's keys.

@@ -33,8 +33,8 @@ struct Guardian {
     gint64 started_us;
     gint64 answered_us; /* time of the guardian's last answer; 0 if there was none */
     gint64 asked_us;    /* time when guardian_answers() last waited */
-    /* looked_us: time of the last check. silent_us: time without an answer, of which each check
-     * adds at most LOOK_US. */
+    /* looked_us: time of the last check. silent_us: time without an answer, to which each check
+     * adds at most LOOK_US; −START_MS when the guardian has been started. */
     gint64 looked_us, silent_us;
     char *refusal; /* reason that the guardian sent instead of its first answer */
 };

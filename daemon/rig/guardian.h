@@ -45,7 +45,8 @@ void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 enum guardian_end {
     GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
-    GUARDIAN_UNSAFE, /* the guardian makes the rig safe */
+    GUARDIAN_UNSAFE, /* a device has not confirmed that it is safe: the guardian makes the rig safe
+                      */
     /* The rig could not be opened: the guardian makes it safe as with GUARDIAN_UNSAFE, but prints
      * nothing about a device that is made safe at the first attempt. */
     GUARDIAN_FAILED,
@@ -62,5 +63,6 @@ gboolean guardian_await(const char *rig_path);
  * about a device that is made safe at the first attempt. */
 void guardian_leave(const char *rig_path);
 
-/* Runs the guardian. Its standard input is the socket to the daemon. Returns the exit code. */
+/* Runs the guardian. Its standard input is the socket to the daemon. Returns the exit code: 0 if
+ * the rig is safe at the end, otherwise 1. */
 int guardian_main(const char *rig_path);

@@ -31,9 +31,9 @@ static socklen_t place_address(const char *rig_path, struct sockaddr_un *ret) {
     return (socklen_t)(G_STRUCT_OFFSET(struct sockaddr_un, sun_path) + 1 + (gsize)n);
 }
 
-/* Returns the process at the other end of a connection, or 0 if its user is not trusted: it must be
- * the same user or root, unless this process is root. For a connection to a listening socket, it is
- * the process that listens. */
+/* Returns the process at the other end of a connection, or 0 if that process is not trusted. A
+ * process is trusted if its user is root or the user of this process, or if this process belongs
+ * to root. For a connection made by place_connect(), the other process is the one that listens. */
 static pid_t peer_of(int fd) {
     struct ucred peer;
     socklen_t size = sizeof peer;

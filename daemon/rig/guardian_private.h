@@ -14,7 +14,7 @@ enum message {
 /* Answer of the guardian to a heartbeat. Instead of its first answer, the guardian may send the
  * reason why the daemon must not open the rig. */
 struct answer {
-    gint64 at_us;   /* g_get_monotonic_time(), which is the same clock for both processes */
+    gint64 at_us;   /* time of the answer by g_get_monotonic_time(), one clock for both processes */
     char refusal[]; /* reason, up to the end of the packet; empty if there is none */
 };
 

@@ -13,7 +13,8 @@
 #define MAX_THETA_DEG   89.9
 #define MIN_DISTANCE_MM 1.0
 #define MAX_DISTANCE_MM 1e5
-/* If x y z in a list has at most this length, it is a unit vector, and not millimetres. */
+/* x y z of at most this length is refused as a position in millimetres, because it is probably a
+ * unit vector. */
 #define UNIT_LENGTH 1.5
 /* Consecutive azimuths of the spiral differ by this angle, the golden angle π (3 − √5). */
 #define GOLDEN_DEG 137.50776405003785

@@ -2,9 +2,9 @@
  * spiral over a part of the hemisphere, an arc, or a file. Every lamp gets the values that a
  * section [lamp NAME] would have.
  *
- * Lamps are numbered from 1 in the order in which they are described. Their names are the name of
- * the bank and this number, with at least two digits: dome_01, dome_02, …
- */
+ * Lamps are numbered from 1 in the order in which they are described. A lamp to which no table
+ * gives a name is named after the bank and this number, with at least two digits: dome_01,
+ * dome_02, … */
 #pragma once
 
 #include "base/options.h"
@@ -22,7 +22,7 @@ struct lamp_place {
     char name[RIG_NAME];
     /* bank of the lamp in the column bank of a table; empty if there is none */
     char bank[RIG_NAME];
-    int line;  /* line of the lamp in the table */
+    int line;  /* line of the lamp in the table; 0 without a table */
     int index; /* number in the bank, from 0 */
     double theta_deg, phi_deg, distance_mm, exponent, intensity;
 };
@@ -32,8 +32,9 @@ struct lamp_place {
 const char *lamp_places_key(const struct config_section *section);
 
 /* Returns the lamps of a section [lamps NAME] in their order (of struct lamp_place), or an empty
- * array if lamp_places_key() is NULL. fields are the values of the section. Adds mistakes and
- * returns NULL if the keys do not fit each other, or if the file has a mistake. */
+ * array if lamp_places_key() is NULL. fields are the values of the section. Leaves out lamps
+ * that a table gives to another bank. Adds mistakes and returns NULL if a value is wrong, the
+ * keys do not fit each other, the file has a mistake, or a name would be too long. */
 GArray *lamp_places_new(const struct bank_fields *fields, const struct config_section *section,
                         Mistakes *mistakes);
 

@@ -33,7 +33,7 @@ enum safe_try {
     /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
     /* No attempt can succeed, because the section of the device is wrong, or may name another
-     * device. Also if the device is left to the process that has it open. */
+     * device. The same holds if the device is left to another mesorigd that has it open. */
     SAFE_TRY_NEVER,
 };
 

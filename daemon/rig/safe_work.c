@@ -16,7 +16,7 @@
 #define MAX_PAUSE_US (500 * 1000)         /* maximum pause between two attempts */
 #define LIMIT_US                                                                                   \
     (30 * G_USEC_PER_SEC) /* time by which the process of a line may exceed its lifetime */
-#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which let_pipes_go() works */
+#define LEAVE_US (5 * G_USEC_PER_SEC) /* time of work before let_pipes_go() closes pipes */
 #define END_MS   1000                 /* time limit for a killed process to end */
 /* Maximum pause before a process is begun after crashes. */
 #define MAX_RESTART_US (5 * G_USEC_PER_SEC)
@@ -302,8 +302,9 @@ static void read_line(SafeWork *work, struct line *line) {
         on_process_end(work, line, FALSE);
 }
 
-/* Begins the processes that are due, and kills those that exceed their time. Returns the monotonic
- * time in µs when the next process is due for either, or -1 if there is none. */
+/* Begins the processes that are due, and kills those that exceed their time. Returns the
+ * monotonic time in µs when the next process is due to begin or to be killed, or -1 if there is
+ * none. */
 static gint64 tend_lines(SafeWork *work) {
     const gint64 now = g_get_monotonic_time();
     gint64 next = -1;

@@ -1,15 +1,14 @@
-/*
- * Makes all devices of a rig safe. A device that fails is tried again, with pauses that grow from
+/* Makes all devices of a rig safe. A device that fails is tried again, with pauses that grow from
  * 100 ms to 500 ms, for 5 s or until it is safe (enum safe_until).
  *
  * Each line of devices (safe_state_line()) has a child process, so that a driver that hangs or
  * crashes does not delay other lines. A process works for a limited time, and is then replaced by
  * another one. Except with SAFE_UNTIL_TIRED, pipes at standard output and standard error are closed
- * after 5 s in all these processes, because their reader may wait for that.
+ * after 5 s, in this process and in its children, because the reader of a pipe may wait until all
+ * writers have closed it.
  *
- * A SafeWork belongs to one thread, and the process must have no other threads. While the SafeWork
- * exists, it waits only for its own children.
- */
+ * A SafeWork belongs to one thread, and the process must have no other threads. While the
+ * SafeWork exists, it waits only for its own children. */
 #pragma once
 
 #include "safe_state.h"
@@ -44,8 +43,8 @@ gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms);
  * device. Call it when the work has ended. */
 gboolean safe_work_is_safe(const SafeWork *work);
 
-/* Returns the last result of each device that is not safe yet, or its name if it was not tried yet,
- * separated by "; ". Free it with g_free(). */
+/* Returns the last result of each device that is not safe yet, or the device's name if it was
+ * not tried yet, separated by "; ". Free it with g_free(). */
 char *safe_work_unsafe(const SafeWork *work);
 
 /* Does the whole work with SAFE_UNTIL_TIRED. Returns TRUE if every device was read back and is
