@@ -97,8 +97,9 @@ enum plan_error {
     PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
 };
 
-/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
- * may be NULL. For a session that was not read from a file, the place is left out. */
+/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ".
+ * key may be NULL. For a session that was not read from a file, FILE and LINE are left out; LINE
+ * is also left out if the file has no such section. */
 void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
                     const char *section, const char *key, const char *format, ...)
     G_GNUC_PRINTF(6, 7);
@@ -146,11 +147,12 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
 
-/* Sets ret_first[i] to TRUE for those of n shots that are of lamps and belong to the first round of
- * [lights] sampling = adaptive. The other elements do not change. The first round has [lights]
- * first shots for each turntable angle, spread over all pairs of a view and a light of this rig,
- * and prefers shots that take less time. The first round is the same for all materials, and a
- * larger first contains the shots of a smaller one. Without SAMPLING_ADAPTIVE nothing is set. */
+/* Sets ret_first[i] for those of n shots that are of lamps: whether the shot belongs to the
+ * first round of [lights] sampling = adaptive. The elements of other shots do not change. The
+ * first round has [lights] first shots for each turntable angle, spread over all pairs of a view
+ * and a light of this rig, and prefers shots that take less time. The first round is the same
+ * for all materials, and a larger first contains the shots of a smaller one. Without
+ * SAMPLING_ADAPTIVE nothing is set. */
 void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing, const struct session_shot *const *shots,
                       int n, gboolean *ret_first);
@@ -163,9 +165,9 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                         int n, double *ret_s);
 
 /* Makes a chain of lamp shots that follow each other quickly. It begins with chain[0] and always
- * continues with the one of the n shots that takes the least time after the last. It ends when the
- * chain has most shots or no shot is left. chain has indices of shots. Returns the length of the
- * chain. *ret_s is the time of all its shots except the first. */
+ * continues with the one of the n shots that takes the least time after the last. The chain ends
+ * when its length is most, or when no shot is left. chain has indices of shots. Returns the
+ * length of the chain. *ret_s is the time of all its shots except the first. */
 int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, const struct session_shot *const *shots, int n,
                     int most, int *chain, double *ret_s);

@@ -68,7 +68,7 @@ struct candidates {                  /* the devices of one kind */
     /* sign of the angle that shows a direction: angle = sign · (φ of the device − φ of the
      * direction) */
     int sign;
-    /* limits of the turntable, which turns to the angle; NULL if there are none */
+    /* limits of the turntable, which turns to the angle, for cameras; NULL for lamps and lasers */
     const struct axis_motion *limits;
     struct candidate list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
     int n;
@@ -127,8 +127,9 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
     return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
 }
 
-/* Returns the device for one direction among the devices at its elevation, and the angle for it; −1
- * if there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
+/* Returns the index of the device for a direction, and the angle that shows the direction.
+ * Considers only devices at the elevation of the direction that are not fixed, and returns −1 if
+ * there is none. Devices whose angle the axis can reach are preferred. Among these, devices are
  * preferred whose angle is already in angles, so that no pose is added. If the rig has no
  * turntable, the device must already stand near the direction. */
 static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,

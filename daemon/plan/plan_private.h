@@ -100,9 +100,9 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
-/* Returns the disk space of the session's frames and database in blocks of 4 KiB, without products.
- * ret_least is the disk space if only the first n_first shots are taken and no camera sees a
- * laser's line. */
+/* Returns the disk space in bytes of the session's frames and database, without products. Each
+ * file takes a multiple of 4 KiB. ret_least is the disk space if only the first n_first shots
+ * are taken and no camera sees a laser's line. */
 guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least);
 
 /* Describes the effect of skipped shots on the BTF: the number of pictures that will be predicted,
@@ -110,7 +110,8 @@ guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least
 char *plan_missing(const struct session_plan *plan);
 
 /* Returns the number of steps of a sweep of span_deg: as many as a line of the width [lasers]
- * line_mm needs, at most [capture] sweep_steps. Returns sweep_steps if line_mm is 0. */
+ * line_mm needs, but at least 24 and at most [capture] sweep_steps. Returns sweep_steps if
+ * line_mm is 0. */
 int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
                      double span_deg);
 

@@ -10,5 +10,6 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan);
 /* Returns the report of report_plan() as text of a few lines; g_free(). */
 char *report_text(GVariant *report);
 
-/* Returns a text such as "2 h 05 min" or "48 s"; g_free(). */
+/* Returns a text such as "2 h 05 min" or "48 s", or "?" if seconds is negative, not finite or
+ * more than 1e9; g_free(). */
 char *report_duration(double seconds);

@@ -98,9 +98,9 @@ struct session_conf {
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
 gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
                             GError **error);
-/* Replaces "auto" by values in conf and in its text. chosen has lines "KEY = VALUE". Lines of keys
- * that are not auto are ignored. Returns FALSE with an error if a value is wrong or a key is still
- * auto. */
+/* Replaces "auto" by values in conf and in its text. chosen has lines "KEY = VALUE". Lines of
+ * keys that are not auto are ignored. Returns FALSE with an error if a value is wrong (conf is
+ * then unchanged) or if a key is still auto afterwards. */
 gboolean session_conf_choose(struct session_conf *conf, const char *chosen, GError **error);
 /* Returns FALSE with an error if a key is still auto. */
 gboolean session_conf_check_chosen(const struct session_conf *conf, GError **error);

@@ -43,7 +43,9 @@ void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
  * the lamps in these shots. Returns FALSE with an error if the session cannot be read. */
 gboolean lamps_note_done(Lamps *lamps, GError **error);
 
-/* The reason why there is no further round. */
+/* The reason why there is no further round: the error is small enough (LAMPS_KNOWN), the budget
+ * has no time for a further shot (LAMPS_BUDGET), or no shot is left (LAMPS_ALL). LAMPS_GO_ON
+ * means that there is one. */
 enum lamps_end { LAMPS_GO_ON, LAMPS_KNOWN, LAMPS_BUDGET, LAMPS_ALL };
 
 struct lamps_choice {
