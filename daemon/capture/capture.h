@@ -73,9 +73,10 @@ struct capture_callbacks {
     gpointer data;
 };
 
-/* Checks everything that a capture would refuse (a session that does not fit the rig, too little
- * disk space, blocked poses) without moving an axis. directory may be NULL; the disk is then not
- * checked. Returns the plan on success; free it with plan_free(). */
+/* Checks everything that a capture would refuse (a session that does not fit the rig, a
+ * directory that exists already, too little disk space, blocked poses) without moving an axis.
+ * directory may be NULL; directory and disk are then not checked. Returns the plan on success;
+ * free it with plan_free(). */
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error);
 

@@ -13,8 +13,9 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
 
 /* The same as capture_calibration() without open devices, for the rig file at rig_path, whose
  * geometry is given. path is a file to use instead of the one that the rig file names, or NULL.
- * text is the content of that file, or NULL to read the file. ret_line (g_free()) is a line for
- * people that names the calibration that a capture would use. */
+ * text is the content of that file, or NULL to read the file. Parts that are old are not
+ * reported. ret_line (g_free()) is a line for people that names the calibration that a capture
+ * would use; it is set only on success. */
 struct calibration *capture_calibration_for(const char *rig_path, const struct rig *geometry,
                                             const char *path, const char *text, char **ret_line,
                                             GError **error);

@@ -8,11 +8,12 @@
  * unknown. */
 guint64 capture_free_bytes(const char *path);
 
-/* Returns whether writing into directory failed because the disk is full. */
+/* Returns whether the disk is full: error says so, or less than 1 MiB is free in directory. */
 gboolean capture_is_full(const char *directory, const GError *error);
 
-/* Fails if the disk does not have this number of free bytes and a reserve. The error says how many
- * bytes are needed and how many are free. */
+/* Fails if the disk of path does not have this number of free bytes and a reserve of 64 MiB, or
+ * if path is on no disk (/proc, for instance). The error says how many bytes are needed and how
+ * many are free. */
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 
 /* Fails for a session of another rig, if a camera has another name or size than in the session, or
@@ -21,7 +22,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
                            GError **error);
 
 /* Returns a warning if the rig file now names other devices or options than when the session was
- * begun. The warning lists the differences. Returns NULL if there are none. g_free() */
+ * begun. The warning lists the differences. Returns NULL if there are none, or if a rig file
+ * cannot be read; g_free(). */
 char *capture_check_options(Session *session, const struct devices *devices);
 
 /* Returns the text of the session's value CAPTURE_DEVICES_KEY, which stores the devices that answer
@@ -33,6 +35,6 @@ char *capture_check_devices_text(const struct devices *devices);
  * begun, otherwise NULL; g_free(). Only devices whose identity is known both times are compared. */
 char *capture_check_devices(Session *session, const struct devices *devices);
 
-/* Returns a warning if the rig's calibration has changed since the session was begun, otherwise
- * NULL; g_free(). */
+/* Returns a warning if the rig's geometry or calibration has changed since the session was
+ * begun, otherwise NULL; g_free(). */
 char *capture_check_calibration(Session *session, const struct devices *devices);

@@ -24,12 +24,12 @@ void capture_lasers_note_all(struct capture_lasers *lasers);
 void capture_lasers_clear(struct capture_lasers *lasers, const struct rig_timing *timing,
                           const struct session_shot *shot);
 
-/* Moves one sweep of each laser that is not checked to the front of the shots: the first sweep that
- * can be taken with the lasers at the places where they are mounted now. The dark frames that are
- * still to be taken come before these sweeps, because a sweep needs them. Returns the number of
- * these dark frames and sweeps. They are held back, because a laser that stays on may have lit any
- * of them. They are stored together, once the last frame of each of these sweeps has shown that its
- * laser is off. */
+/* Moves one sweep of each laser that is not checked to the front of the shots: the first sweep
+ * that can be taken with the lasers at the places where they are mounted now. The dark frames
+ * that are still to be taken come before these sweeps, because a sweep needs them. Returns the
+ * number of these dark frames and sweeps, or 0 if there is no such sweep. They are held back,
+ * because a laser that stays on may have lit any of them. They are stored together, once the
+ * last frame of each of these sweeps has shown that its laser is off. */
 guint capture_lasers_put_first(const struct capture_lasers *lasers,
                                const struct capture_mounts *mounts, const struct rig_timing *timing,
                                GPtrArray *shots);

@@ -68,7 +68,8 @@ static void flush_limits(Capture *capture, struct event_limit *limits, const cha
 }
 
 /* Ends a run, when nothing moves any more: reports the events that were only counted, stops the
- * session's clock, and stores the totals and the state. */
+ * session's clock, stores the totals and the state, and adds advice about exposures if the
+ * session is done. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     flush_limits(capture, capture->retake_limits, "refused or lost and taken again");
     flush_limits(capture, capture->saturated_limits, "saturated");

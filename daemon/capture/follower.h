@@ -10,5 +10,6 @@ typedef struct Follower Follower;
 /* Starts the child. The program is found by program_find(). */
 Follower *follower_start(const char *directory, GError **error);
 
-/* Asks the child to end, waits briefly, and kills it if it has not ended. NULL is ignored. */
+/* Asks the child to end, waits up to 3 s, and then kills the child if it has not ended. NULL is
+ * ignored. */
 void follower_free(Follower *follower);

@@ -15,5 +15,6 @@ struct latest_picture {
 void latest_picture_set(struct latest_picture *latest, Frame *frame, double time_s);
 void latest_picture_clear(struct latest_picture *latest);
 
-/* Returns NULL before the first picture. Valid until the next call of a function above. */
+/* Returns the thumbnail of the latest picture, or NULL before the first picture. Valid until the
+ * next call of a function above. */
 const struct capture_thumbnail *latest_picture_thumbnail(struct latest_picture *latest);

@@ -1,5 +1,6 @@
-/* What sequencer.c, which takes pictures while the turntable stands, and sequencer_pass.c, which
- * takes the pictures of a pass (plan/passes.h), use of each other. */
+/* The struct and the functions that sequencer.c and sequencer_pass.c share. sequencer.c takes
+ * pictures while the turntable stands, and sequencer_pass.c takes the pictures of a pass
+ * (plan/passes.h). */
 #pragma once
 
 #include "sequencer.h"
@@ -65,8 +66,8 @@ struct Sequencer {
 
 /* Stops everything and reports a fault. */
 void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig);
-/* Makes the rig safe and calls the hook finished. To be called when all shots are taken, or the
- * shot under way before a pause. */
+/* Makes the rig safe and calls the hook finished, or the hook fault if a device is not safe. To
+ * be called when all shots are taken, or the shot under way before a pause. */
 void sequencer_finish(Sequencer *seq);
 /* Takes the next steps that are possible now. */
 void sequencer_advance(Sequencer *seq);
@@ -85,8 +86,8 @@ gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int 
                            const struct sequencer_camera *state, GError **error);
 gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *shot, int sub,
                              const struct sequencer_camera *state);
-/* Counts a refused picture. Returns FALSE if no attempts are left; everything has then been
- * stopped. */
+/* Counts a refused picture. Returns FALSE if everything has been stopped, because no attempts
+ * are left or by the hook retake. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
 /* Counts a failed trigger of a camera, like a refused picture. The camera is triggered again after

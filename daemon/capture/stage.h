@@ -49,8 +49,8 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal);
  * Afterwards the position of the turntable counts as unknown, so that the next goal moves it. */
 void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 
-/* Returns whether all axes and lights are as the goal says. *ret_at_us is the time from which the
- * light is stable. */
+/* Returns whether all axes and lights are as the goal says. *ret_at_us is the time on the rig's
+ * clock from which the light is stable, or 0 if the goal has no light. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
 /* Brings the rig into the safe state immediately. Returns FALSE with an error if a device is not

@@ -79,10 +79,10 @@ struct Intake {
     int lane_of[RIG_MAX_CAMERAS];
     GAsyncQueue *finished;
     GSource *wake;
-    guint generation; /* read by workers */
+    guint generation; /* number of intake_discard() calls; workers drop earlier work */
     gsize bytes;      /* bytes of frames and sweeps that wait for a worker; written by workers */
-    int full;         /* read by workers */
-    int steps_over;   /* written by workers */
+    int full;         /* see intake_is_full(); read by workers */
+    int steps_over;   /* number of end_step() calls that release_steps() must still handle */
 };
 
 static void job_free(gpointer data) {

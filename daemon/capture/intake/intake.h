@@ -35,6 +35,9 @@
  * (sweep_set_shorter()). With keep_laser_frames, each frame is also kept as
  * laser/SHOT_CAMERA/0000.exr (0000_short.exr): part "frame", channel "Y", raw DN, float, or half
  * for at most 11 bits.
+ * With keep_exposures, each frame of the other shots is kept in the same way, with its index in the
+ * shot instead of the step. Raw frames also have the attributes mesorig.exposure_us (double) and
+ * mesorig.bits (int).
  *
  * The time when a frame was taken is stored only in the database of the session. The files of a
  * shot that is taken again are therefore equal, byte for byte, to those of an undisturbed shot.

@@ -32,10 +32,10 @@ void radiance_merge(const Frame *const *frames, const float *const *dark, int n,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
 /* Returns whether the exposures of one light disagree, for instance because the lamp has failed
- * between them. They disagree if a longer exposure is darker than the shorter one before it, or has
- * more than twice the signal that the shorter one predicts. Only pixels that no exposure saturates
- * are compared. A difference below 0.25 % of full scale does not count, because the dark level may
- * have drifted. Frames and dark are as for radiance_merge(). */
+ * between them. They disagree if a longer exposure is darker than the shorter one before it, or
+ * has more than twice the signal that the shorter one predicts. Only pixels that neither of
+ * these two exposures saturates are compared. A difference below 0.25 % of full scale does not
+ * count, because the dark level may have drifted. Frames and dark are as for radiance_merge(). */
 gboolean radiance_disagrees(const Frame *const *frames, const float *const *dark, int n);
 
 /* Returns the smallest merged value at which a pixel of this dark level saturates an exposure. */
