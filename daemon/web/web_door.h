@@ -65,7 +65,8 @@ void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
 gboolean web_visitor_stream(WebVisitor *visitor);
 
 /* Closes the connection. status is an HTTP status such as "408 Request Timeout", which is sent
- * before unless an answer has begun. If it is NULL, nothing is sent. */
+ * before the connection is closed, unless an answer has begun. If status is NULL, nothing is
+ * sent. */
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
 /* Returns the number of seconds until the peer may send a token again, or 0 if it may do so now.

@@ -9,11 +9,11 @@
 
 typedef struct WebRig WebRig;
 
-/* Connects to a daemon. address is the daemon's own socket ("unix:path=…"). If address is NULL, the
- * daemon is on the bus named by bus, "system" or "session". The daemon need not run yet, and may
- * end and start again. If no daemon answers at address, the WebRig tries again every 2 s, and
- * prints a message to standard error. The function waits up to 5 s until such a daemon answers.
- * Returns NULL with an error if the bus cannot be used. */
+/* Connects to a daemon. address is the daemon's own socket ("unix:path=…"). If address is NULL,
+ * the daemon is on the bus named by bus, "system" or "session". The daemon need not run yet, and
+ * may end and start again. If no daemon answers at address, the WebRig tries again every 2 s,
+ * and prints a message to standard error. The function waits up to about 15 s (bus_client.h) for
+ * a daemon at address. Returns NULL with an error if the bus cannot be used. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 
@@ -52,6 +52,7 @@ struct web_picture {
 /* picture is owned by the WebRig and valid during the call. It is NULL if error is set. */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
-/* Gets the latest picture of a camera. A picture is fetched and encoded only once, even if several
- * clients request it. The daemon is asked only for cameras that the rig has. */
+/* Gets the latest picture of a camera. back is called once, within this function if the picture
+ * is known or an error is. A picture is fetched and encoded only once, even if several clients
+ * request it. The daemon is asked only for cameras that the rig has. */
 void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);
