@@ -20,10 +20,11 @@ GQuark config_error_quark(void); /* its errors carry details: base/error_details
 
 /* Messages have the form "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
-    CONFIG_ERROR_SYNTAX,  /* the file is not a key file, or a section or key is given twice */
+    CONFIG_ERROR_SYNTAX,  /* the file or a line of it is not in this syntax, or a section or key is
+                             given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
     CONFIG_ERROR_MISSING, /* a required key, or a section that another section names, is missing */
-    CONFIG_ERROR_VALUE,   /* a value is not a number, is out of range, or has the wrong unit */
+    CONFIG_ERROR_VALUE,   /* a value is not of its type, is out of range, or does not fit others */
 };
 
 typedef struct Config Config;

@@ -1,12 +1,11 @@
-/*
- * Opens files from outside, which may be anything. A path may name a FIFO, a device or a folder. A
+/* Opens files from outside, which may be anything. A path may name a FIFO, a device or a folder. A
  * file may be far too large, or its header may announce more pixels than fit into memory. The
- * functions never block and never map a file into memory. A file that is truncated while it is read
+ * functions never wait for another program, except up to 60 s for one that holds a lease on the
+ * file (fcntl(2)), and never map a file into memory. A file that is truncated while it is read
  * gives an error.
  *
  * Errors name the file and say what is wrong with it. They are G_FILE_ERROR for errors of the
- * system, and INPUT_FILE_ERROR otherwise. Any thread may call these functions.
- */
+ * system, and INPUT_FILE_ERROR otherwise. Any thread may call these functions. */
 #pragma once
 
 #include <glib.h>

@@ -70,7 +70,8 @@ gboolean options_set(const struct option *option, const char *text, gpointer tar
 /* Returns the option of that name; NULL if there is none. */
 const struct option *options_find(const struct option *table, const char *name);
 
-/* Returns the range as text, for example "1 to 32"; NULL if all values are allowed. g_free() */
+/* Returns the range as text, for example "1 to 32"; NULL if the option has no range. Free it
+ * with g_free(). */
 char *options_range(const struct option *option);
 
 /* Checks one key of a section: the key must be in the table or in also, and its value must be
