@@ -118,7 +118,7 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
 void axis_close(Axis *axis);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
 
-/* Sets the one listener that receives the events. */
+/* Sets the one listener that receives the events; func NULL removes it. */
 void axis_listen(Axis *axis, AxisFunc func, gpointer data);
 
 /* Starts homing. Fails if the axis is busy. Needs a permit (device_set_permit()). */

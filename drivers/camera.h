@@ -15,8 +15,8 @@ enum camera_event {
      * out. */
     CAMERA_EXPOSED,
     CAMERA_FRAME, /* the frame has arrived and was checked */
-    /* The frame is stale, repeated, incomplete or of the wrong size; error says which. The trigger
-     * has ended and may be given again. */
+    /* The frame is stale, repeated or incomplete, or its format or its times are not as set;
+     * error says which. The trigger has ended and may be given again. */
     CAMERA_REFUSED,
     /* No frame arrived before the deadline, or the camera is disconnected. The camera must be armed
      * again. */
@@ -88,8 +88,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Camera, camera_close)
 
 void camera_listen(Camera *camera, CameraFunc func, gpointer data);
 
-/* Changes exposure and gain. Fails if the exposure is outside the camera's range, or while a
- * trigger waits. If the settings are the present ones, nothing is sent to the camera. */
+/* Changes exposure and gain. Fails while a trigger waits, if the camera does not have the
+ * exposure (camera_can_expose()), if the gain is not finite, or if the driver cannot set them.
+ * If the settings are the present ones, nothing is sent to the camera. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
 /* Returns whether the camera has this exposure time. A time such as 1/60 s may be rounded to
  * microseconds in either direction. */

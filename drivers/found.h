@@ -23,8 +23,8 @@ struct found {     /* strings are owned */
     char *note; /* reason why the device cannot be used as it is; NULL if it can be used */
 };
 
-/* Appends a device to the list and returns it. The scan fills in the rest. what and serial may be
- * NULL. */
+/* Appends a device to the list and returns it. The scan sets section and note, which are NULL.
+ * what and serial may be NULL. */
 struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
                         const char *serial);
 GPtrArray *found_list_new(void); /* an array of struct found, which it owns */

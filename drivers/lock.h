@@ -65,7 +65,7 @@ gboolean lock_holder(const char *key, pid_t *ret_pid);
 pid_t lock_steal_found(void);
 
 /* Returns the name of a process: "mesorigd --rig rig.conf (process 708)", or "process 708" if its
- * command line cannot be read. Free it with g_free(). */
+ * command line cannot be read, or "another program" if pid is 0. Free it with g_free(). */
 char *lock_process(pid_t pid);
 
 /* Returns whether the process is known to be a mesorigd that has opened a rig or is about to. */

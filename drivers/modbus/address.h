@@ -21,5 +21,5 @@ char *modbus_address_of(const char *what, int number, const char *bus, int unit)
 GPtrArray *modbus_address_lock_unit(const char *bus, int unit, GError **error);
 
 /* Returns whether a process has locked a unit of a board on the network. *ret_pid is its number,
- * as in lock_holder(). */
+ * as in lock_holder(). It is not set if the host name is not known. */
 gboolean modbus_address_unit_holder(const char *bus, int unit, pid_t *ret_pid);

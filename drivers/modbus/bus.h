@@ -7,8 +7,8 @@
  * urgent job overtakes must not be carried out after it: the device that sends "off" or "stop"
  * drops its own "on" or "move" with modbus_bus_skip() first. A poll that has begun is interrupted
  * when one of its attempts fails, and begins again later. An urgent job for a unit that has not
- * answered its last job makes only one attempt. Its class asks again, and other units of the line
- * must not wait for it.
+ * answered its last job makes only one attempt. The class of the device asks again, and other units
+ * of the line must not wait for a unit that does not answer.
  *
  * RTU has no transaction id. After a time-out, a late reply looks like the reply to the next
  * request. After a time-out the line therefore discards everything until it has been silent for
@@ -43,8 +43,8 @@ typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gp
 
 /* For a device's open(): opens the line, or returns the open one if its settings are the same. May
  * wait timeout_ms for a connection. Errors name file and line. They are DEVICE_ERROR if the line
- * cannot be opened, and CONFIG_ERROR if its settings differ from those of the open line or the
- * rig's clock is virtual. */
+ * cannot be opened or another process has locked it or the unit, and CONFIG_ERROR if its settings
+ * differ from those of the open line or the rig's clock is virtual. */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */

@@ -12,8 +12,9 @@ struct modbus_line;
 struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **error);
 void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
-/* Connects if the line is not connected. After a failure it first waits for the back-off time, but
- * not beyond deadline_us (time of g_get_monotonic_time()). */
+/* Connects if the line is not connected. After a failure, unless the effort is MODBUS_ONCE, the
+ * function first waits for the back-off time, but not beyond deadline_us (time of
+ * g_get_monotonic_time()). */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 
 /* Makes one request, with retries, resynchronisation and read-back. */

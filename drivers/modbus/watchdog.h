@@ -48,5 +48,5 @@ gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *
                              const struct modbus_link *link, GError **error);
 
 /* Adds a request that checks that the register still holds the value. The caller makes sure that
- * the job has room for it. */
+ * the job has room for it. Adds nothing if there is no register. */
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job);

@@ -133,7 +133,7 @@ static void copy_text(const char *from, struct gcode_answer *to) {
         *at = g_ascii_isprint(*at) ? *at : '?';
 }
 
-/* $NUMBER=VALUE, perhaps with a comment in brackets. */
+/* Parses "$NUMBER=VALUE", which a comment in brackets may follow. */
 static gboolean read_setting(const char *line, struct gcode_answer *ret) {
     const char *equals = strchr(line, '=');
     int decimals;
@@ -167,7 +167,8 @@ void gcode_grbl_read(const char *line, struct gcode_answer *ret) {
     }
 }
 
-/* Parses "X:1.00 Y:2.00 …" up to the end or to "Count". Returns the place where it stopped. */
+/* Parses "X:1.00 Y:2.00 …" up to the end or to "Count". Returns the place where the parsing
+ * stopped, or NULL if a number is damaged. */
 static const char *read_places(const char *at, const char *between, gboolean *ret_has,
                                double *ret_values) {
     static const char letters[] = GCODE_LETTERS "E";
@@ -192,7 +193,7 @@ static const char *read_places(const char *at, const char *between, gboolean *re
     }
 }
 
-/* "X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0" */
+/* Parses Marlin's answer to M114: "X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0". */
 static gboolean read_position(const char *line, struct gcode_answer *ret) {
     const char *at = read_places(line, ":", ret->has_at, ret->at);
     if (!at || !g_str_has_prefix(at, "Count "))
@@ -226,7 +227,7 @@ static gboolean read_resend(const char *line, struct gcode_answer *ret) {
     return number && read_integer(number, &ret->number);
 }
 
-/* echo:Unknown command: "L42" */
+/* Parses the line echo:Unknown command: "L42". */
 static gboolean read_unknown(const char *line, struct gcode_answer *ret) {
     const char *quote = strstr(line, "nknown command: \"L");
     if (!quote)
