@@ -30,7 +30,7 @@ struct aravis_limits {
     int width, height;
     const struct aravis_format *format;
     int bits;
-    double black_level;
+    double black_level; /* of frames, as the rig file says */
     gint64 min_exposure_us, max_exposure_us;
     double min_gain_db, max_gain_db; /* both 0 if the camera has no gain */
     gboolean rolling;            /* the camera reports that rows are exposed one after the other */
@@ -38,8 +38,8 @@ struct aravis_limits {
 };
 
 /* Connects, takes control of the camera, sets everything up and creates the stream. Waits up to
- * control_s seconds for another program to release the camera. func is called in Aravis's stream
- * thread. */
+ * control_s seconds for another program to release the camera. Keeps options, which must stay
+ * valid. func is called in Aravis's stream thread. */
 AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
                                  ArvStreamCallback func, gpointer data, GError **error);
 void aravis_device_close(AravisDevice *device); /* NULL is ignored */
@@ -60,10 +60,12 @@ gboolean aravis_device_has_control(AravisDevice *device);
  * the camera. */
 gboolean aravis_device_may_halt(const AravisDevice *device);
 
-/* Fails if the camera rounds the exposure by more than 0.5 % + 1 µs. */
+/* Fails with DEVICE_ERROR_RANGE if the camera rounds the exposure by more than 0.5 % + 1 µs. */
 gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error);
+/* Does nothing if the camera has no gain. */
 gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **error);
 
+/* Start and stop the acquisition. */
 gboolean aravis_device_start(AravisDevice *device, GError **error);
 gboolean aravis_device_stop(AravisDevice *device, GError **error);
 

@@ -17,7 +17,7 @@ struct aravis_format {
     const char *name; /* value of the camera's feature PixelFormat */
     guint32 code;     /* code by the Pixel Format Naming Convention */
     enum cfa cfa;
-    int bits;
+    int bits; /* of a value */
     enum aravis_packing packing;
 };
 
@@ -28,6 +28,7 @@ const struct aravis_format *aravis_format_by_code(guint32 code);
 /* All formats that can be used for measuring, the best first. The last entry has a NULL name. */
 extern const struct aravis_format aravis_formats[];
 
+/* Returns the number of bytes in which a camera sends a frame. */
 gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);
 
 /* Unpacks n pixels to one value each. from holds as many bytes as aravis_format_bytes() returns

@@ -497,8 +497,8 @@ static gboolean connect_port(GcodeBoard *board, GError **error) {
     return TRUE;
 }
 
-/* Works without the main loop until the phase changes, until the stop of the client stops has ended
- * (unless stops is NULL), or until until_us. */
+/* Works without the main loop while the board is in the phase, but no longer than until until_us.
+ * If stops is not NULL, returns as soon as the stop of that client has ended. */
 static void work(GcodeBoard *board, enum phase phase, const GcodeClient *stops, gint64 until_us) {
     while (board->phase == phase && (!stops || stops->stops) &&
            clock_now_us(board->clock) < until_us) {

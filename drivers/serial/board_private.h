@@ -74,7 +74,7 @@ struct GcodeBoard {
     gint64 due_us; /* time when the timer is due */
     Lock *lock;    /* of the port; kept while the board is lost */
     GString *input;
-    gboolean skips; /* the rest of an endless line is discarded */
+    gboolean skips; /* the rest of a line that is too long is discarded */
     int n_noise;    /* lines that were not understood since the port was opened */
 
     enum phase phase;
@@ -126,26 +126,32 @@ struct GcodeBoard {
     gint64 same_us;               /* time of the first of these reports */
 };
 
-/* Closes the port. The next request to home or to stop opens it again, which resets most boards. */
+/* Closes the port, drops all lines and forgets the position. A new client and the next request to
+ * home or to stop open the port again, which resets most boards. */
 void gcode_board_close(GcodeBoard *board);
-/* Queues a line, without its end. */
+/* Queues a line, given without its end, and sends it as soon as the board has room. is_long: see
+ * struct gcode_line. */
 void gcode_board_send(GcodeBoard *board, const char *text, gboolean is_long);
-/* Sends bytes now, before all lines that wait. */
+/* Sends bytes now, before all lines that wait. Does nothing if the port is closed. A failure is
+ * only logged, because the deadline of the answer shows it. */
 void gcode_board_write(GcodeBoard *board, const char *bytes, gsize n);
 /* Takes the answer to the oldest unanswered line. Returns FALSE if there is none. */
 gboolean gcode_board_answered(GcodeBoard *board);
+/* Drops the lines that were not sent, and expects no answers to those that were. */
 void gcode_board_forget_lines(GcodeBoard *board);
+/* Returns whether no line waits to be sent or answered. */
 gboolean gcode_board_is_answered(const GcodeBoard *board);
 
 /* Stores the position and tells the clients. */
 void gcode_board_moved(GcodeBoard *board, const double *at, int n);
 
-/* Ends the greeting or the stop. */
+/* Ends the greeting or the stop, and with it the stops of all clients, without an error. */
 void gcode_board_ready(GcodeBoard *board);
-/* Ends the active request, and for HOME_ALL those of all clients that want the same. Takes
- * ownership of error. */
+/* Ends the active request, and for HOME_ALL those of all clients that want the same. error
+ * is NULL if the request has succeeded. Takes ownership of error. */
 void gcode_board_end_request(GcodeBoard *board, GError *error);
-/* Ends the stop or the greeting with an error. Takes ownership of error. */
+/* Ends the stop or the greeting with an error. If it was the greeting, also closes the port and
+ * ends all requests. Takes ownership of error. */
 void gcode_board_fail(GcodeBoard *board, GError *error);
 /* Says that the positions of all axes are unknown. Ends all requests but stops. Takes ownership of
  * error. */
@@ -153,10 +159,15 @@ void gcode_board_lose(GcodeBoard *board, GError *error);
 /* Ends the stop of clients whose axes stand while another axis moves. Call it after each report. */
 void gcode_board_check_still(GcodeBoard *board);
 
+/* Begins a stage of the phase. Its deadline follows after ms. */
 void gcode_board_begin(GcodeBoard *board, int stage, double ms);
+/* Returns whether more than ms have passed since since_us. */
 gboolean gcode_board_is_past(const GcodeBoard *board, gint64 since_us, double ms);
 /* Returns the shortest time between two reports that a client wants, idle_ms at most. */
 double gcode_board_poll_ms(const GcodeBoard *board, double idle_ms);
+/* Returns the longest brake_s of all clients. */
 double gcode_board_brake_s(const GcodeBoard *board);
+/* Returns whether a client is watched. */
 gboolean gcode_board_is_watched(const GcodeBoard *board);
+/* Returns a new error which says that the board has not answered for ms. */
 GError *gcode_board_silence(const GcodeBoard *board, double ms);

@@ -198,7 +198,8 @@ static gboolean is_disturbed(GcodeBoard *board, const struct gcode_report *repor
     return TRUE;
 }
 
-/* Counts equal reports that came after the "ok" of the last line. */
+/* Counts equal reports that came after the "ok" of the last line. Returns whether there are enough
+ * of them. */
 static gboolean is_final(GcodeBoard *board) {
     const gsize size = (gsize)board->n_at * sizeof *board->at;
     if (!gcode_board_is_answered(board) || board->n_at == 0)

@@ -2,7 +2,7 @@
  * Lamps on a serial LED controller (docs/build-a-rig/led-controller.md).
  *
  * Every request is answered with the levels of all lamps. A switch succeeds only if the answer
- * shows the wanted level. A request without an answer is sent again up to N_TRIES times. "Off" is
+ * shows the wanted level. A request without an answer is sent up to N_TRIES times in all. "Off" is
  * sent before all other requests, and without waiting for their answers. An "on" is not sent again
  * after an "off" of its lamp.
  *
@@ -24,7 +24,7 @@
 #include <unistd.h>
 
 #define N_TRIES         3
-#define PINGS           4   /* in the time of the controller's watchdog */
+#define PINGS           4   /* number of pings in the time of the controller's watchdog */
 #define TICK_MS         10  /* between two looks at the deadlines while a request is under way */
 #define CLOSE_ANSWER_MS 150 /* longest time for an answer to each of the N_TRIES of close() */
 #define MIN_WATCHDOG_MS 500
@@ -59,7 +59,7 @@ struct serial_lamps {
     GQueue requests; /* of struct request, in the order of the set() calls */
     int number;      /* of the last request */
     int n, watchdog_ms;
-    gint64 fed_us;
+    gint64 fed_us; /* time when the last request was sent */
     /* as the answer to the last command has confirmed it */
     enum lamp_state states[LAMP_LINE_MAX_LAMPS];
     GError *lost; /* to be reported */
@@ -502,7 +502,7 @@ static gboolean ask(struct serial_lamps *lamps, enum lamp_request what, GError *
     return ok;
 }
 
-/* Asks until the controller has started. */
+/* Asks until the controller answers or boot_ms have passed. */
 static gboolean greet(struct serial_lamps *lamps, GError **error) {
     Clock *clock = lamps->bank->device.clock;
     const gint64 until_us = clock_now_us(clock) + (gint64)(lamps->boot_ms * 1000);

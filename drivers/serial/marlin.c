@@ -326,7 +326,7 @@ static void tick(GcodeBoard *board, gint64 now_us) {
     if (board->phase == RUNNING && silent) {
         gcode_board_end_request(board, gcode_board_silence(board, ms));
     } else if (board->phase == READY && silent) {
-        gcode_board_forget_lines(board); /* the next request finds out */
+        gcode_board_forget_lines(board); /* the next request shows whether the board answers */
     } else if (board->phase == GREETING && board->stage == ASKING && !late) {
         if (gcode_board_is_past(board, board->asked_us, ASK_MS))
             send_token(board);
@@ -336,7 +336,7 @@ static void tick(GcodeBoard *board, gint64 now_us) {
     } else if (board->phase == STOPPING && late) {
         gcode_board_fail(board, gcode_board_silence(board, ms + BUSY_MS));
         gcode_board_lose(board, gcode_board_silence(board, ms + BUSY_MS));
-        gcode_board_close(board); /* a reset is what is left */
+        gcode_board_close(board); /* only a reset can help */
     } else if (board->phase == GREETING && late) {
         gcode_board_fail(board, gcode_board_silence(board, board->link.boot_ms));
     } else if (board->synced && gcode_board_is_past(board, board->asked_us, poll_ms) &&

@@ -3,7 +3,8 @@
 
 #include <glib.h>
 
-/* Opens and locks a port that does not block. Discards input that was not read. Returns -1 with a
- * DEVICE_ERROR that names the port on failure. Close the descriptor with close(). On most Arduino
+/* Opens and locks a port, and discards input that was not read. Returns a descriptor that does not
+ * block; close it with close(). Returns -1 on failure, with DEVICE_ERROR_BUSY if another program
+ * uses the port and DEVICE_ERROR_DISCONNECTED otherwise. The error names the port. On most Arduino
  * boards, opening the port resets the board. */
 int serial_port_open(const char *path, int baud, GError **error);

@@ -58,7 +58,7 @@ struct job {
     int index;
     gboolean on;
     guint mask;
-    int n_left;
+    int n_left;    /* number of requests that have not ended */
     GError *error; /* the first error */
 };
 
@@ -204,7 +204,9 @@ static gboolean job_send(struct job *job, enum command command, int relay, GErro
     return TRUE;
 }
 
-/* Switches the relays of a mask. If the board was unplugged, first looks for it again. */
+/* Switches the relays of a mask. If the board was unplugged, first looks for it again. func is
+ * called once, when all requests have ended. If no request could be sent, returns FALSE with an
+ * error and does not call func. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
     if (!board->usb && !board_connect(board, error))

@@ -445,8 +445,9 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-/* Returns all devices that match, opened. Appends every device that could be opened to seen, as
- * text. *error is that of the last device that could not be opened. */
+/* Returns all devices that match, opened. Appends to seen, as text, every device of the vendor,
+ * products and path that could be opened. *error is that of the last device that could not be
+ * opened. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {
     libusb_device **all = NULL;

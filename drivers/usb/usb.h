@@ -14,7 +14,7 @@
 
 typedef struct UsbDevice UsbDevice;
 
-/* Selects a device and one of its interfaces. Empty strings match anything. */
+/* Selects a device and one of its interfaces. Empty strings and NULL match anything. */
 struct usb_match {
     const char *who; /* the beginning of every error message, such as "axis turntable" */
     guint16 vendor;
@@ -24,7 +24,8 @@ struct usb_match {
     guint8 interface_class; /* the first interface of this class is claimed */
     const char *serial;
     const char *path; /* for example "1-2.4": the bus, then the port at each hub */
-    /* Reads the serial number of a device that does not have it in its string descriptor. */
+    /* Reads the serial number of a device that does not have it in its string descriptor. The
+     * result is freed with g_free(). NULL for other devices. */
     char *(*read_serial)(UsbDevice *usb);
 };
 
@@ -36,8 +37,10 @@ typedef void (*UsbFunc)(UsbDevice *usb, const guint8 *data, gsize n, const GErro
  * then. */
 typedef void (*UsbLostFunc)(UsbDevice *usb, gpointer user);
 
-/* Opens the device that matches. Fails if none matches, or more than one. Detaches a kernel driver
- * from the interface. */
+/* Opens the device that matches, and detaches a kernel driver from the interface. Fails with
+ * DEVICE_ERROR_DISCONNECTED if none matches, DEVICE_ERROR_RANGE if more than one does,
+ * DEVICE_ERROR_BUSY if another program uses the device, DEVICE_ERROR_UNSUPPORTED if this user may
+ * not open it or there is no USB, and DEVICE_ERROR_PROTOCOL if it has no such interface. */
 UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer user, GError **error);
 
 /* Closes the device and cancels its requests. No callback is made afterwards. NULL is ignored. */
@@ -52,14 +55,17 @@ struct usb_request {
 };
 
 /* Starts a control transfer, which ends with one call of func. Requests are carried out in the
- * order in which they were started. The error is DEVICE_ERROR_TIMEOUT if there is no answer after
- * timeout_ms, DEVICE_ERROR_PROTOCOL if the device stalls the request, and DEVICE_ERROR_DISCONNECTED
- * if the device is gone. */
+ * order in which they were started. If the transfer cannot be started, returns FALSE with an error
+ * and does not call func. The error, returned or
+ * passed to func, is DEVICE_ERROR_TIMEOUT if there is no answer after
+ * timeout_ms, DEVICE_ERROR_DISCONNECTED if the device is gone, and DEVICE_ERROR_PROTOCOL if the
+ * device stalls the request or the transfer fails for another reason. */
 gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint timeout_ms,
                      UsbFunc func, gpointer user, GError **error);
 
-/* Makes a control transfer and waits for its end. Writes up to request->length bytes to answer.
- * Returns the length of the answer, or -1. */
+/* Makes a control transfer and waits for its end, USB_SYNC_MS at most. An IN request writes up to
+ * request->length bytes to answer; for an OUT request, answer is NULL. Returns the number of bytes
+ * that were transferred, or -1 with an error as of usb_control(). */
 int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *answer,
                      GError **error);
 
@@ -71,5 +77,6 @@ char *usb_path_of(struct libusb_device *device); /* path as in struct usb_match;
 char *usb_words(const char *what, const char *serial, const char *path);
 
 guint8 usb_interface(const UsbDevice *usb); /* number of the interface that was claimed */
+/* Return texts that belong to the device. They are empty if the device has none. */
 const char *usb_product(const UsbDevice *usb);
-const char *usb_serial(const UsbDevice *usb); /* empty if the device has none */
+const char *usb_serial(const UsbDevice *usb);
