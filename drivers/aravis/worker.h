@@ -19,8 +19,8 @@ struct aravis_hooks {
     /* A frame has come that was exposed before_us before its trigger. The right frame may
      * follow. */
     void (*stale)(gint64 before_us, gpointer data);
-    /* The last request failed, and a waiting trigger has ended. The hook takes ownership of the
-     * error. */
+    /* A request or the frame of a trigger has failed, or the camera was lost. A waiting trigger has
+     * ended. The hook takes ownership of the error. */
     void (*failed)(GError *error, gpointer data);
     /* The camera cannot be used because of the error. If error is NULL, it can be used again. */
     void (*lost)(const GError *error, gpointer data);
@@ -37,10 +37,13 @@ gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GE
 /* Returns the result of aravis_device_warnings() when the camera was opened. The worker owns it. */
 const char *const *aravis_worker_warnings(const AravisWorker *worker);
 
-/* Frees the worker. No hook is called afterwards. Waits until the camera is released, unless the
- * camera does not answer. NULL is ignored. */
+/* Frees the worker. No hook is called afterwards. Waits until the camera is released, but no longer
+ * than a second, because a camera that does not answer is released later. NULL is ignored. */
 void aravis_worker_free(AravisWorker *worker);
 
+/* Send a request to the thread and do not wait. aravis_worker_configure() may be called before the
+ * camera is armed; settings that the camera refuses are reported as the failure of each following
+ * trigger. */
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db);
 void aravis_worker_arm(AravisWorker *worker);
 void aravis_worker_disarm(AravisWorker *worker); /* a waiting trigger ends without an event */

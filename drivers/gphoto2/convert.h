@@ -16,8 +16,8 @@
 
 struct converted {
     int width, height;
-    gboolean raw;
-    char cfa[5]; /* "mono", "rggb", "bggr", "grbg" or "gbrg" */
+    gboolean raw; /* the picture was a raw file */
+    char cfa[5];  /* "mono", "rggb", "bggr", "grbg" or "gbrg" */
 };
 
 /* Reads a raw file with LibRaw, in a separate program (pictures/picture_child.h). Any other picture

@@ -12,5 +12,6 @@
 extern const struct camera_driver gphoto2_camera_driver;
 
 /* Finds cameras on USB, by mesorig-gphoto2. A device that another scan has listed with the same
- * address gets its section here. */
+ * address gets its section here. Waits up to 5 s. Fails with G_IO_ERROR_TIMED_OUT if the program
+ * takes longer, and fails if the program is missing or cannot be started. */
 gboolean gphoto2_scan(GPtrArray *to, GError **error);

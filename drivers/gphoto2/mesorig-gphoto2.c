@@ -49,10 +49,10 @@ struct helper {
     struct still_options options;
     Still *still;
     char *folder;
-    int silence_ms;
+    int silence_ms; /* the program ends if no request comes for this time; −1: without limit */
     gint64 n_pictures;
     GByteArray *input;
-    gboolean ended;   /* standard input has ended */
+    gboolean ended;   /* the program shall end, for example because its input has ended */
     gboolean stopped; /* a "stop" came while a picture was taken */
 };
 
@@ -126,7 +126,8 @@ static gboolean parse(JsonParser *parser, const char *line, struct request *ret)
     return ret->method && ret->params;
 }
 
-/* Waits, and looks for a "stop", which is answered immediately. */
+/* Waits up to ms for requests, and answers them immediately. Returns FALSE if one was a "stop" or
+ * if standard input has ended. */
 static gboolean pause_shot(int ms, gpointer data) {
     struct helper *helper = data;
     g_autofree char *line = NULL;

@@ -51,8 +51,8 @@ struct Still {
     gboolean abandoned;  /* the picture of a shot that was given up may still come */
     gint64 abandoned_us; /* time of that shot */
     gint64 abandoned_until_us;
-    char *stem; /* name of the last picture without its extension; NULL if there is none */
-    gint64 battery_us;
+    char *stem;        /* name of the last picture without its extension; NULL if there is none */
+    gint64 battery_us; /* time of the last look at the battery; 0: look at the next shot */
 };
 
 typedef CameraList Names;
@@ -256,8 +256,8 @@ static gboolean is_in_memory(const CameraFilePath *path) {
     return strcmp(path->folder, "/") == 0;
 }
 
-/* Removes a file from the card, unless pictures are to stay there. A later picture may then have
- * the same name. */
+/* Removes a file from the card, unless pictures are to stay there. A removed file is no longer
+ * known, because a later picture may have the same name. */
 static void remove_file(Still *still, const CameraFilePath *path) {
     g_autofree char *text = path_text(path);
     if (still->options->keep_on_card && !is_in_memory(path))
@@ -772,7 +772,8 @@ static gboolean copy(Still *still, const CameraFilePath *from, const char *to, G
     }
 }
 
-/* Removes from the card what belongs to the last picture, such as a JPEG that came after it. */
+/* Takes the events that wait. Removes from the card what belongs to the last picture, such as a
+ * JPEG that came after it, and the picture of a shot that was given up. */
 static void clear_events(Still *still) {
     CameraFilePath path;
     enum happening happening = OTHER;

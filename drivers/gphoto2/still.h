@@ -25,7 +25,7 @@ struct still_options {
     int trigger_ms, readout_ms;
 };
 
-/* How a shot waits. pause() waits for ms, and returns FALSE if the shot is to be given up.
+/* How a shot waits. pause() waits up to ms, and returns FALSE if the shot is to be given up.
  * exposed() is told that the exposure has ended. */
 struct still_wait {
     gboolean (*pause)(int ms, gpointer data);
@@ -35,7 +35,7 @@ struct still_wait {
 
 struct still_shot {
     gint64 exposure_us;
-    gint64 deadline_us;
+    gint64 deadline_us; /* time at which the shot fails if there is no picture */
     const char *folder; /* on this computer, for the file of the picture */
     struct still_wait wait;
 };
@@ -48,7 +48,8 @@ Still *still_open(const struct still_options *options, GError **error);
 void still_close(Still *still);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Still, still_close)
 
-/* Returns the model and the serial number. The camera owns the strings. */
+/* Return the model and the serial number, which is empty if the camera reports none. The camera
+ * owns the strings. */
 const char *still_model(const Still *still);
 const char *still_serial(const Still *still);
 
@@ -56,8 +57,9 @@ const char *still_serial(const Still *still);
  * them. */
 const GArray *still_exposures(const Still *still);
 
-/* Takes a picture and copies its file from the camera. Returns its path, to be freed with g_free(),
- * or NULL with an error: G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
+/* Takes a picture, with the offered exposure time that is nearest to exposure_us, and copies its
+ * file from the camera. Returns the path of the copy, to be freed with g_free(), or NULL with an
+ * error: G_IO_ERROR_CANCELLED if pause() has returned FALSE. */
 char *still_shoot(Still *still, const struct still_shot *shot, GError **error);
 
 /* Takes the events that wait, which keeps the camera awake. */

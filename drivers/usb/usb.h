@@ -56,10 +56,10 @@ struct usb_request {
 
 /* Starts a control transfer, which ends with one call of func. Requests are carried out in the
  * order in which they were started. If the transfer cannot be started, returns FALSE with an error
- * and does not call func. The error, returned or
- * passed to func, is DEVICE_ERROR_TIMEOUT if there is no answer after
- * timeout_ms, DEVICE_ERROR_DISCONNECTED if the device is gone, and DEVICE_ERROR_PROTOCOL if the
- * device stalls the request or the transfer fails for another reason. */
+ * and does not call func. The error, returned or passed to func, is DEVICE_ERROR_TIMEOUT
+ * if there is no answer after timeout_ms, DEVICE_ERROR_DISCONNECTED if the device is gone, and
+ * DEVICE_ERROR_PROTOCOL if the device stalls the request or the transfer fails for another
+ * reason. */
 gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint timeout_ms,
                      UsbFunc func, gpointer user, GError **error);
 

@@ -20,6 +20,7 @@ struct video_controls {
     struct video_range white_balance; /* in kelvin */
 };
 
+/* Reads the ranges of the controls. A control that can only be read counts as lacking. */
 void video_controls_read(const struct video_node *node, struct video_controls *ret);
 
 /* Returns the names of the controls among exposure, gain and white balance that the camera lacks,
@@ -28,14 +29,15 @@ char *video_controls_lacking(const struct video_controls *controls);
 
 /* Switches off what alters frames: automatic exposure, gain, white balance, focus and so on, gamma,
  * sharpening and effects. Fails if the camera has an automatic control and refuses to switch it
- * off. */
+ * off, or if the camera was unplugged. */
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
 /* Returns one text for each control that still alters frames and is not among settings (such as
  * "gamma=100"), the settings that the rig file asks for. Free it with g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 
-/* Sets a control and reads it back. Fails if the device refuses the value or has changed it. */
+/* Sets a control and reads it back. Fails if the device refuses the value or has changed it. A
+ * control that can only be written is not read back. */
 gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value, GError **error);
 
 /* Sets a control from a text such as "brightness=10". The name is in lower case, with words

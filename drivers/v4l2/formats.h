@@ -34,9 +34,11 @@ const struct video_format *video_format_find(guint32 fourcc);
 const struct video_format *video_format_better(const struct video_format *a,
                                                const struct video_format *b);
 
-/* Returns the four characters of a code without trailing spaces, for example "RG10". Free them
- * with g_free(). */
+/* Returns the four characters of a code without trailing spaces, for example "RG10". A big-endian
+ * format has "-BE" after them. Free the text with g_free(). */
 char *video_fourcc_name(guint32 fourcc);
+
+/* Converts one to four characters to a code. Returns FALSE if name is empty or longer. */
 gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 
 gboolean video_format_is_luma(const struct video_format *format);

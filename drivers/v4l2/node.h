@@ -33,13 +33,15 @@ struct video_pix {
 };
 
 /* Opens the node at path. If path is NULL or empty, opens the node on bus, and a bus that is
- * NULL or empty matches any node. Fails if no node matches, or more than one. */
+ * NULL or empty matches any node. Fails if no node matches, or more than one. The node is not open
+ * then. Keeps who, which must stay valid. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
 /* Closes the node. A node that is not open, or that is zeroed with fd -1, is allowed. */
 void video_node_close(struct video_node *node);
 
-/* Returns the sorted paths of all nodes that capture video by streaming. */
+/* Returns the sorted paths of all nodes that capture video by streaming, and of those that cannot
+ * be opened. Free the array with g_ptr_array_unref(). */
 GPtrArray *video_node_list(void);
 
 /* Calls ioctl(2), and calls it again if a signal interrupts it. Returns -1 and sets errno on
@@ -61,8 +63,8 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
 gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
                       const char *format, ...) G_GNUC_PRINTF(4, 5);
 
-/* Returns the codes of all formats of the node, including those that cannot be used for
- * measuring. */
+/* Returns the codes of all formats of the node, including those that cannot be used for measuring.
+ * Free the array with g_array_unref(). */
 GArray *video_node_formats(const struct video_node *node); /* an array of guint32 */
 
 /* Returns the sizes of a format as text, "640 × 480, 1280 × 720" or a range. Free it with

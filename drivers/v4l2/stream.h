@@ -22,8 +22,8 @@ struct video_setup {
     gboolean full_range; /* luma is from 0 to 255 rather than 16 to 235 */
 };
 
-/* Sets exactly the requested format. If the device does not offer it, the error lists what the
- * device offers. */
+/* Sets exactly the requested format and size, and the requested frame rate within 5 %. If the
+ * device does not offer the format or the size, the error lists what it offers. */
 gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
                            struct video_setup *ret, GError **error);
 
@@ -37,7 +37,7 @@ struct video_stream {
         guint8 *data;
         gsize size;
     } buffers[VIDEO_BUFFERS];
-    int n;
+    int n; /* number of buffers that are mapped */
 };
 
 /* Allocates and queues the buffers, each of at least setup->bytes, and starts the stream. */
