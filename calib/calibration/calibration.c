@@ -1,5 +1,5 @@
-/* This file makes, changes and writes calibrations, and compares a calibration with the nominal
- * rig. */
+/* This file makes, changes and writes calibrations, compares a calibration with the nominal rig,
+ * and computes the covariance of a camera's line of sight and the age of a part. */
 #include "calibration.h"
 
 #include "base/input_file.h"
@@ -160,7 +160,8 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
     turn_errors(calibration->arc.centre_mm, angle_rad);
 }
 
-/* A newline follows each string in the hashed text, so the division into strings counts. */
+/* A newline follows each string in the hashed text, so "ab", "c" and "a", "bc" have different
+   checksums. */
 char *calibration_checksum(const char *const *checksums, int n) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
 
@@ -345,7 +346,7 @@ double calibration_output_factor(const struct calibration *from, const struct ca
     return n > 0 ? sum / n : 1;
 }
 
-/* The date of a part is UTC in ISO 8601. */
+/* The result is also −1 if the date of the part is not in ISO 8601. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     g_autoptr(GDateTime) now = g_date_time_new_now_utc();

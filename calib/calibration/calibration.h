@@ -31,8 +31,8 @@ struct calibration_part {
     char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
     char *method; /* one line */
     double residual_rms;
-    /* RMS of the residuals that would be expected from the noise of the data alone, in
-     * residual_unit. 0 if not known. */
+    /* The RMS of the residuals that the noise of the data alone would cause, in residual_unit,
+     * or 0 if it is not known. */
     double residual_expected;
     char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
@@ -99,7 +99,7 @@ struct calibration_arc { /* for rig.arc; standard errors, 0 for values that were
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
 
-/* Values of a laser that its lines may leave undetermined. */
+/* Values of a laser that its measured lines on the plates may leave undetermined. */
 enum calibration_laser_value {
     CALIBRATION_LASER_POSITION,
     CALIBRATION_LASER_AXIS,
@@ -115,9 +115,10 @@ struct calibration_laser { /* for rig.lasers; the members up to bend_rad are sta
     double position_mm[3];
     double axis_rad, normal_rad, stretch;
     double bend_rad;
-    /* 1 for each value that the lines hardly determine. A large part of the error of such a value
-     * comes from the error of the arc's axis in an earlier calibration. In the laser sheets, these
-     * errors partly cancel; the errors of the sheets are in `sheet`. */
+    /* 1 for each value (enum calibration_laser_value) that the lines hardly determine, otherwise
+     * 0. A large part of the error of such a value comes from the error of the arc's axis in an
+     * earlier calibration. In the laser sheets, these errors partly cancel; the errors of the
+     * sheets are in `sheet`. */
     int from_prior[CALIBRATION_LASER_VALUES];
     /* Errors of the laser sheet near the sample. They include the part of the residual that noise
      * does not explain. They are 0 if the file was written by a version that did not store them. */
@@ -189,10 +190,12 @@ char *calibration_checksum(const char *const *checksums, int n);
 /* Returns the text of the key file. Free it with g_free(). */
 char *calibration_to_text(const struct calibration *calibration);
 /* Reads the text of the key file. Also reads the text of rig_to_text(), as a calibration without
- * results. On failure returns NULL, and the error is RIG_ERROR with path, section and key. */
+ * results. On failure returns NULL and the error RIG_ERROR, which names the path and, if a value
+ * is wrong, the section and the key. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
 
-/* Writes the file atomically, by renaming a temporary file. */
+/* Writes the file atomically, by renaming a temporary file. Returns FALSE and leaves an existing
+   file as it is if its new text cannot be read back, or if writing fails. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 

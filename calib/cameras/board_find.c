@@ -298,10 +298,11 @@ static void take_piece(const struct board *board, const GArray *from, const GArr
 }
 
 /* Computes the homography through the corners of the detected markers that agree. These markers
- * form one connected set, or otherwise agree with one robust homography. from and to get their
- * corners on the board and in the picture, as doubles, two per point. ret_n gets the number of
- * detected markers whose ids are on the board. Returns the number of markers that agree, or 0 if
- * fewer than two or less than half of *ret_n agree. */
+ * form one connected set, or, if the largest set has less than half of the markers, agree with
+ * one robust homography. from and to get the corners of the agreeing markers on the board and in
+ * the picture, as doubles, two per point. ret_n gets the number of detected markers whose ids
+ * are on the board. Returns the number of markers that agree. Returns 0 if fewer than two or
+ * less than half of *ret_n agree, or if no homography fits. */
 static int plane_through(const struct board *board, const GArray *found, double ret_h[9],
                          GArray *from, GArray *to, int *ret_n) {
     g_array_set_size(from, 0);
@@ -338,11 +339,11 @@ static int plane_through(const struct board *board, const GArray *found, double 
                : 0;
 }
 
-/* Computes the homography through the corners of the detected markers that agree. from and seen get
- * these corners on the board and in the picture, as doubles, two per point. The markers of a
+/* Computes the homography through the corners of the detected markers that agree. from and seen
+ * get these corners on the board and in the picture, as doubles, two per point. The markers of a
  * ChArUco board show which colour its first square has. If this colour differs from
- * board->white_first, board->white_first is changed. Returns FALSE with an error that says what was
- * found if too few markers agree. */
+ * board->white_first, board->white_first is changed. Returns FALSE with an error if the search
+ * for markers fails, or if too few markers agree. The error then says what was found. */
 static gboolean plane_of_markers(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from, GArray *to, GError **error) {
     const int border = board_border(board);
@@ -581,9 +582,10 @@ static void gather_points(const struct board *board, BoardProject project, gcons
     board_values(board, at, to->n, to->value);
 }
 
-/* Returns the Pearson correlation of the printed values u with the values v of the picture, shifted
- * by (dx, dy) pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). Returns −1 if u or v is
- * constant, or if at most a fifth of the points or at most 100 lie in the picture. */
+/* Returns the Pearson correlation of the printed values u with the values v of the picture,
+ * shifted by (dx, dy) pixels: (Σuv − ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). Returns −1 if
+ * u or v is constant. Also returns −1 unless more than a fifth of the points, and more than 100,
+ * lie in the picture. */
 static double correlate(const struct picture *picture, const struct points *points, int dx,
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;

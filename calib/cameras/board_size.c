@@ -18,10 +18,10 @@
 #define AGREE_GRIDS 3 /* number of pictures for grids of markers or circles, which have no edge */
 /* number of additional agreeing pictures that are needed for each picture of a third size */
 #define AGREE_MORE 2
-#define MAX_PX     1000 /* longer side of the pictures that are examined */
-#define MARKERS_PX 2000 /* longer side for boards with markers, whose cells are small */
-/* Pictures longer than LARGE · MAX_PX, in which a failed search takes seconds, are examined before
- * the search. */
+#define MAX_PX     1000 /* pictures are reduced to at most this longer side before they are examined */
+#define MARKERS_PX 2000 /* the same limit for boards with markers, whose cells are small */
+/* If the board has no markers, pictures whose longer side exceeds LARGE · MAX_PX are examined
+ * before the search, because a failed search takes seconds in them. */
 #define LARGE 1.5
 
 #define OUTSIDE 0.2 /* distance of tested places from the edge of the squares, in squares */
@@ -619,9 +619,9 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
     const struct board *given = &census->given;
     int columns = 0, rows = 0;
     const enum end end = measure(picture, given, &columns, &rows);
-    /* If a chessboard has as many inner corners as the given one has squares, the user has counted
-     * corners. This size is accepted even if the margin is narrow or the outer squares are cut
-     * off. */
+    /* If a chessboard has as many inner corners as the given board should have squares, the user
+     * has counted corners. This size is accepted even if the margin is narrow or the outer
+     * squares are cut off. */
     const gboolean counted_corners = given->print == BOARD_CHESSBOARD && end == OPEN &&
                                      columns == given->columns + 1 && rows == given->rows + 1;
     /* A board of the given size that does not go on is the given board. */

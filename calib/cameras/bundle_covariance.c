@@ -64,9 +64,10 @@ static gboolean columns_of_inverse(const struct factor *factor, const int *colum
     return LAPACKE_dorgqr(LAPACK_COL_MAJOR, n, k, k, ret_q, n, tau) == 0;
 }
 
-/* Computes the score y of a picture. rows are its rows of the Jacobian, which have k columns that
- * are not 0. Where an eigenvalue l of BᵀB is 1, the fit follows this picture completely, so its
- * residuals contain no information. Such directions are left out. */
+/* Computes the score y of a picture. rows are its rows of the Jacobian, which have k columns
+ * that are not 0. Where an eigenvalue l of BᵀB is 1, the fit follows this picture completely, so
+ * its residuals contain no information. Such directions are left out. Returns FALSE if the rows
+ * have more than MAX_OWN columns that are not 0, or if LAPACK fails. */
 static gboolean picture_score(const struct factor *factor, const struct bundle_linear *linear,
                               const GArray *rows, double *ret_y) {
     const int n = factor->n;
@@ -120,7 +121,7 @@ static gboolean picture_score(const struct factor *factor, const struct bundle_l
     return TRUE;
 }
 
-/* Computes the score y of one row of a prior. */
+/* Computes the score y of one row of a prior. Returns FALSE if LAPACK fails. */
 static gboolean prior_score(const struct factor *factor, const struct bundle_linear *linear,
                             int row, double *ret_y) {
     const int n = factor->n;
@@ -131,7 +132,7 @@ static gboolean prior_score(const struct factor *factor, const struct bundle_lin
 }
 
 /* Returns the scores y of all pictures, then those of all rows of priors, as n doubles each.
- * Returns NULL if LAPACK fails. */
+ * Returns NULL if a score fails. */
 static GArray *scores(const struct bundle *bundle, const struct factor *factor,
                       const struct bundle_linear *linear) {
     g_autoptr(GHashTable) pictures =
@@ -187,7 +188,8 @@ static double student(int freedom) {
 
 /* Computes a camera's covariance V = g (n S + p f C) / (n + p) from n pictures and p parameters,
  * and its inflation f (bundle.h). y has the scores. free has the columns of the camera's p free
- * parameters. at has, for each of the BUNDLE_CAMERA parameters, its index in free, or −1. */
+ * parameters. at has, for each of the BUNDLE_CAMERA parameters, its index in free, or −1. If p
+ * is 0, V is 0 and f is 1. Returns FALSE if LAPACK fails. */
 static gboolean camera_covariance(struct bundle_camera *camera, const struct factor *factor,
                                   const GArray *y, const int *free, int p, const int *at,
                                   int pictures, double *ret_f) {
@@ -234,8 +236,9 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
     return TRUE;
 }
 
-/* Sets wobble_error_rad to the square root of the trace of the wobble's part of C. This is the RMS
- * tilt error, because the mean of |tilt|² over a turn is Σ |z_n|². */
+/* Sets wobble_error_rad to the square root of the trace of the wobble's part of C. This is the
+ * RMS tilt error, because the mean of |tilt|² over a turn is Σ |z_n|². If the wobble is not
+ * adjusted, the error is 0. Returns FALSE if LAPACK fails. */
 static gboolean wobble_error(struct bundle *bundle, const struct factor *factor,
                              const struct bundle_linear *linear) {
     const int k = linear->n_wobble;

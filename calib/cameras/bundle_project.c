@@ -46,9 +46,10 @@ gboolean bundle_has(enum rig_lens lens, int i) {
     return lens == RIG_LENS_RATIONAL ? TRUE : lens == RIG_LENS_FISHEYE ? i < 7 || i == 9 : i < 9;
 }
 
-/* The fisheye of lens.h: u = X d(θ) / a, with a = |(X, Y)| and tan θ = a / Z. j has the derivatives
- * of u, v with respect to X, Y, Z. k has the derivatives with respect to the coefficients of
- * distortion, in the order of the intrinsics. */
+/* The fisheye of lens.h: u = X d(θ) / a, with a = |(X, Y)| and tan θ = a / Z. j has the
+ * derivatives of u, v with respect to X, Y, Z. k has the derivatives with respect to the
+ * coefficients of distortion, in the order of the intrinsics. Returns FALSE only for a point at
+ * the camera's centre or straight behind it. */
 static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2][3],
                         double k[2][8]) {
     const double a = hypot(q.x, q.y), xy[2] = {q.x, q.y};

@@ -110,7 +110,9 @@ void cameras_set_why(struct seen *seen, const char *why) {
     seen->why = g_strdup_printf("%s: %s", seen->name, why);
 }
 
-/* Finds the board in picture i without prior knowledge. */
+/* Finds the board in picture i without prior knowledge. If the board is not found, seen->why
+   gets the reason. Returns FALSE if the picture cannot be read, if a picture of a rig has
+   another size than its camera, or if enough pictures show a board of another size. */
 static gboolean find_board(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     g_autoptr(GError) why = NULL;
@@ -156,8 +158,9 @@ gboolean cameras_project(const double xy_mm[2], gboolean straight, double ret_xy
     return bundle_project(at->bundle, at->camera, at->stop, straight, xy_mm, ret_xy_px);
 }
 
-/* Searches picture i for all corners where the geometry predicts them, including corners that the
- * detector has not found. If too few corners are found, the picture is no longer used. */
+/* Searches picture i for all corners where the geometry predicts them, including corners that
+ * the detector has not found. If too few corners are found, the picture is no longer used.
+ * Returns FALSE only if the picture cannot be read. */
 static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     struct cameras_look at = {&work->bundle, seen->camera, seen->stop};
@@ -258,7 +261,7 @@ gboolean cameras_solve(struct cameras_work *work, GError **error) {
 /* Searches in two passes. The first pass searches every picture of cameras with fewer than
  * MIN_PICTURES usable pictures, within a large radius. Of the other cameras, the first pass
  * searches only pictures without corners, within a small radius. The second pass searches all
- * pictures with the improved geometry. */
+ * pictures with the improved geometry. A bundle adjustment follows each pass. */
 static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)
@@ -277,7 +280,8 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* Returns a result with the residuals, the angle errors of the stops, and the tilts of the lays. */
+/* Returns a result with the residuals and their RMS, the bend, the angle errors of the stops,
+   and the tilts and azimuths of the lays. The other members are set later. */
 static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
     struct cameras_result *to = g_new0(struct cameras_result, 1);
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
@@ -433,7 +437,8 @@ static void set_top(struct cameras_work *work) {
 }
 
 /* Begins as cameras_begin(). If the boards do not fit, looks for a mistake in the notes on the
- * pictures. */
+ * pictures. Then, on a rig with a turntable, calls set_top(). Returns FALSE with an error if a
+ * mistake was found, if the adjustment failed, or if cameras_check_start() refuses it. */
 static gboolean begin_or_find_mistake(struct cameras_work *work, GError **error) {
     g_autoptr(GError) why = NULL;
     cameras_start(work);

@@ -8,14 +8,15 @@
 
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define DEGREES  (180 / G_PI)
-/* mistakes are tried if the typical residual of the first fit is at least this */
+/* mistakes are tried if the first fit failed, or if its typical residual is at least this */
 #define SUSPICIOUS_PX 2.0
 #define EXPLAINED_PX  1.0 /* a mistake explains the boards if the residual is below this */
 #define BETTER        5.0 /* factor by which the correction must also reduce the residual */
 /* With more cameras, only exchanges of neighbours in the rig file are tried. */
 #define MAX_PAIRED 8
 #define REFINED    3 /* number of mistakes that are refined, those with the best start */
-/* factor by which an exchanged camera is nearer to another camera's place than to its own */
+/* a camera counts as exchanged if it is nearer to another camera's place than to its own by at
+   least this factor */
 #define EXCHANGED 5.0
 
 struct mistake {

@@ -64,8 +64,9 @@ void cameras_place_stops(const struct cameras_work *work, struct calibration *ca
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
-/* cameras_start.c: sets initial values. The values of cameras come from the rig file, and those of
- * lays from the pictures. */
+/* cameras_start.c: initial values. cameras_start() takes those of the cameras from the rig file.
+ * cameras_start_lens() estimates the focal length from photographs. cameras_start_lay() finds
+ * the pose of one lay from the pictures, and cameras_start_lays() the poses of all lays. */
 void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
@@ -123,8 +124,8 @@ gboolean cameras_solve(struct cameras_work *work, GError **error);
 
 /* cameras_mistakes.c: if the boards do not fit, but fit when one mistake is corrected, sets an
  * error that names the mistake and returns TRUE. fitted says that the first fit has succeeded.
- * Returns FALSE at once if the residual is small. If no mistake is found, it repeats the fit
- * without a correction, sets unexplained_px if fitted, and returns FALSE. */
+ * Returns FALSE at once if the residual is small. If no mistake is found, the function repeats
+ * the fit without a correction, sets unexplained_px (to 0 unless fitted), and returns FALSE. */
 gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError **error);
 /* Refuses a result in which a camera stands at the place of another camera. */
 gboolean cameras_check_places(const struct cameras_work *work, GError **error);

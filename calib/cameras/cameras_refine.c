@@ -103,8 +103,9 @@ static int n_angles(const struct bundle *b) {
     return n;
 }
 
-/* Fits the bearing's wobble, and keeps it if it is significant. n angles determine the harmonics 1
- * … (n − 1) / 2 (Nyquist). */
+/* Fits the bearing's wobble, and keeps it if it is significant (cameras.h). Otherwise the wobble
+ * is set to 0, but the other parameters keep the values of this fit. Returns FALSE if the fit
+ * fails. n angles determine the harmonics 1 … (n − 1) / 2 (Nyquist). */
 static gboolean fit_wobble(struct cameras_work *work, GError **error) {
     struct bundle *b = &work->bundle;
     double inflation[RIG_MAX_CAMERAS] = {0}, most = 1;
@@ -261,7 +262,8 @@ static gboolean is_good(struct cameras_work *work, int picture) {
     return rejected <= MAX_REJECTED * all;
 }
 
-/* Tries rejected pictures again with the present geometry. */
+/* Tries rejected pictures again with the present geometry. A picture that now fits is used
+   again. The lay and stop of any other picture are restored. */
 static void retry_pictures(struct cameras_work *work) {
     for (int i = 0; i < work->task->n_pictures; i++) {
         struct seen *seen = &work->seen[i];

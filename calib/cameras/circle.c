@@ -13,7 +13,7 @@ enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BL
 #define MAX_PIXELS 6000
 #define MIN_PIXELS 40
 #define EDGE_PX    7   /* largest distance of the used pixels from the expected edge */
-#define BETWEEN    0.4 /* upper limit of that distance, as a share of the gap between two circles */
+#define BETWEEN    0.4 /* outside the circle, the used pixels lie within this share of the gap to the next circle */
 #define MAX_CALLS  (60 * (N + 1))
 #define TOLERANCE  1e-7
 

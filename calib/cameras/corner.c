@@ -242,7 +242,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
 }
 
 /* Computes the covariance of the position: the part of variance · h⁻¹ that belongs to x and y.
- * Returns FALSE if h is singular. */
+ * Returns FALSE if h is singular, or if the result is not positive definite. */
 static gboolean covariance(const double h[N * N], double variance, double ret[2][2]) {
     double a[N * N], b[2 * N] = {0};
     memcpy(a, h, sizeof a);
@@ -291,8 +291,8 @@ static gboolean fit_pixels(const struct picture *picture, const struct board *bo
     return p[CONTRAST] > 0 && minimise(pixels, p, h, ret_total);
 }
 
-/* Fits the model. Returns FALSE if blur, contrast, displacement or standard error exceed their
- * limits. */
+/* Fits the model. Returns FALSE if the fit fails, if blur, displacement or standard error is too
+ * large, if the contrast is too small, or if the edges are nearly parallel. */
 static gboolean do_fit(const struct picture *picture, const struct board *board, int id,
                        const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;

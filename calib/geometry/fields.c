@@ -42,7 +42,9 @@ gboolean fields_refuse(const char *path, const char *group, const char *key, GEr
     return FALSE;
 }
 
-/* Reads f->n numbers separated by semicolons and checks each against the bounds. */
+/* Reads f->n finite numbers separated by semicolons, checks each against the bounds, and, if
+   f->integer is set, refuses fractions. If the key is missing, an optional field is not changed,
+   and any other field is refused. Returns FALSE with an error if the field is refused. */
 static gboolean read_field(GKeyFile *file, const char *path, const char *group,
                            const struct field *f, gpointer to, GError **error) {
     g_autofree char *value = g_key_file_get_string(file, group, f->name, NULL);

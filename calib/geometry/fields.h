@@ -1,9 +1,9 @@
-/*
+/* *
  * This module writes plain structs to groups of a key file, and reads such groups. A table has a
  * row for each member or array of doubles or integers, with its name and the bounds of valid
- * values. Numbers are restored bit for bit. The files of calib/ are written in this way. Any thread
- * may call the functions.
- */
+ * values. Numbers are restored bit for bit. Calibration files are written in this way. Any
+ * thread may call the functions.
+ * */
 #pragma once
 
 #include <glib.h>
@@ -36,7 +36,8 @@ void fields_write_string(GString *text, const char *key, const char *value);
 gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);
-/* Reads a string of 1 to size − 1 bytes. */
+/* Reads a string of 1 to size − 1 bytes. Returns FALSE with RIG_ERROR_VALUE if the key is
+   missing, or the string is empty or longer. */
 gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, const char *key,
                           char *to, gsize size, GError **error);
 /* Sets the error RIG_ERROR_VALUE, "path: [group] key: why". Always returns FALSE. */

@@ -16,7 +16,7 @@
 #define SINGULAR    1e-12 /* smallest relative pivot of the scaled normal equations */
 #define CONVERGED   1e-10
 #define STEPS       60
-#define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences */
+#define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences of x, relative to max(|x|, 1) */
 #define MAX_DAMPING 1e8
 /* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
  * residuals are rounding errors. If the scale were as small as rounding errors, priors would have
@@ -108,7 +108,8 @@ static void normal_equations(const struct work *work, const double *x, double *h
         }
 }
 
-/* Runs Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
+/* Runs Levenberg-Marquardt with the present weights. Stops when a step decreases χ² by less than
+   the fraction CONVERGED, when no step decreases χ², or after STEPS steps. */
 static void do_solve(const struct work *work, double *x) {
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),
@@ -162,9 +163,10 @@ int fit_compare_floats(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* Computes the weights from the residuals. The robust scale is median |r| / 0.6745 in one dimension
- * and median |r| / 1.1774 in two (medians of normal deviates). If hard is set, the weights are 0 or
- * 1, otherwise soft. */
+/* Computes the weights from the residuals. The robust scale is median |r| / 0.6745 in one
+ * dimension and median |r| / 1.1774 in two (medians of normal deviates). The scale is at least
+ * MIN_SIGMA. If hard is set, the weight is 1 up to fit->reject scales and otherwise 0. If hard
+ * is not set, the weight is 1 / √(1 + (|r| / (SOFT scale))²). */
 static void weigh(struct work *work, gboolean hard) {
     const struct fit *fit = work->fit;
     g_autofree double *sizes = g_new(double, fit->n_observations);

@@ -49,13 +49,13 @@ struct fit_result {
     int degrees_of_freedom;
     /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */
     double sigma;
-    int undetermined; /* a parameter that the observations do not determine, or −1 */
+    int undetermined; /* index of a parameter that the observations and priors do not determine, 0 if no degree of freedom is left, otherwise −1 */
 };
 
-/* Minimises from the given parameters, which must be close to the solution, and writes the solution
- * into them. Returns FALSE if an initial residual is not finite, or if the numbers of residuals and
- * priors together do not exceed the number of parameters. In both cases ret holds nothing that must
- * be freed. */
+/* Minimises from the given parameters, which must be close to the solution, and writes the
+ * solution into them. Returns FALSE if there is no observation, if an initial residual is not
+ * finite, or if the numbers of residuals and priors together do not exceed the number of
+ * parameters. After FALSE, ret holds nothing that must be freed. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

@@ -181,8 +181,10 @@ static double fisheye_angle(const struct rig_camera *c, double radius) {
     return (low + high) / 2;
 }
 
-/* Applies p' = R p + t, then the lens, then the camera matrix. Returns FALSE where the model is not
- * invertible, because the radius stops growing or the Jacobian's determinant is not positive. */
+/* Applies p' = R p + t, then the lens, then the camera matrix. Returns FALSE for a point behind
+ * the camera (a fisheye: exactly at the camera's centre or straight behind), and where the lens
+ * model is not invertible, because the radius stops growing or the Jacobian's determinant is not
+ * positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
     struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);

@@ -31,9 +31,9 @@
 #define RIG_MIN_RESPONSE  1e-6 /* smallest response that a rig file may give, DN/s per W/(sr m²) */
 #define RIG_MAX_RESPONSE  1e12
 #define RIG_MAX_INTENSITY 1e6  /* largest radiant intensity of a lamp, W/sr */
-#define RIG_MAX_STRETCH   0.5  /* largest relative stretch of a sweep, in both directions */
-#define RIG_MAX_BEND      1.0  /* rad: largest bend of a laser's sheet, in both directions */
-#define RIG_MAX_LATERAL   0.05 /* largest lateral colour, in both directions */
+#define RIG_MAX_STRETCH   0.5  /* largest absolute value of rig_laser.stretch */
+#define RIG_MAX_BEND      1.0  /* largest absolute value of rig_laser.bend_rad */
+#define RIG_MAX_LATERAL   0.05 /* largest absolute value of rig_camera.lateral_colour */
 #define RIG_MAX_LASERS    16
 #define RIG_MAX_FIDUCIALS 16
 #define RIG_NAME          32
@@ -44,9 +44,9 @@ struct rig_camera {
     int lens; /* enum rig_lens */
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2, k4, k5, k6;
-    /* Relative excess of the magnification of red, green and blue light about (cx, cy), compared
-     * with the parameters above. These hold for the mean of a colour filter's pixels. Within ±
-     * RIG_MAX_LATERAL. 0 means that there is no lateral colour, or that it is unknown. */
+    /* Relative excess of the magnification of red, green and blue light about (cx, cy), within ±
+     * RIG_MAX_LATERAL. It is relative to the parameters above, which hold for the mean over the
+     * pixels of all colours. 0 means that there is no lateral colour, or that it is unknown. */
     double lateral_colour[3];
     struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
@@ -82,7 +82,7 @@ struct rig_lamp {
     /* 1 if the probe carries the lamp; the position above is then for probe_deg */
     int on_probe;
     double probe_deg;
-    int stop; /* number of the stop, as for a camera */
+    int stop; /* number of the stop within its device, from 0; 0 if the device has only one */
 };
 
 /* A line laser on the light arc, or one that stands by itself (fixed): a sheet of light through
@@ -187,7 +187,8 @@ enum rig_error {
 /* Returns the text of the key file "calibration.conf". Numbers are restored bit for bit. Free it
  * with g_free(). */
 char *rig_to_text(const struct rig *rig);
-/* Reads that text. path is used in errors, which are RIG_ERROR. On failure rig is not changed. */
+/* Reads the text of rig_to_text(). Returns FALSE with RIG_ERROR, which names path ("calibration"
+   if it is NULL). On failure rig is not changed. */
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
 
 /* Places a camera at a point so that it looks at another point. The picture is upright: its x axis
@@ -215,8 +216,9 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
  * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* Give the tilt (x, y, 0) of the turntable's axis at an angle, and return the largest tilt in a
- * turn, sampled at every degree. */
+/* rig_wobble_tilt() writes x and y of the rotation vector (x, y, 0) of the turntable's axis at
+ * an angle. rig_wobble_most_rad() returns the length of the longest such vector in a turn,
+ * sampled at every degree. */
 void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]);
 double rig_wobble_most_rad(const struct rig_wobble *wobble);
 
@@ -233,8 +235,9 @@ struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign)
 /* Converts a point from the sample frame to the rig frame, with wobble. */
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm);
 
-/* Transform a point or direction from the arc's frame at the angle arc_rad to the rig frame, and a
- * point back. Here and below, arc may be NULL, which means an ideal arc. */
+/* rig_arc_point() and rig_arc_direction() transform from the arc's frame at the angle arc_rad to
+ * the rig frame. rig_arc_point_back() transforms from the rig frame to the arc's frame. Here and
+ * below, arc may be NULL, which means an ideal arc. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
@@ -247,7 +250,8 @@ struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lam
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);
 
-/* Returns the irradiance on a plane perpendicular to the direction of the lamp, in W·m⁻². */
+/* Returns the irradiance at a point, on a plane perpendicular to the direction of the lamp, in
+   W·m⁻². It is 0 behind the lamp. */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm);
 

@@ -51,8 +51,9 @@ static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_
     return sine < 1e-12 ? vec3(0, 0, 0) : vec3_scale(twice, atan2(sine, cosine) / (2 * sine));
 }
 
-/* Finds the next pair of known stops j and k of one camera that are at least MIN_APART_RAD apart.
- * Returns FALSE if none is left. */
+/* Finds the next pair of known stops j and k of one camera that are at least MIN_APART_RAD
+ * apart. *j and *k hold the previous pair, or 0 and 0 at the start. Returns FALSE if none is
+ * left. */
 static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) {
     for (;;) {
         if (++*k >= rig->n_cameras) {
@@ -100,8 +101,8 @@ static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swin
     return TRUE;
 }
 
-/* Returns the mean angle about the axis from the nominal centre of each known camera to its true
- * centre. Returns 0 if there is no such camera. */
+/* Returns the mean angle about the axis from the nominal centre of each known camera of the arm
+ * to its calibrated centre. Returns 0 if the arm has no known camera. */
 static double mean_zero_rad(const struct rig *rig, guint32 known, const struct rig *nominal,
                             const struct rig_swing *swing) {
     double sum = 0;

@@ -44,7 +44,8 @@ static struct vec3 ray_through(const struct ball_camera *camera, double x_px, do
 
 /* Computes the centre of a ball of radius 1 whose outline is a circle in the picture. The unit rays
  * r that touch the ball form a cone a · r = cos α. q = a / cos α solves r · q = 1 by least squares
- * over rays of the circle. The centre is q cos α / sin α. */
+ * over rays of the circle. The centre is q cos α / sin α. Returns FALSE if the rays determine no
+ * such cone. */
 static gboolean ball_centre(const struct ball_camera *camera, const struct ball_outline *ball,
                             struct vec3 *ret) {
     struct mat3 normal = {0};
@@ -101,7 +102,8 @@ static gboolean ball_light_direction(const struct ball_camera *camera,
 
 /* A mirror ball maps equal areas of the picture to equal solid angles. The mean over the highlight
  * is therefore the mean over the lamp. Four points with the same second moments represent the
- * highlight. */
+ * highlight. If one of the points is outside the ball, the direction at the centroid is returned
+ * instead of the mean. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,
@@ -165,8 +167,8 @@ static void add_across(struct mat3 *a, struct vec3 d, double weight) {
 }
 
 /* Finds the point p closest to all rays of a set: Σ (I − d dᵀ) p = Σ (I − d dᵀ) q, where q are the
- * origins of the rays. Returns FALSE if the rays are parallel, or if p is not in front of all of
- * them. */
+ * origins of the rays. Returns FALSE if the rays are parallel, or if p is less than NEAREST in
+ * front of the origin of one of them. */
 static gboolean meet(const struct ball_ray *rays, int n, guint32 set, struct mat3 *ret_normal,
                      struct vec3 *ret) {
     struct vec3 b = vec3(0, 0, 0);
@@ -220,8 +222,8 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
 }
 
 /* Returns the standard error of a position, per axis: the square roots of the diagonal of N⁻¹ S
- * N⁻ᵀ, where N is the normal matrix and S = Σ σ² (I − d dᵀ) / 2. d is the direction of a ray, and σ
- * its error at the position. */
+ * N⁻ᵀ, where N is the normal matrix (`normal`, of meet()) and S = Σ σ² (I − d dᵀ) / 2. d is the
+ * direction of a ray, and σ its error at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
                                const struct mat3 *normal, struct vec3 place) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};

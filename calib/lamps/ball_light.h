@@ -26,7 +26,8 @@ struct ball_camera {
  * the ball, in radii of the ball. With a focal length, this place is relative to the camera,
  * otherwise to the middle of the ball. *ret_shift_rad is the angle between the mean direction and
  * the direction at the centroid. If the highlight is mainly blur, the direction at the centroid is
- * more accurate. Returns FALSE if the point is outside the ball. */
+ * more accurate. Returns FALSE if the point is outside the ball, or if the ball's outline is too
+ * large for the focal length. */
 gboolean ball_light_mean_direction(const struct ball_camera *camera,
                                    const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2,
@@ -61,7 +62,8 @@ struct ball_light {
 
 /* Finds the light that 1 … BALL_LIGHT_MAX rays agree on: a position, or a direction if the light is
  * too far away. Rays that contradict the majority are left out. Returns FALSE if no majority
- * agrees; off_rad then has the angle of each ray to the nearest other ray. */
+ * agrees, or if two different majorities have the same size. off_rad then has the angle between
+ * each ray and the other ray whose direction is nearest. */
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret);
 
 /* Solves a x = b for a symmetric positive definite matrix by Cramer's rule. Returns FALSE if a is

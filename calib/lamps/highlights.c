@@ -226,7 +226,8 @@ static double root_of(float light) {
     return sqrt(MAX((double)light, 0));
 }
 
-/* Returns whether the other photographs are as bright at the spot. The comparison uses square roots
+/* Returns whether the other photographs are on average as bright at the spot, up to the factor
+ * STAYS. Returns FALSE if there are fewer than three photographs. The comparison uses square roots
  * of light above the background. The mean of the others is (n m − s) / (n − 1), where m is the mean
  * of all n photographs and s this one. */
 static gboolean highlights_stays(const struct window *w, const struct spot *spot,
@@ -248,7 +249,8 @@ static gboolean highlights_stays(const struct window *w, const struct spot *spot
 }
 
 /* Finds the spots, brightest first. A region that touches a brighter spot is the halo of that spot
- * and is dropped. */
+ * and is dropped. A region that is not ABOVE_REST times as high as the brightest tenth of the other
+ * pixels is dropped too. */
 static GArray *find_spots(struct window *w, const struct highlight_mean *mean, double max_px) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
@@ -299,7 +301,8 @@ static gboolean alike(const struct spot *best, const struct spot *other) {
            !(other->energy < LOWER * best->energy && other->height < (float)LOWER * best->height);
 }
 
-/* Returns the reason to refuse the best spot, or NULL. */
+/* Returns the reason to refuse the best spot, or NULL. best is NULL if no spot may be the lamp.
+ * other is the next best spot, or NULL. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
                             const struct spot *other) {
     const struct spot *brightest_large = NULL;

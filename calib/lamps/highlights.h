@@ -42,6 +42,7 @@ struct highlight_mean {
  * position. Specks and streaks are ignored. Spots that the other photographs in mean also show
  * (dust, windows, lamps of the room) are ignored if there are at least two other photographs; mean
  * may be NULL. Spots larger than max_px are not mirror images of a lamp. Returns NULL on success.
- * Otherwise returns the reason, to be freed with g_free(). */
+ * Otherwise returns the reason, such as "is not wholly in the picture", to which the caller
+ * prefixes the name of the ball. Free it with g_free(). */
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
                      double y_px, double radius_px, double max_px, struct highlight *ret);

@@ -103,7 +103,7 @@ struct lamps_result {
     double rms;   /* RMS residual of the used sights: mm on the plate, or px */
     double sigma; /* RMS residual over its expected standard deviation */
     double turntable_rad,
-        drive_rad; /* standard deviation of the angle errors of turntable and arc */
+        drive_rad; /* standard deviations of the angle errors: turntable_rad of the turntable, drive_rad of the arc */
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per sight; owned */
 };

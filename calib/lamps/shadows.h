@@ -30,7 +30,8 @@ void shadow_view_free(ShadowView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowView, shadow_view_free)
 
 /* Adds a picture, linear grey and of the camera's size. index is copied to the sights. Returns
- * FALSE with an error if the picture is dark, or has another size. */
+ * FALSE with an error if the picture has another size, if the plate is dark in it, or if by rig and
+ * target the camera does not see the plate or the lamp does not light it. */
 gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int index, int lamp,
                          double arc_rad, GError **error);
 
@@ -48,8 +49,9 @@ double shadows_score(ShadowView *const *views, int n, const struct lamp_target *
 /* Smallest score at which shadows_locate() succeeds. */
 #define SHADOWS_MIN_SCORE 0.5
 
-/* Appends a struct lamp_sight for each shadow that was found. For each other shadow, appends a text
- * with the picture and the reason to rejected. If near is TRUE, posts and lamps have been adjusted
- * before, so that the shadows are close to their prediction. */
+/* Appends a struct lamp_sight for each shadow that was found. For each shadow that should be
+ * visible but was not found, appends a text with the picture and the reason to rejected. Also
+ * measures the posts themselves, once in the view (lamp_sight.lamp is then −1). If near is TRUE,
+ * posts and lamps have been adjusted before, so that the shadows are close to their prediction. */
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected);

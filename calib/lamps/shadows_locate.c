@@ -49,8 +49,8 @@ static void score_streak(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
-/* Returns the score of a pose of the plate, or 0 if no shadow is visible. Only one of `every`
- * pictures is used. */
+/* Returns the score of a pose of the plate, or 0 if no shadow is visible. Of each `every`
+ * successive pictures, only the first is used. */
 static double score_pose(ShadowView *const *views, int n, const struct lamp_target *target,
                          const struct plate_pose *pose, int every) {
     struct lamp_target moved;

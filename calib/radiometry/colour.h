@@ -24,14 +24,16 @@ struct colour_matrix {
 GQuark colour_error_quark(void);
 enum colour_error {
     COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
-    COLOUR_ERROR_MISFIT,  /* the chart is not the given chart, or lies in another orientation */
+    COLOUR_ERROR_MISFIT,  /* a value is not a number, or the measured colours differ from the chart's values: the chart is another chart, or lies in another orientation */
     COLOUR_ERROR_FILE,    /* the file of the chart's values has a mistake */
 };
 
 /* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝
- * Y^(−2/3) dY). Returns FALSE with an error if the RMS of the patches' differences is 10 ΔE*ab (CIE
- * 1976) or more, or if the patches do not determine the matrix. The white of ΔE*ab has the
- * chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change ΔE. */
+ * Y^(−2/3) dY). Returns FALSE with an error if a value is not finite, if there are fewer than 6
+ * patches, if the patches do not determine the matrix, if the matrix does not map equal RGB to
+ * positive XYZ, or if the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more. The white
+ * of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change
+ * ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 

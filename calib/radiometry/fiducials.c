@@ -141,7 +141,8 @@ static gboolean project(const struct measuring *m, double angle, double radii, d
 }
 
 /* Computes the centroid of the projected disc as that of a polygon: A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ), x̄
- * = Σ (xᵢ + xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
+ * = Σ (xᵢ + xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. Returns FALSE if a corner cannot be projected, or if A
+ * is 0. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
     if (!project(m, 0, 1, &x0, &y0))
@@ -162,7 +163,9 @@ static gboolean expected_centroid(const struct measuring *m, double *ret_x, doub
     return area != 0;
 }
 
-/* Sets the range of pixels. Returns FALSE if the window exceeds the picture. */
+/* Sets the range of pixels to the part of the picture that encloses the circle with the radius
+ * `ring`, in radii of the fiducial. Returns FALSE if the window exceeds the picture, or if the
+ * circle cannot be projected. */
 static gboolean set_bounds(struct measuring *m, double ring) {
     double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
     for (int i = 0; i < 32; i++) {
@@ -227,7 +230,8 @@ static void measure_moment(struct measuring *m) {
         m->moment[i] /= n;
 }
 
-/* Returns the squared displacement of the centroid by the surround, in px². */
+/* Returns the squared displacement of the centroid by the surround, in px², or infinity if the
+ * displaced centre cannot be projected. */
 static double pull_variance(const struct measuring *m) {
     double r = PULL * m->fiducial->radius_mm, x0, y0, x1, y1;
     struct vec3 pulled = vec3_add(m->middle, vec3(r * m->moment[0], r * m->moment[1], 0));
@@ -324,7 +328,7 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
 }
 
 /* Iterates from the expected to the measured position, and measures the output of the lamp. Returns
- * FALSE if the fiducial is not found. */
+ * FALSE if the fiducial is not found, or if the output is not within MIN_OUTPUT and MAX_OUTPUT. */
 static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];

@@ -21,8 +21,9 @@ struct position {
     double matrix[9], right[3];
 };
 
-/* Predicts a sighting like fiducials_measure(). The offset between the disc's centroid and its
- * projected centre is taken to be the same as at the expected position. */
+/* Projects the centre p of the disc (sample frame) to the picture of a sighting. Returns FALSE if
+ * the camera does not see p. add_seen() uses only differences of two projections. It thus takes the
+ * offset between the disc's centroid and its projected centre to be the same at both places. */
 static gboolean project(const struct position *position, const struct fiducial_seen *seen,
                         struct vec3 p, double ret[2]) {
     return rig_project(&position->rig->cameras[seen->camera],

@@ -139,7 +139,7 @@ static int compare(gconstpointer a, gconstpointer b, gpointer data) {
                                     : x->shot - y->shot;
 }
 
-/* Sums of one pass over the groups, for all lamps together and for each lamp. */
+/* Sums of one pass over the groups, for all lamps together and for each lamp. γ is up / down. */
 struct glare_pass {
     double up, down, chi2;
     int n, groups;
@@ -149,7 +149,8 @@ struct glare_pass {
 
 /* Adds a group of n cells. g is the result γ of the previous pass, or negative in the first pass.
  * In later passes, cells that deviate by more than OUTLIER · scale standard deviations from the
- * model with g are left out. */
+ * model with g are left out. A group adds nothing if it is not dark, or if fewer than FEW_SHOTS
+ * cells are left. */
 static void add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
                       struct glare_pass *to) {
     g_autofree double *share = g_new(double, n), *sorted = g_new(double, n);

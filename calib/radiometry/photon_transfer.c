@@ -62,7 +62,8 @@ static struct tile photon_transfer_measure_tile(const struct fit *fit,
     return tile;
 }
 
-/* Refuses pairs that are not finite, identical, or of different brightness. */
+/* Refuses a pair if a value is not finite, if both pictures are identical and not black, or if
+ * their mean brightnesses differ by more than the fraction ALIKE. */
 static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pair,
                            const char *what, GError **error) {
     gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
@@ -139,8 +140,8 @@ static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, 
     return TRUE;
 }
 
-/* Fits black level and dark current: dark mean = black + dark current · exposure (EMVA 1288
- * §7.1). */
+/* Fits black level and dark current: dark mean = black + dark current · exposure (EMVA 1288 §7.1).
+ * Returns FALSE with an error if the usable dark pairs all have one exposure. */
 static gboolean fit_dark(struct fit *fit, GError **error) {
     struct line line = {0};
     for (int i = 0; i < fit->n_dark; i++) {
@@ -172,7 +173,8 @@ static double dark_level(const struct fit *fit, int tile, double exposure_s) {
 }
 
 /* Returns the points of the transfer curve: signal above dark, temporal variance, and number of
- * pixels. */
+ * pixels. A dark pair gives one point. A lit pair gives a point for each tile that is not saturated
+ * and is below TRANSFER_TOP. */
 static GArray *transfer_points(const struct fit *fit) {
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
     double range = full_scale(fit) - fit->to->black_dn;
@@ -195,7 +197,9 @@ static GArray *transfer_points(const struct fit *fit) {
 }
 
 /* Fits EMVA 1288 eq. 19, σ² = σ₀² + K · signal. The weights come from the fitted line, because
- * weights from the measured variances would favour points that are too low by chance. */
+ * weights from the measured variances would favour points that are too low by chance. Returns FALSE
+ * with an error if the pictures are too dark or all equally bright, or if the noise does not grow
+ * with the signal. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
     g_autoptr(GArray) points = transfer_points(fit);
     double floor = 1, slope = 0.1, floor_error = 0, slope_error = 0, top = 0;
@@ -324,7 +328,8 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
     return worst;
 }
 
-/* Fits the curvature c, which all tiles with three or more exposures share. */
+/* Fits the curvature c, which all tiles with three or more exposures share. Also finds the
+ * linearity. Returns FALSE with an error if there is no such tile. */
 static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);

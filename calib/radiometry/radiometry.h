@@ -93,7 +93,8 @@ struct tile_cell {
 };
 
 /* Appends a picture's cells and returns their number. mosaic is height × width, in DN per ms above
- * dark. cfa is as in frames/rectify.h. Cells with pixels that are not finite are left out. */
+ * dark. cfa is as in frames/rectify.h. Cells with too few pixels, or with pixels that are not
+ * finite, are left out. */
 int tile_measure(const struct rig *rig, int camera, const char *cfa, const float *mosaic,
                  const struct tile *tile, const struct tile_shot *shots, int shot, GArray *cells);
 
@@ -104,20 +105,21 @@ struct glare_cell {
     double white;                   /* expected signal of a white surface at that place */
 };
 
-/* Appends a struct glare_cell for each cell and colour that does not show the tile, and returns
- * their number. rig and the radiometry of the camera and of the lamps are the results of
- * tile_fit(). output is the output of the shot's lamp. */
+/* Appends a struct glare_cell for each cell and colour with enough pixels outside the tile and a
+ * border around it. Returns the number of appended cells. rig and the radiometry of the camera and
+ * of the lamps are the results of tile_fit(). output is the output of the shot's lamp. */
 int glare_measure(const struct rig *rig, int camera, const struct radiometry_camera *radiometry,
                   const struct radiometry_lamp *lamps, const char *cfa, const float *mosaic,
                   const struct tile *tile, const struct tile_shot *shots, int shot, double output,
                   GArray *cells);
 
-/* Finds the veiling glare of a camera from the n cells. Sorts the cells, with those of this camera
- * first. The dark surface in a cell has an unknown reflectance. Its signal depends on the distance
- * of the lamp, while glare does not, so the two can be separated. Returns FALSE if no cell is dark
- * enough, or if the error of the glare is 0.2 % or more. ret_glare is then 0. ret_error is then 0
- * as well, except if the glare found is more than three times its standard error: then it is
- * √(glare² + standard error²). */
+/* Finds the veiling glare of a camera from those of the n cells that belong to this camera. Sorts
+ * the cells, with those of this camera first. The dark surface in a cell has an unknown
+ * reflectance. Its signal depends on the distance of the lamp, while glare does not, so the two can
+ * be separated. Returns FALSE with *ret_glare 0 in three cases: no cell is dark enough, the glare
+ * found is brighter than the darkest cells, or its standard error is 0.2 % or more. *ret_error is
+ * then 0 as well, except in the third case if the glare found is more than three times its standard
+ * error: *ret_error is then √(glare² + standard error²). */
 gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
                    double *ret_glare, double *ret_error);
 

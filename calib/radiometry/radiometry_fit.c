@@ -154,7 +154,8 @@ static void add_gauges(struct problem *p) {
     }
 }
 
-/* Ties the other colours of a mono sensor to green, because its pictures determine only green. */
+/* Ties those of the three colours at `at` that no picture determines to green. The pictures of mono
+ * sensors determine only green, of the camera and of the lamps. */
 static void tie_colours(struct problem *p, int at) {
     for (int k = 0; k < 3; k++) {
         if (*diagonal(p, at + k) > 0 || *diagonal(p, at + 1) == 0)
@@ -306,7 +307,7 @@ static double covariance(const struct problem *p, int i, int j) {
 }
 
 /* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with their
- * standard errors. */
+ * standard errors, which are multiplied by `worse`. */
 static void split_colours(const struct problem *p, int at, double worse, double *ret_mean,
                           double *ret_error, double colour[3], double colour_error[3]) {
     double mean = (p->x[at] + p->x[at + 1] + p->x[at + 2]) / 3, variance = 0;
@@ -325,7 +326,8 @@ static void split_colours(const struct problem *p, int at, double worse, double 
     *ret_error = sqrt(MAX(variance, 0)) * worse;
 }
 
-/* Writes a lamp's intensity, exponent and aim, with their standard errors. */
+/* Writes a lamp's intensity, exponent and aim to the rig, and their standard errors to ret. Adds
+ * the squared changes of exponent and aim to ret->exponent_off and ret->aim_off_rad. */
 static void store_lamp(const struct problem *p, int l, double worse, struct tile_fit *ret) {
     struct radiometry_lamp *to = &ret->lamps[l];
     struct rig_lamp *lamp = &p->rig->lamps[l];
@@ -373,11 +375,11 @@ static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, 
     return TRUE;
 }
 
-/* Finds frame_flicker and excess from the residuals r of the used cells. The mean m of a picture's
- * residuals, with error s, shows light that differs between the cameras of a shot: frame_flicker² =
- * mean of (m² k/(k − 1) − s²), where k is the number of cameras of the shot. The remaining
- * residuals show errors of the flat field and of the light's pattern: excess² = mean of ((r − m)² −
- * σ²). */
+/* Finds expected, frame_flicker and excess (radiometry.h) from the residuals r of the used cells.
+ * The mean m of a picture's residuals, with error s, shows light that differs between the cameras
+ * of a shot: frame_flicker² = mean of (m² k/(k − 1) − s²), where k is the number of cameras of the
+ * shot. The remaining residuals show errors of the flat field and of the light's pattern: excess² =
+ * mean of ((r − m)² − σ²). */
 static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
     const int n_cameras = p->rig->n_cameras, n = p->n_shots * n_cameras;
     g_autofree double *sum = g_new0(double, n), *weights = g_new0(double, n);
