@@ -248,8 +248,9 @@ struct tally {
     int n[2];
 };
 
-/* Adds each step of a laser at one angle of the arc. With the mean residuals m₀ and m₁ on the two
- * heights, tilt = (m₁ − m₀) / distance of the lines, and offset = (m₀ + m₁) / 2. */
+/* Appends to ret->steps each step of a laser at one angle of the arc that has at least STEP_POINTS
+ * used points on each of the two heights. With the mean residuals m₀ and m₁ on the two heights,
+ * tilt = (m₁ − m₀) / distance of the lines, and offset = (m₀ + m₁) / 2. */
 static void add_steps(const struct problem *problem, const struct fit_result *fit,
                       struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
     g_autoptr(GHashTable) steps =
@@ -418,7 +419,8 @@ static void take_sheet(const struct problem *problem, const struct fit_result *f
 
 /* Determines which errors come from the priors. This is so if more than the share PRIOR_SHARE of
  * the variance comes from one parameter of the arc that the lines hardly determine. The standard
- * error of such a parameter is more than half of its prior. */
+ * error of such a parameter is more than half of its prior. A laser that is not on the arc has no
+ * such errors. */
 static void take_priors(const struct problem *problem, const struct fit_result *fitted,
                         const struct laser_arc *arc, int laser, struct laser_result *ret) {
     const int n = problem->n_parameters, at = problem->at[laser];
@@ -626,7 +628,7 @@ static gboolean solve(struct problem *problem, const struct laser_arc *arc, doub
 
 /* Adjusts all parameters with solve(). Then adjusts once more without the bends that are not
  * significant or not determined. ret_bend_error_rad gets the standard error of each bend from the
- * first adjustment. */
+ * first adjustment. Returns FALSE if an adjustment fails. */
 static gboolean solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
                             struct fit_result *ret, double *ret_mm, double *ret_bend_error_rad) {
     const struct fit fit = {.n_parameters = problem->n_parameters};
@@ -674,11 +676,12 @@ static double with_height(struct problem *problem, const struct laser_arc *arc,
     return tells ? rms_mm : INFINITY;
 }
 
-/* Checks that no other height of one plane explains the lines much better. is_mm is the RMS of the
- * lines with the given heights. All cameras see the same line where a sheet cuts a plane. This
- * determines the height of each plane. A single camera that sees a sheet from several sides
- * determines only the ratio of the planes' distances from the camera, so either height may be
- * wrong. In all other cases the standard error of a height is large, and nothing is reported. */
+/* Checks whether another height of one plane explains the lines much better. If so, returns FALSE
+ * with LASER_ERROR_MISTAKE. is_mm is the RMS of the lines with the given heights. All cameras see
+ * the same line where a sheet cuts a plane. This determines the height of each plane. A single
+ * camera that sees a sheet from several sides determines only the ratio of the planes' distances
+ * from the camera, so either of two heights may be wrong, and the error names both. In all other
+ * cases the standard error of a height is large, and nothing is reported. */
 static gboolean check_heights(const struct problem *problem, const struct laser_arc *arc,
                               const char *const *sweep_names, double is_mm, GError **error) {
     struct height {
@@ -780,7 +783,8 @@ void laser_result_clear(struct laser_result *result) {
 }
 
 /* Computes the point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) /
- * ray_z. Returns FALSE if the point is outside the used part of the plane. */
+ * ray_z. Returns FALSE if the ray does not go down, or if the point is outside the used part of the
+ * plane. */
 static gboolean plane_point(const struct rig_camera *camera, const struct laser_plate_sweep *sweep,
                             int x, int y, struct vec3 *ret) {
     struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);

@@ -60,7 +60,8 @@ struct laser_result {
     /* Errors of the sheets. They include the part of the RMS residual that noise does not
      * explain. */
     struct rig_sheet_errors sheet[RIG_MAX_LASERS];
-    /* error of the sheets, RMS over the points, computed from sheet */
+    /* standard deviation of the sheet's displacement at a point, computed from `sheet`: RMS over
+     * the used points */
     double sheet_error_mm[RIG_MAX_LASERS];
     double rms_mm[RIG_MAX_LASERS];      /* RMS distance of the points from their sheets */
     double expected_mm[RIG_MAX_LASERS]; /* RMS caused by noise only; 0 if not known */
@@ -68,8 +69,8 @@ struct laser_result {
     double line_rad[RIG_MAX_LASERS];
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc's axis */
-    /* RMS distance of all used points from their sheets; RMS residual over its expected standard
-     * deviation */
+    /* rms_all_mm: RMS distance of all used points from their sheets. sigma: RMS of these residuals,
+     * each divided by its expected standard deviation. */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per point; owned */

@@ -386,8 +386,8 @@ static gboolean vote(const GArray *votes, double within_mm, struct straight *ret
     return best > 0;
 }
 
-/* Returns the share of the places on white print along the line that are bright. A place is
- * within_mm long. */
+/* Returns the share of the places on white print along the line that are bright, or 0 if there is
+ * no white print. A place is within_mm long. */
 static double share_of(const GArray *samples, const struct straight *line, double within_mm,
                        double bright) {
     g_autoptr(GHashTable) all = g_hash_table_new(NULL, NULL), lit = g_hash_table_new(NULL, NULL);
@@ -405,7 +405,8 @@ static double share_of(const GArray *samples, const struct straight *line, doubl
 }
 
 /* Returns whether the print is all white or all black along a profile and up to CLEAR_PX beyond its
- * ends. middle and across are in the picture. */
+ * ends. Also returns FALSE if the profile leaves the board. middle and across are in the picture.
+ * *ret_white gets which of the two the print is. */
 static gboolean is_even(const struct look *look, const double middle[2], const double across[2],
                         double half_px, gboolean *ret_white) {
     double at[2 * (4 * HALF_PX + 9)];
@@ -525,8 +526,9 @@ static gboolean fit_profile(const struct profile *profile, double half, double n
     return p[HEIGHT] > 0 && *ret_sigma < p[WIDTH] / MIN_SIGNAL;
 }
 
-/* Finds dots along the line, about a pixel apart. width is the width of the line, or 0 to measure
- * it. *ret_width is the median of the measured widths. */
+/* Finds dots along the line, about a pixel apart. Places whose profile cannot be read or fitted
+ * have no dot. width is the width of the line, or 0 to measure it. *ret_width is the median of the
+ * measured widths. */
 static GArray *dots_along(const struct look *look, const struct straight *line, double half,
                           double width, double *ret_width) {
     double size[2];

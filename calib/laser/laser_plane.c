@@ -52,7 +52,7 @@ static struct vec3 to_rig(const struct rig_camera *camera, const struct laser_po
     return mat3_mul_transposed(&camera->rotation, vec3_sub(seen, camera->translation_mm));
 }
 
-struct moments { /* weights, means and second moments of points on the board */
+struct moments { /* sums over points on the board: of the weights w (n), and of w x, w y, w x², w x y and w y² */
     double n, x, y, xx, xy, yy;
 };
 
@@ -80,7 +80,8 @@ static double line_of(const struct moments *m, double ret_middle[2], double ret_
 
 /* Fits a straight line to the dots on the board. The errors of the line are estimated from the
  * scatter of the means of pieces of the line, because the errors of neighbouring dots are
- * correlated. mm has the dots' places on the board. Returns FALSE if there are too few dots. */
+ * correlated. mm has the dots' places on the board. Returns FALSE if there are too few dots, or if
+ * fewer than four pieces have dots. */
 static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret) {
     const int n = (int)dots->len, most = MIN(BLOCKS, n / 2);
     g_autofree double *off = g_new(double, n + 1), *sorted = g_new(double, n + 1);
@@ -245,7 +246,7 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
         ret[k][k] += MIN_SIGMA_MM * MIN_SIGMA_MM;
 }
 
-struct weights { /* V⁻¹ of each view; it is kept while the camera's parameters are varied */
+struct weights { /* V⁻¹ of each view, and whether the view is left out; both are kept while the camera's parameters are varied */
     double (*inverse)[2][2];
     gboolean *out;
 };
@@ -362,7 +363,8 @@ static gboolean first_plane(const struct rig_camera *camera, const struct view *
 
 /* Fits in rounds, and leaves out views that contradict the others. The first rounds leave out only
  * views with very large deviations, because the plane of a pair fits that pair better than the
- * others. Returns FALSE if the lines do not determine a plane. */
+ * others. If there are only LASER_PLANE_MIN views, none is left out. *ret_chi2 is χ² of the views
+ * used. Returns FALSE if the lines do not determine a plane. */
 static gboolean fit_plane(const struct rig_camera *camera, const struct view *views, int n,
                           struct weights *weights, struct frame *ret_frame, struct rig_plane *plane,
                           double ret_covariance[3][3], double *ret_chi2, double *ret_expected_mm) {
