@@ -9,7 +9,8 @@
  * fitted again from the positions found, which yields some more corners, and a ChArUco board is
  * also accepted if its first square has the other colour. Returns a GArray of struct corner,
  * ordered by id. Returns NULL with BOARD_ERROR_SPEC and a reason such as "no board is visible", to
- * which the caller prefixes "picture: ". */
+ * which the caller prefixes "picture: ". If OpenCV fails, the error is
+ * PICTURE_FILE_ERROR_FAILED. */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 

@@ -40,8 +40,8 @@ gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
  * so nothing needs to be freed. */
 typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **error);
 
-/* Returns FALSE, without an error, if there is too little memory for the bytes. The
- * PictureChildFunc must then return FALSE. */
+/* Appends n bytes to the result. Returns FALSE, without an error, if there is too little memory for
+ * the bytes. The PictureChildFunc must then return FALSE. */
 gboolean picture_child_write(gconstpointer bytes, gsize n);
 /* Reports to the caller of picture_child_run() that done of n steps are finished. */
 void picture_child_tell(int done, int n);

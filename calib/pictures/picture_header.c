@@ -96,8 +96,9 @@ static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     return tiff_number(at, MIN(size, room), tiff->big_endian);
 }
 
-/* A tile that extends beyond the picture is decoded completely, so the size is at least that of a
- * tile. */
+/* Reads the size from the tags of the first directory. A tile that extends beyond the picture is
+ * decoded completely, so the size is at least that of a tile. Returns FALSE if width or height is
+ * missing. */
 static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
     const guint64 at = tiff_first(tiff);

@@ -64,7 +64,8 @@ double picture_tone_light(const struct picture_tone *tone, double number) {
     }
 }
 
-/* Reads the curve for green or for grey of an ICC profile. */
+/* Reads the curve for green or for grey of an ICC profile. The tones are PICTURE_TONES_OTHER if the
+ * profile has no such curve. ret is not changed if the profile cannot be read. */
 static void read_profile(const guint8 *bytes, gsize length, struct picture_tone *ret) {
     char name[80] = "";
     /* The context has no logger, so Little CMS prints nothing. */
@@ -94,7 +95,7 @@ static void read_profile(const guint8 *bytes, gsize length, struct picture_tone 
 }
 
 /* Parses a time such as "2026:11:27 18:57:13", and a fraction of a second such as "042", which may
- * be NULL. Returns µs since 1970, or 0 if the text is not a time. */
+ * be NULL. Returns µs since 1970, as if the time were UTC, or 0 if the text is not a time. */
 static gint64 parse_time(const struct tiff_value *time, const struct tiff_value *fraction) {
     int d[6];
     g_autofree char *text = g_strndup((const char *)time->at, (gsize)MIN(time->n, 32));

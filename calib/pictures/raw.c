@@ -1,4 +1,5 @@
-/* A separate program reads the camera raw file. This file starts it and takes its result. */
+/* A separate program reads the camera raw file. This file starts that program and takes the
+ * program's result. */
 #include "raw.h"
 
 #include "base/input_file.h"

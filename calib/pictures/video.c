@@ -1,4 +1,5 @@
-/* A separate program reads the video. This file starts it and takes its result. */
+/* A separate program reads the video. This file starts that program and takes the program's
+ * result. */
 #include "video.h"
 
 #include "base/input_file.h"
@@ -9,7 +10,8 @@ static void clear_frame(gpointer data) {
     g_free(((struct video_frame *)data)->grey);
 }
 
-/* Reads the frames that video_child_read() has written. */
+/* Reads the frames that video_child_read() has written. Returns FALSE if the result is
+ * incomplete. */
 static gboolean take_frames(GBytes *from, struct video *video) {
     struct video_head head = {0};
     gsize at = 0;

@@ -27,8 +27,8 @@ typedef struct video {
     GArray *frames; /* of struct video_frame, in order */
 } Video;
 
-/* Called after each frame. n is the number of frames that the file states, which may be wrong.
- * Returns FALSE to end the reading. */
+/* Called after each frame. n is the number of frames that the file states, which may be wrong, but
+ * at least done. Returns FALSE with an error to end the reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG). Its first

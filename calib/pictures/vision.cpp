@@ -124,8 +124,8 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
 }
 
 /* Finds the corners of a chessboard. If by_sectors is TRUE, a corner is found by the light and dark
- * sectors around it. Otherwise they are found by the outlines of the dark squares, which finds
- * boards that the first method misses. */
+ * sectors around it. Otherwise the corners are found by the outlines of the dark squares, which
+ * finds boards that the first method misses. Returns FALSE if not all corners are found. */
 bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_sectors,
                   double *ret_xy_px) {
     std::vector<cv::Point2f> corners;

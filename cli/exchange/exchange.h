@@ -23,12 +23,12 @@ struct exchange_format {
     const char *format; /* as in "Bonn's format" */
     /* the ending of the file's name, with the dot; NULL if any name is accepted */
     const char *end;
-    /* the argument kind of output_file_new(); NULL if the format has no place for it */
+    /* the argument kind of output_file_new(); NULL if the format has no place for a kind */
     const char *kind;
 };
 
-/* Checks -o. Returns NULL if it is missing, lacks the ending of its format, or exists and may not
- * be replaced (output_file.h). */
+/* Checks -o and returns the output file. Returns NULL with an error if -o is missing, if its name
+ * lacks the ending of the format, or if the file exists and may not be replaced (output_file.h). */
 OutputFile *exchange_output(const char *output, const struct exchange_format *format,
                             GError **error);
 /* Checks -o of an export that writes a folder of several files; see cli_check_folder(). */

@@ -101,8 +101,8 @@ static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
     return (x < y) - (x > y);
 }
 
-/* Adds the errors of all views or lights to the record. The text lists only the worst ones and the
- * best one. */
+/* Adds the errors of all views or lights to the record. If there are more than 2 · WORST, the text
+ * lists only the WORST largest errors and the smallest one. */
 static void tell_directions(Record *to, const char *what, const float *theta_deg,
                             const float *phi_deg, struct compare_sums *sums, int n) {
     g_autofree char *key = g_strconcat(what, "s", NULL);

@@ -75,7 +75,8 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     return ok;
 }
 
-/* Returns the file to write, or NULL with an error if it cannot be written. */
+/* Returns the name of the output file: -o, or METHOD.exr among the products of the session. Returns
+ * NULL with an error if the session cannot be opened for making products. */
 static char *output(const struct compress_asked *asked, GError **error) {
     if (asked->output)
         return g_strdup(asked->output);

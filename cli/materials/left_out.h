@@ -17,6 +17,6 @@ gboolean left_out_parse(const char *text, struct left_out *to);
 gboolean left_out_draw(const struct left_out *left_out, const char *path,
                        const struct btf_layout *layout, struct held_out *ret, GError **error);
 
-/* Says what was left out, and adds the directions. */
+/* Says what was left out, and adds the directions that were left out to the record. */
 void left_out_tell(Record *to, const struct left_out *left_out, const struct btf_layout *layout,
                    const struct held_out *held);

@@ -37,9 +37,10 @@ struct synthesis {
     OutputFile *to; /* the file that is written */
 };
 
-/* Returns the file to write. Returns NULL with an error if the file is a product of the session and
- * another process is making products. This is only a check, so that the user learns early. The
- * session stays free for other commands during the work, and the file has a lock of its own. */
+/* Returns the name of the output file: -o, or index.exr among the products of the session. In the
+ * second case, returns NULL with an error if the session cannot be opened, or if another process is
+ * making products. This is only a check, so that the user learns early. The session stays free for
+ * other commands during the work, and the file has a lock of its own. */
 static char *output_path(const char *session, GError **error) {
     if (output)
         return g_strdup(output);

@@ -36,7 +36,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* The first rank reports the progress for all ranks, with a line for each tenth of a stage. */
+/* The first rank reports the progress for all ranks, with a line for each tenth of a stage, unless
+ * --json is given. */
 static void on_progress(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
