@@ -42,8 +42,9 @@ static void add(GPtrArray *links, Link *link) {
     g_ptr_array_add(links, link);
 }
 
-/* Connects to the daemon of a folder (bus_client.h). Returns NULL if the folder belongs to
- * another user or the daemon cannot be reached. Removes the folder if its daemon was killed. */
+/* Connects to the daemon of a folder (bus_client.h). Returns NULL if the folder belongs to another
+ * user or the daemon cannot be reached. Removes the folder if no daemon listens there and the
+ * folder is older than STALE_AFTER_S, because its daemon was then killed. */
 static Link *in_folder(const char *folder) {
     g_autofree char *at = g_build_filename(folder, "bus", NULL);
     g_autofree char *target = g_file_read_link(at, NULL);
@@ -94,7 +95,8 @@ static char *list(const GPtrArray *links) {
     return g_string_free(text, FALSE);
 }
 
-/* Takes the only link from the list. Returns NULL without an error if the list is empty. */
+/* Takes the only link from the list. Returns NULL without an error if the list is empty, and NULL
+ * with an error that lists the daemons if there are several. */
 static Link *the_only(GPtrArray *links, GError **error) {
     if (links->len == 1)
         return g_ptr_array_steal_index(links, 0);
@@ -110,8 +112,8 @@ static Link *the_only(GPtrArray *links, GError **error) {
 }
 
 /* Returns the address in a session's control file, or NULL if there is none. The directory may
- * belong to other users. A link, a file of another user, or a file that is not regular is therefore
- * ignored. */
+ * belong to other users. A link, or a file that is not regular, is therefore ignored. A file of
+ * another user counts only if it says "system" or "session". */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);

@@ -6,9 +6,9 @@
 struct Link {
     GDBusConnection *connection;
     BusRig1 *rig;
-    GSubprocess *daemon; /* the process of a private daemon */
-    char *folder;        /* folder of the socket and the log of this daemon */
-    /* the option with which commands name it: "--address unix:path=…", "--bus system" */
+    GSubprocess *daemon; /* the process of a private daemon; NULL for other daemons */
+    char *folder;        /* folder of the socket and the log of the private daemon */
+    /* the option with which commands name the daemon: "--address unix:path=…", "--bus system" */
     char *option;
     gboolean passing; /* the daemon ends with the program that has started it */
 };

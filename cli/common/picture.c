@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #define ASK_WAIT_MS 200
-/* Size in pixels that a cell of the terminal is assumed to have. It gives the size of a sixel
- * picture. */
+/* Size in pixels that a cell of the terminal is assumed to have. The size of a sixel picture is
+ * computed with this size. */
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 

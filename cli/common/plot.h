@@ -15,7 +15,7 @@
 cairo_t *plot_new(const char *path, GError **error);
 /* Draws a title from (x, y) on, and below it a text of size PLOT_TEXT, unless text is NULL. */
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text);
-/* Writes the file and frees cr. */
+/* Writes the file and frees cr. Returns FALSE with an error if the file cannot be written. */
 gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
 
 void plot_ink(cairo_t *cr);

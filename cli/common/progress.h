@@ -1,6 +1,6 @@
 /* Shows progress on standard error, so that standard output contains only results. On a terminal,
- * progress is a bar. Elsewhere it is a line after one second, then a line every ten seconds. With
- * --json nothing is shown. */
+ * progress is a bar. Elsewhere it is a line after one second, then a line every ten seconds and for
+ * each call with now set. With --json nothing is shown. */
 #pragma once
 
 #include <glib.h>

@@ -200,7 +200,8 @@ static gboolean try_lasers(struct choice *choice, const char *rig_path, GError *
     return TRUE;
 }
 
-/* Returns the brightest or the dimmest measurement. Returns NULL if nothing was seen. */
+/* Returns the measurement with the largest `high` or, if brightest is FALSE, with the smallest
+ * `low`. Returns NULL if nothing was measured. */
 static const struct measured *extreme(const GArray *all, gboolean brightest) {
     const struct measured *found = NULL;
     for (guint i = 0; i < all->len; i++) {
@@ -223,9 +224,10 @@ static double common_us(const struct choice *choice) {
     return (double)us;
 }
 
-/* Returns whether exposures from shortest_us to needed_us are possible. The brightest picture
- * allows shortest_us at most, and the dimmest needs needed_us at least. If they are not possible,
- * the error names the key to change. */
+/* The brightest picture allows shortest_us at most, and the dimmest needs needed_us at least.
+ * Returns FALSE with an error that names the key to change in three cases: no common exposure of
+ * the cameras is short enough, needed_us is above auto_longest_us, or needed_us is above max_ratio
+ * · shortest_us. */
 static gboolean check_ends(const struct choice *choice, const struct measured *brightest,
                            const struct measured *dimmest, const char *key, double shortest_us,
                            double needed_us, double max_ratio, GError **error) {

@@ -1,4 +1,4 @@
-/*
+/* *
  * Chooses the exposures that are "auto" in a session file, from trial pictures before the capture.
  *
  * exposures_us: up to four lamps (trial.h) are lit one after the other. Each camera takes pictures
@@ -10,13 +10,13 @@
  *
  * laser_exposure_us, laser_short_us: up to two lasers are switched on, without a lamp, and stand
  * still at three places of the sample. The line is assumed to cover as many pixels as half the
- * picture's longer side. The exposure is chosen so that the line reaches a twentieth of the range
- * in the dimmest picture. If a hundredth of the line then saturates in the brightest picture, a
- * shorter exposure is chosen as well. If laser_short_us = 0 forbids this, the exposure is reduced
- * until nothing saturates.
+ * picture's longer side. The exposure is chosen so that the line reaches a twentieth of the range,
+ * or twice laser_threshold_dn if that is more, in the dimmest picture. If as many pixels as a
+ * hundredth of the longer side then saturate in the brightest picture, a shorter exposure is chosen
+ * as well. If laser_short_us = 0 forbids this, the exposure is reduced until nothing saturates.
  *
- * The same pictures give the same exposures. A laser that is mounted by hand is not tried.
- */
+ * The same pictures give the same exposures. A laser that is mounted by hand is not tried. 
+ * */
 #pragma once
 
 #include "common/link.h"
