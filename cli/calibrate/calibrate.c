@@ -42,7 +42,8 @@ static void keep_incomplete(const struct calibrate_job *job) {
         g_key_file_remove_key(to, INCOMPLETE_GROUP, job->part, NULL);
 }
 
-/* Refuses a session that lacks shots, unless --incomplete is given. */
+/* Refuses a session that lacks shots. With --incomplete, adds the session to job->incomplete
+ * instead. */
 static gboolean check_complete(struct calibrate_job *job, Session *session, GError **error) {
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     guint planned = 0;
@@ -147,9 +148,9 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     part->degrees_of_freedom = degrees_of_freedom;
 }
 
-/* The number of used observations is, for lights, half of the degrees of freedom, because each
- * sight has two residuals; for lasers part->pictures without the rejected sweeps, which are counted
- * there; for the other parts part->pictures. */
+/* The number of used observations depends on the part. For lights it is half of the degrees of
+ * freedom, because each sight has two residuals. For lasers it is part->pictures minus the rejected
+ * sweeps, because part->pictures counts these too. For the other parts it is part->pictures. */
 gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
     const double left_out = part->rejected->len;
     const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0

@@ -39,8 +39,10 @@ static void clear_seen(gpointer data) {
     g_clear_pointer(&seen->dots, g_array_unref);
 }
 
-/* Returns the linear R, G, B of a photograph. A grey photograph has three equal values per pixel.
- * Free the result with g_free(). */
+/* Returns the linear R, G, B of a photograph. `grey` is the same photograph as read by
+ * calibrate_read_photograph(). EXR and camera raw files count as grey. A grey photograph has three
+ * equal values per pixel, and sets *ret_grey. Returns NULL with an error if the file cannot be
+ * read. Free the result with g_free(). */
 static float *read_colours(const char *path, const struct picture *grey, gboolean *ret_grey,
                            GError **error) {
     const gsize n = (gsize)grey->width * (gsize)grey->height;
@@ -160,8 +162,9 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     return TRUE;
 }
 
-/* Chooses the laser of the given name, which must be fixed. In a calibration from photographs, a
- * new laser is added if there is none of that name. */
+/* Chooses the laser of the name --name, which must be fixed. Without --name, this is the only laser
+ * of the rig or, if there is not exactly one, “laser”. In a calibration from photographs, a new
+ * laser is added if there is none of that name. */
 static gboolean choose_laser(struct job *job, GError **error) {
     struct rig *rig = &job->base.calibration->rig;
     const char *name = laser_images_name    ? laser_images_name

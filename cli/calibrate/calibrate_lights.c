@@ -148,7 +148,8 @@ static gboolean gather(struct job *job, GError **error) {
 }
 
 /* Returns the picture of a frame. If pictures are kept, job->kept owns it. Otherwise *ret is set to
- * it as well, and the caller owns it. */
+ * the picture as well, and the caller owns the picture. Returns NULL with an error if the picture
+ * cannot be read. */
 static struct picture *read_frame(struct job *job, const struct calibrate_frame *frame,
                                   struct picture **ret, GError **error) {
     struct picture *picture = job->kept ? g_hash_table_lookup(job->kept, frame) : NULL;
@@ -440,7 +441,7 @@ static gboolean decisive(double is, double would_be) {
 /* Called after a failure, or if little fits. If one mistake explains the pictures decisively better
  * than the noted values, sets the error to that mistake and returns TRUE. Otherwise returns FALSE.
  * target is the target as described in its file. The sights and the result of the job do not
- * change. */
+ * change, but job->rig and job->target are reset to those before any measurement. */
 static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
     const guint n = job->base.frames->len;
     g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);

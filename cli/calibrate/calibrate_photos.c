@@ -133,7 +133,8 @@ static int count_of(const GArray *sizes, const struct size *size) {
 }
 
 /* Leaves out pictures whose size differs from that of most pictures, for instance thumbnails or
- * pictures of something else. The balls must be at the same place in all pictures. */
+ * pictures of something else. The balls must be at the same place in all pictures. The progress
+ * stage is "sizes". Returns FALSE if a picture cannot be read, or if the work is cancelled. */
 static gboolean leave_out_sizes(struct job *job, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     const int n = (int)job->names->len;
@@ -187,8 +188,9 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
     return FALSE;
 }
 
-/* Returns the reason why the lamp's highlight is not within the circle, or NULL if it is. energy is
- * the energy of the highlight on the ball. */
+/* Returns the reason why the lamp's highlight is not within the circle. Returns NULL if it is, or
+ * if no brighter highlight is found around the ball. energy is the energy of the highlight on the
+ * ball, or 0 if none was found there. */
 static char *look_around(const struct job *job, const struct picture *picture,
                          const struct ball_outline *ball, double max_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};
@@ -205,9 +207,9 @@ static char *look_around(const struct job *job, const struct picture *picture,
         around.x_px, around.y_px);
 }
 
-/* Measures the direction in which a ball shows the light. Positions are in radii of the ball,
- * relative to the first ball. Returns NULL on success, otherwise the reason of the failure;
- * g_free(). */
+/* Measures the direction in which a ball shows the light. Positions are in radii of the ball. They
+ * are relative to the first ball or, if the focal length is given, to the camera. Returns NULL on
+ * success, otherwise the reason of the failure; g_free(). */
 static char *measure_ball(const struct job *job, const struct picture *picture, int i,
                           struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
@@ -279,8 +281,9 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
                         ceil(10 * sigma_rad * DEG) / 10));
 }
 
-/* Measures the direction to the lamp from the highlights on all balls in which it is seen.
- * Returns FALSE with an error if the balls contradict each other. */
+/* Measures the direction to the lamp from the highlights on all balls in which it is seen. Returns
+ * FALSE with an error if the balls contradict each other. If no ball shows the lamp, or if the
+ * direction is too uncertain, the picture is only rejected. */
 static gboolean measure(struct job *job, const struct picture *picture, GError **error) {
     struct ball_ray rays[BALL_LIGHT_MAX];
     int balls[BALL_LIGHT_MAX], n = 0;

@@ -87,9 +87,9 @@ static guint sharpest_beside(const struct calibrate_video *video, const double *
     return best;
 }
 
-/* Chooses frames one by one, each time the frame whose board is farthest from the boards of all
- * frames chosen before. places contains 8 numbers for each kept frame (board_place()), corners the
- * number of corners that the frame shows. */
+/* Chooses frames one by one: first the frame with the most corners, then each time the frame whose
+ * board is farthest from the boards of all frames chosen before. places contains 8 numbers for each
+ * kept frame (board_place()), corners the number of corners that the frame shows. */
 static void choose(struct calibrate_video *video, const double *places, const guint *corners) {
     const guint n = video->video->frames->len;
     const double least = DOUBLED * video->video->width;

@@ -98,7 +98,8 @@ static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems
         g_printerr("mesorig: %s\n", (char *)problems->pdata[i]);
 }
 
-/* Parses the address of one unit, such as "5", or a range, such as "1-16". */
+/* Parses the address of one unit, such as "5", or a range, such as "1-16". Returns FALSE for other
+ * texts, and for addresses outside 1 … MAX_UNIT. */
 static gboolean parse_units(const char *text, struct finder_modbus *modbus) {
     g_auto(GStrv) parts = g_strsplit(text, "-", 2);
     gint64 first, last;

@@ -19,7 +19,8 @@ int new_rig_lamps(enum new_rig_kind kind) {
     return usual[kind];
 }
 
-/* Returns the n-th device, counted from 0, whose section begins with text. */
+/* Returns the n-th device, counted from 0, whose section begins with text, or NULL if there is
+ * none. */
 static const struct found *find(const GPtrArray *found, const char *text, int n) {
     for (guint i = 0; i < found->len; i++) {
         const struct found *device = found->pdata[i];

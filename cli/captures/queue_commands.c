@@ -139,7 +139,8 @@ static int run_list(const struct call *call, GError **error) {
 
 #define SESSION_HINT "“mesorig queue list” shows the sessions' numbers"
 
-/* hint says where the user finds the number. */
+/* Parses a number from 1 on. Otherwise returns FALSE with an error that ends with hint, which says
+ * where the user finds the number. */
 static gboolean parse_number(const char *text, const char *hint, guint *ret, GError **error) {
     guint64 value;
     if (!g_ascii_string_to_unsigned(text, 10, 1, G_MAXUINT, &value, NULL)) {

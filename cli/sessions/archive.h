@@ -83,8 +83,8 @@ struct archive_device {
     char *address;
 };
 
-/* Reads a session. If verify is TRUE, all frames and products are also hashed, and the files that
- * differ are listed. Reports progress in the stages "verify" and "read". */
+/* Reads a session. If verify is TRUE, all frames and products are also hashed, and the checks list
+ * the files that differ. Reports progress in the stages "verify" and "read". */
 struct archive *archive_read(const char *path, gboolean verify, const struct work *work,
                              GError **error);
 void archive_free(struct archive *archive); /* NULL is ignored */
@@ -97,9 +97,9 @@ void archive_add_check(struct archive *archive, enum archive_verdict verdict, co
 enum archive_verdict archive_verdict(const struct archive *archive);
 const char *archive_verdict_name(enum archive_verdict verdict); /* "pass", "warning", "failure" */
 
-/* Adds small pictures: the photograph of the sample, the BTF from three elevations under three
- * lights, and the surface according to the MDF of the steepest view. Missing pictures are left
- * out. */
+/* Adds small pictures: the first lamp frame of each camera, the BTF from three elevations under
+ * three lights, and the surface according to the MDF of the steepest view. Missing pictures are
+ * left out. Returns FALSE with an error if the database cannot be read. */
 gboolean archive_add_pictures(struct archive *archive, const struct work *work, GError **error);
 
 /* Returns a page without references to other files. history is an <svg> element, or NULL.

@@ -112,7 +112,7 @@ static char *described(const Config *conf, const char *key) {
 }
 
 /* Reads the calibration that the products were made with, which may differ from that of the
- * capture. */
+ * capture. Adds checks of the age of each part and of the parts that are not calibrated. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
     g_autofree char *own = session_text(session, "calibration.conf", error);
@@ -295,8 +295,8 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Reads the BTF's flags and error bars, ring by ring. Adds a failed check with the number of views
- * that cannot be read, if there are any. */
+/* Reads the BTF's flags and error bars, ring by ring. Adds failed checks if views cannot be read or
+ * are missing, and checks of the shares of holes and lower bounds. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
     int unreadable = 0, made = 0;
@@ -356,8 +356,9 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
                       100 * bounds);
 }
 
-/* Adds to each ring the shares of the MDF's texels that were measured and that other views
- * supply. */
+/* Adds to each ring the shares of the MDF's texels that were measured and that other views supply.
+ * Adds a check of both shares together, or a failed check if a session of sweeps has no MDF.
+ * Returns FALSE with an error if the MDF cannot be read, or if the work is cancelled. */
 static gboolean read_mdf(struct archive *archive, const struct work *work, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {

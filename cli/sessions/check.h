@@ -45,7 +45,8 @@ gboolean check_directions(const struct btf_matrix *btf, struct check_directions 
                           const struct work *work, GError **error);
 
 /* Appends sentences (g_free()) that name the mistake that explains impossible values: values that
- * contradict reciprocity, too much or too little energy. */
+ * contradict reciprocity, lights that are dark in all views, too much or too little energy. Returns
+ * FALSE with an error if the values cannot be read. */
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error);
 
