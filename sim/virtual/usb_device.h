@@ -51,7 +51,7 @@ void virtual_usb_plug(VirtualUsb *usb); /* gives a new address, as on a real bus
 
 /* Sets the fault. Requests that are under way are not affected. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
-/* number of requests of the class since the device was made */
+/* Returns the number of requests of the class since the device was made. */
 int virtual_usb_n_requests(VirtualUsb *usb);
 
 /* Makes this endpoint stall until the host clears the stall. */

@@ -28,7 +28,8 @@ struct world_part {
 };
 
 /* Finds a part. name is "turntable", "arc", "arm", "probe", "sweep NAME", "lamp NAME" or "laser
- * NAME", with the names of the world file. */
+ * NAME", with the names of the world file. Returns FALSE with an error if the world has no such
+ * part. */
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* a zeroed part is allowed */
 

@@ -20,7 +20,7 @@
 typedef struct VirtualGige VirtualGige;
 
 /* Makes a camera. address is for example "127.0.0.9", or NULL for a free address. Returns NULL with
- * an error if the address is in use. */
+ * an error if the address is in use, or if no free address is found. */
 VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, const char *address,
                               GError **error);
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */

@@ -55,7 +55,8 @@ struct VirtualGige {
     GRand *rand;
 };
 
-/* These functions write and read numbers in network byte order. */
+/* These functions write and read numbers in network byte order. gige_ticks() converts µs to ticks
+ * of the time stamp. */
 static inline void gige_put16(guint8 *to, guint value) {
     to[0] = (guint8)(value >> 8);
     to[1] = (guint8)value;

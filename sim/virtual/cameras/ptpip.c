@@ -203,7 +203,8 @@ static gboolean receive(int fd, guint8 *bytes, gsize n) {
     return TRUE;
 }
 
-/* Returns the payload of the next packet, or NULL at the end of the connection. */
+/* Returns the payload of the next packet, and its type in *ret_type. Returns NULL at the end of the
+ * connection, or if the length of the packet is not possible. */
 static GByteArray *receive_packet(int fd, guint32 *ret_type) {
     guint8 head[8];
     if (!receive(fd, head, sizeof head))
@@ -640,7 +641,8 @@ static guint16 obey(VirtualPtpip *camera, const struct operation *operation, GBy
     }
 }
 
-/* Sends the data of an operation, or only the first half. The mutex must not be locked. */
+/* Sends the data of an operation or, if half is TRUE, half of its first packet without an end.
+ * Returns FALSE if the connection has ended. The mutex must not be locked. */
 static gboolean send_data(int fd, guint32 transaction, const GByteArray *data, gboolean half) {
     const guint chunk = MAX_PACKET - 12;
     g_autoptr(GByteArray) start = g_byte_array_new();
@@ -662,7 +664,8 @@ static gboolean send_data(int fd, guint32 transaction, const GByteArray *data, g
     return TRUE;
 }
 
-/* Reads the data that follow a request. Returns FALSE at the end of the connection. */
+/* Reads the data that follow a request. Returns FALSE at the end of the connection, or if a packet
+ * is too short. */
 static gboolean receive_data(int fd, GByteArray *to) {
     for (guint32 type = 0; type != END_DATA;) {
         g_autoptr(GByteArray) payload = receive_packet(fd, &type);

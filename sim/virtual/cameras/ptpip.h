@@ -60,7 +60,7 @@ struct virtual_ptpip_state {
     int iso;
 };
 
-/* Makes a camera that listens on a free port. */
+/* Makes a camera that listens on a free port. Returns NULL with an error if it cannot listen. */
 VirtualPtpip *virtual_ptpip_new(const struct virtual_ptpip_options *options, GError **error);
 void virtual_ptpip_free(VirtualPtpip *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualPtpip, virtual_ptpip_free)

@@ -65,7 +65,8 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
 
 /* Disconnects a device, or connects it again. name is the name of its section, "cam30" or "camera
  * cam30". A Modbus board is disconnected for all sections that share it. Of the devices on USB,
- * only USB3 Vision cameras can be disconnected. A still camera is switched off. */
+ * only USB3 Vision cameras can be disconnected. A still camera is switched off. Returns FALSE with
+ * an error if there is no such device, or if it cannot be disconnected. */
 gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
 
 /* Changes the sample: the devices act on the world of this file from now on. The new world must

@@ -11,8 +11,8 @@
 #define MAX_UNITS_S   5000
 #define MAX_UNITS_S2  100000
 
-/* Returns the board of the next axis. Makes another board when the last board has no free
- * letter. */
+/* Returns the board of the next axis. Makes another board when the last board has no free letter.
+ * Returns NULL with an error if the board cannot be made. */
 static VirtualGcode *board_with_room(VirtualRig *rig, GError **error) {
     static const struct virtual_gcode_options options = {.n_axes = VIRTUAL_GCODE_AXES,
                                                          .units_s = MAX_UNITS_S,

@@ -76,7 +76,8 @@ static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b
 }
 
 /* Returns whether the new world fits the rig. Both worlds must have the same cameras, lamps and
- * lasers in the same order, because the rig identifies them by their numbers in the world. */
+ * lasers in the same order, because the rig identifies them by their numbers in the world. Size,
+ * bits and colour filter of each camera must also be equal. */
 static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
     const char *other =
         !have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras)
