@@ -161,7 +161,7 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
 }
 
 /* A newline follows each string in the hashed text, so "ab", "c" and "a", "bc" have different
-   checksums. */
+ * checksums. */
 char *calibration_checksum(const char *const *checksums, int n) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
 

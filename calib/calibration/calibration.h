@@ -195,7 +195,7 @@ char *calibration_to_text(const struct calibration *calibration);
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
 
 /* Writes the file atomically, by renaming a temporary file. Returns FALSE and leaves an existing
-   file as it is if its new text cannot be read back, or if writing fails. */
+ * file as it is if its new text cannot be read back, or if writing fails. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 

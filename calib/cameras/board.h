@@ -108,7 +108,7 @@ struct board_drawing {
     double pixels_a_mm; /* pixels per millimetre of a PNG; SVG and PDF do not use it */
 };
 /* Writes an SVG, PDF (true to scale) or PNG file. The path must end in .svg, .pdf or .png. Returns
-   FALSE with BOARD_ERROR_SPEC if it does not, or if a PNG would have too many pixels, and with
-   BOARD_ERROR_IO if the file cannot be written. */
+ * FALSE with BOARD_ERROR_SPEC if it does not, or if a PNG would have too many pixels, and with
+ * BOARD_ERROR_IO if the file cannot be written. */
 gboolean board_draw(const struct board *board, const char *path,
                     const struct board_drawing *drawing, GError **error);

@@ -62,7 +62,8 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, picture, corner; /* camera and stop are indices; the observations of one picture have one number; corner is only for the caller */
+    int camera, stop, picture, corner; /* camera and stop are indices; the observations of one
+                                          picture have one number; corner is only for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;

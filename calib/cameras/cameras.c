@@ -111,8 +111,8 @@ void cameras_set_why(struct seen *seen, const char *why) {
 }
 
 /* Finds the board in picture i without prior knowledge. If the board is not found, seen->why
-   gets the reason. Returns FALSE if the picture cannot be read, if a picture of a rig has
-   another size than its camera, or if enough pictures show a board of another size. */
+ * gets the reason. Returns FALSE if the picture cannot be read, if a picture of a rig has
+ * another size than its camera, or if enough pictures show a board of another size. */
 static gboolean find_board(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     g_autoptr(GError) why = NULL;
@@ -281,7 +281,7 @@ static gboolean search_everywhere(struct cameras_work *work, GError **error) {
 }
 
 /* Returns a result with the residuals and their RMS, the bend, the angle errors of the stops,
-   and the tilts and azimuths of the lays. The other members are set later. */
+ * and the tilts and azimuths of the lays. The other members are set later. */
 static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
     struct cameras_result *to = g_new0(struct cameras_result, 1);
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));

@@ -30,7 +30,7 @@ static double form(const double a[2][2], const double d[2]) {
 }
 
 /* Measures picture i. work->lateral[i].normal stays 0 if the picture gives no result. Returns
-   FALSE only if the picture cannot be read. */
+ * FALSE only if the picture cannot be read. */
 static gboolean look_at(struct cameras_work *work, int i, double reach_px, GError **error) {
     const struct seen *seen = &work->seen[i];
     const struct bundle *b = &work->bundle;

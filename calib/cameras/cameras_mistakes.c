@@ -16,7 +16,7 @@
 #define MAX_PAIRED 8
 #define REFINED    3 /* number of mistakes that are refined, those with the best start */
 /* a camera counts as exchanged if it is nearer to another camera's place than to its own by at
-   least this factor */
+ * least this factor */
 #define EXCHANGED 5.0
 
 struct mistake {

@@ -263,7 +263,7 @@ static gboolean is_good(struct cameras_work *work, int picture) {
 }
 
 /* Tries rejected pictures again with the present geometry. A picture that now fits is used
-   again. The lay and stop of any other picture are restored. */
+ * again. The lay and stop of any other picture are restored. */
 static void retry_pictures(struct cameras_work *work) {
     for (int i = 0; i < work->task->n_pictures; i++) {
         struct seen *seen = &work->seen[i];

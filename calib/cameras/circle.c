@@ -12,10 +12,11 @@ enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BL
 
 #define MAX_PIXELS 6000
 #define MIN_PIXELS 40
-#define EDGE_PX    7   /* largest distance of the used pixels from the expected edge */
-#define BETWEEN    0.4 /* outside the circle, the used pixels lie within this share of the gap to the next circle */
-#define MAX_CALLS  (60 * (N + 1))
-#define TOLERANCE  1e-7
+#define EDGE_PX    7 /* largest distance of the used pixels from the expected edge */
+/* Outside the circle, the used pixels lie within this share of the gap to the next circle. */
+#define BETWEEN   0.4
+#define MAX_CALLS (60 * (N + 1))
+#define TOLERANCE 1e-7
 
 struct pixels {
     int n;

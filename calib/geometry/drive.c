@@ -3,8 +3,10 @@
 #include <math.h>
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation of an angle error */
-#define ROUNDS    4                   /* number of estimates of the drives' standard deviations; a fit precedes the first and follows each */
-#define WORTH     4                   /* weight of USUAL_RAD in an estimate, as a number of angle errors */
+/* Number of estimates of the drives' standard deviations. A fit precedes the first and follows
+ * each. */
+#define ROUNDS 4
+#define WORTH  4 /* weight of USUAL_RAD in an estimate, as a number of angle errors */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};

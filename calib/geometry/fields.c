@@ -43,8 +43,8 @@ gboolean fields_refuse(const char *path, const char *group, const char *key, GEr
 }
 
 /* Reads f->n finite numbers separated by semicolons, checks each against the bounds, and, if
-   f->integer is set, refuses fractions. If the key is missing, an optional field is not changed,
-   and any other field is refused. Returns FALSE with an error if the field is refused. */
+ * f->integer is set, refuses fractions. If the key is missing, an optional field is not changed,
+ * and any other field is refused. Returns FALSE with an error if the field is refused. */
 static gboolean read_field(GKeyFile *file, const char *path, const char *group,
                            const struct field *f, gpointer to, GError **error) {
     g_autofree char *value = g_key_file_get_string(file, group, f->name, NULL);

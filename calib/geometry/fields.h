@@ -37,7 +37,7 @@ gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);
 /* Reads a string of 1 to size − 1 bytes. Returns FALSE with RIG_ERROR_VALUE if the key is
-   missing, or the string is empty or longer. */
+ * missing, or the string is empty or longer. */
 gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, const char *key,
                           char *to, gsize size, GError **error);
 /* Sets the error RIG_ERROR_VALUE, "path: [group] key: why". Always returns FALSE. */

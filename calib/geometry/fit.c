@@ -16,7 +16,8 @@
 #define SINGULAR    1e-12 /* smallest relative pivot of the scaled normal equations */
 #define CONVERGED   1e-10
 #define STEPS       60
-#define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences of x, relative to max(|x|, 1) */
+/* √ε of a double: step of forward differences of x, relative to max(|x|, 1) */
+#define DIFFERENCE  1.5e-8
 #define MAX_DAMPING 1e8
 /* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
  * residuals are rounding errors. If the scale were as small as rounding errors, priors would have
@@ -109,7 +110,7 @@ static void normal_equations(const struct work *work, const double *x, double *h
 }
 
 /* Runs Levenberg-Marquardt with the present weights. Stops when a step decreases χ² by less than
-   the fraction CONVERGED, when no step decreases χ², or after STEPS steps. */
+ * the fraction CONVERGED, when no step decreases χ², or after STEPS steps. */
 static void do_solve(const struct work *work, double *x) {
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),

@@ -188,7 +188,7 @@ enum rig_error {
  * with g_free(). */
 char *rig_to_text(const struct rig *rig);
 /* Reads the text of rig_to_text(). Returns FALSE with RIG_ERROR, which names path ("calibration"
-   if it is NULL). On failure rig is not changed. */
+ * if it is NULL). On failure rig is not changed. */
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
 
 /* Places a camera at a point so that it looks at another point. The picture is upright: its x axis
@@ -251,7 +251,7 @@ struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp
                                 double arc_rad, struct vec3 point_mm);
 
 /* Returns the irradiance at a point, on a plane perpendicular to the direction of the lamp, in
-   W·m⁻². It is 0 behind the lamp. */
+ * W·m⁻². It is 0 behind the lamp. */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm);
 

@@ -100,10 +100,10 @@ struct lamps_result {
     double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance */
     /* standard errors of these sizes; 0 for marks that were not seen */
     double size_error_mm[LAMP_MAX_MARKS];
-    double rms;   /* RMS residual of the used sights: mm on the plate, or px */
-    double sigma; /* RMS residual over its expected standard deviation */
-    double turntable_rad,
-        drive_rad; /* standard deviations of the angle errors: turntable_rad of the turntable, drive_rad of the arc */
+    double rms;                      /* RMS residual of the used sights: mm on the plate, or px */
+    double sigma;                    /* RMS residual over its expected standard deviation */
+    double turntable_rad, drive_rad; /* standard deviations of the angle errors: turntable_rad of
+                                        the turntable, drive_rad of the arc */
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per sight; owned */
 };

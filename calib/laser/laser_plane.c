@@ -52,7 +52,8 @@ static struct vec3 to_rig(const struct rig_camera *camera, const struct laser_po
     return mat3_mul_transposed(&camera->rotation, vec3_sub(seen, camera->translation_mm));
 }
 
-struct moments { /* sums over points on the board: of the weights w (n), and of w x, w y, w x², w x y and w y² */
+struct moments { /* sums over points on the board: of the weights w (n), and of w x, w y, w x², w x
+                    y and w y² */
     double n, x, y, xx, xy, yy;
 };
 
@@ -246,7 +247,8 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
         ret[k][k] += MIN_SIGMA_MM * MIN_SIGMA_MM;
 }
 
-struct weights { /* V⁻¹ of each view, and whether the view is left out; both are kept while the camera's parameters are varied */
+struct weights { /* V⁻¹ of each view, and whether the view is left out; both are kept while the
+                    camera's parameters are varied */
     double (*inverse)[2][2];
     gboolean *out;
 };

@@ -24,8 +24,9 @@ struct colour_matrix {
 GQuark colour_error_quark(void);
 enum colour_error {
     COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
-    COLOUR_ERROR_MISFIT,  /* a value is not a number, or the measured colours differ from the chart's values: the chart is another chart, or lies in another orientation */
-    COLOUR_ERROR_FILE,    /* the file of the chart's values has a mistake */
+    COLOUR_ERROR_MISFIT, /* a value is not a number, or the measured colours differ from the chart's
+                            values: the chart is another chart, or lies in another orientation */
+    COLOUR_ERROR_FILE,   /* the file of the chart's values has a mistake */
 };
 
 /* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝

@@ -8,7 +8,8 @@ enum monitor_end {
     MONITOR_DONE,
     MONITOR_FAULT,    /* paused by a fault; monitor_reason() says if a device is not safe */
     MONITOR_PAUSED,   /* paused by Ctrl-C in this program */
-    MONITOR_ABORTED,  /* aborted by a second Ctrl-C in this program or by somebody else, or the rig was closed */
+    MONITOR_ABORTED,  /* aborted by a second Ctrl-C in this program or by somebody else, or the rig
+                         was closed */
     MONITOR_DETACHED, /* Ctrl-C was pressed; the capture continues without this program */
     MONITOR_LOST,     /* the daemon has exited or cannot be reached */
 };

@@ -15,7 +15,7 @@
  * hundredth of the longer side then saturate in the brightest picture, a shorter exposure is chosen
  * as well. If laser_short_us = 0 forbids this, the exposure is reduced until nothing saturates.
  *
- * The same pictures give the same exposures. A laser that is mounted by hand is not tried. 
+ * The same pictures give the same exposures. A laser that is mounted by hand is not tried.
  * */
 #pragma once
 

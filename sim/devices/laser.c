@@ -104,7 +104,8 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
 }
 
 /* Moves the laser to the place of the world file's laser with the name `place`. If `place` is the
- * name of this device, the laser returns to its own place. */
+ * name of this device, the laser returns to its own place. Returns FALSE with an error if there is
+ * no such laser. Does nothing if the world is not open. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     if (!sim->world)

@@ -11,9 +11,9 @@
 
 struct sim_unheard {
     int nth;       /* number of the command whose answer is lost; 0: none */
-    double dead_s; /* time after this command in which the device is dead */
+    double dead_s; /* time after command nth in which the device neither obeys nor answers */
     int n_commands;
-    gint64 dead_until_us; /* on the rig's clock */
+    gint64 dead_until_us; /* end of that time on the rig's clock */
 };
 
 /* The options of a struct sim_unheard at the offset `at` of the driver's struct, for its table of

@@ -64,7 +64,7 @@ struct optics_camera {
 };
 
 /* Places a camera at a point so that the camera looks at the origin. The vector right is e_φ at
- * that point. */
+ * that point, the direction in which the azimuth φ grows. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 

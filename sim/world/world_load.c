@@ -410,7 +410,9 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* Loads the sample, adds the marks of the world file to the sample's mesh, and builds the scene. */
+/* Loads the sample, and adds the marks of the world file to the sample's mesh. Then builds the
+ * scene, unless there are mistakes. A missing [sample] is a mistake only if all_sections is
+ * TRUE. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -442,8 +444,9 @@ static void load_sample(World *world, const struct world_options *all, const Con
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
                                Mistakes *);
 
-/* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Returns FALSE
- * with a mistake if a world file cannot have this section. */
+/* Loads a camera, lamp or laser. Does nothing for the other sections of world files. Adds a mistake
+ * if the section has no name, if it is one too many, or if a world file cannot have such a section.
+ * Returns FALSE only in the last case. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {
@@ -498,7 +501,9 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* Returns an axis that carries cameras or lamps, with its deviations from the nominal axis. */
+/* Returns an axis that carries cameras or lamps, with random deviations from the nominal axis.
+ * Their standard deviations are zero_deg, tilt_deg (in each of two directions) and off_mm (in x, y
+ * and z). letter is that of device_random(). */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

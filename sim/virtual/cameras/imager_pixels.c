@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Codes of the Pixel Format Naming Convention. The low byte of a code is the number of the format,
- * and the middle two bytes are the bits per pixel. This table is written independently of the table
- * in the driver, so that an error in either table is found. */
+/* Codes of the Pixel Format Naming Convention. The low two bytes of a code are the number of the
+ * format. The byte above them is the number of bits that a pixel occupies. This table is written
+ * independently of the table in the driver, so that an error in either table is found. */
 enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {
