@@ -18,8 +18,8 @@
 #define AGREE_GRIDS 3 /* number of pictures for grids of markers or circles, which have no edge */
 /* number of additional agreeing pictures that are needed for each picture of a third size */
 #define AGREE_MORE 2
-#define MAX_PX     1000 /* pictures are reduced to at most this longer side before they are examined \
-                         */
+/* pictures are reduced to at most this longer side before they are examined */
+#define MAX_PX     1000
 #define MARKERS_PX 2000 /* the same limit for boards with markers, whose cells are small */
 /* If the board has no markers, pictures whose longer side exceeds LARGE · MAX_PX are examined
  * before the search, because a failed search takes seconds in them. */

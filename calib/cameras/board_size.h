@@ -1,24 +1,24 @@
-/* *
- * Detects a wrong size of the board while pictures are searched for it. The size is the most
- * common mistake in the description of a board: corners are counted instead of squares, or one
- * square too many is counted. A search for a board that is not there takes minutes, and its
- * failure does not say why.
+/*
+ * Detects a wrong size of the board while pictures are searched for it. The size is the most common
+ * mistake in the description of a board: corners are counted instead of squares, or one square too
+ * many is counted. A search for a board that is not there takes minutes, and its failure does not
+ * say why.
  *
  * A few of the pictures are therefore searched for a board of the given print and any size. A
- * picture counts only if it shows the white margin along all four sides of the board. Without
- * this condition, a board that is partly covered or partly outside the picture would be taken
- * for a smaller one. If two pictures (three for a grid of markers or circles) show the same
- * other size, and none shows the given one, the search ends with an error that names the size.
- * Each picture that shows a third size raises the number of pictures needed by two.
+ * picture counts only if it shows the white margin along all four sides of the board. Without this
+ * condition, a board that is partly covered or partly outside the picture would be taken for a
+ * smaller one. If two pictures (three for a grid of markers or circles) show the same other size,
+ * and none shows the given one, the search ends with an error that names the size. Each picture
+ * that shows a third size raises the number of pictures needed by two.
  *
  * Chessboards and symmetric grids of circles look the same if columns and rows are exchanged, so
- * for these the order is not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are
- * not recognised, and neither are boards without a margin. Such boards give no error here. Only
- * a chessboard that has as many inner corners as the given one has squares is recognised without
- * a margin.
+ * for these the order is not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are not
+ * recognised, and neither are boards without a margin. Such boards give no error here. Only a
+ * chessboard that has as many inner corners as the given one has squares is recognised without a
+ * margin.
  *
  * Any thread may call the functions. Several threads may use one census at the same time.
- * */
+ */
 #pragma once
 
 #include "board_find.h"

@@ -1,55 +1,53 @@
-/* *
+/*
  * Calibrates cameras from pictures of a board. There are three cases:
  *
- * - all cameras and the turntable's axis, from pictures of a board that rotates with the
- * turntable,
+ * - all cameras and the turntable's axis, from pictures of a board that rotates with the turntable,
  *   flat and tilted;
- * - the cameras of a rig without a turntable, from pictures of a board that is laid down flat
- * and
+ * - the cameras of a rig without a turntable, from pictures of a board that is laid down flat and
  *   held at several tilts;
  * - one camera, from photographs of a hand-held board.
  *
  * Frame: z is the turntable's axis, and z = 0 is the turntable's top. The print of a board that
  * lies flat is at the height of its thickness. The zero of the azimuth is chosen so that, on
- * average, the cameras' azimuths agree with the rig file and the turntable's angles agree with
- * the commanded angles. The scale comes only from the board's squares.
+ * average, the cameras' azimuths agree with the rig file and the turntable's angles agree with the
+ * commanded angles. The scale comes only from the board's squares.
  *
  * Without a turntable, the print of the flattest board is taken as level, at the height of its
- * thickness. By the rig file it must be within 5° of level. Azimuth 0 and the origin in the
- * plane are chosen so that, on average, the cameras see points around the origin in the same
- * pixels as the cameras of the rig file. Errors are relative to the flattest board.
+ * thickness. By the rig file it must be within 5° of level. Azimuth 0 and the origin in the plane
+ * are chosen so that, on average, the cameras see points around the origin in the same pixels as
+ * the cameras of the rig file. Errors are relative to the flattest board.
  *
- * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
- * view) stay near those of the rig file. The prior has the following standard deviations:
- * principal point 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002. For a
- * rational lens, k1 … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
+ * Lens parameters that the pictures do not determine (such as distortion in a narrow field of view)
+ * stay near those of the rig file. The prior has the following standard deviations: principal point
+ * 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002. For a rational lens, k1
+ * … k6 have 1 instead, and for a fisheye k1 … k4 have 1.
  *
- * The lens model is that of the rig file, or the polynomial for photographs, unless the task
- * gives another. For photographs it can be chosen by cross-validation over pictures. Five times,
- * each model is fitted to four fifths of the pictures and predicts the corners in the last
- * fifth. In these pictures, only the poses of the boards are fitted. The fisheye replaces the
- * polynomial, and then the rational lens replaces the better of the two, if the loss summed over
- * the pictures falls by more than twice the standard error of the differences.
+ * The lens model is that of the rig file, or the polynomial for photographs, unless the task gives
+ * another. For photographs it can be chosen by cross-validation over pictures. Five times, each
+ * model is fitted to four fifths of the pictures and predicts the corners in the last fifth. In
+ * these pictures, only the poses of the boards are fitted. The fisheye replaces the polynomial, and
+ * then the rational lens replaces the better of the two, if the loss summed over the pictures falls
+ * by more than twice the standard error of the differences.
  *
  * For photographs the board may be bent, in the same way in all of them: z = b₀ x² + b₁ x y + b₂
- * y². The bend is used if it predicts left-out corners better by more than one standard error.
- * The prior of z, at a distance of half the longer side of the board from its centre, is 0 ± 2 %
- * of this distance.
+ * y². The bend is used if it predicts left-out corners better by more than one standard error. The
+ * prior of z, at a distance of half the longer side of the board from its centre, is 0 ± 2 % of
+ * this distance.
  *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
- * arm's axis is fitted to the poses (swing.h). A stop without pictures gets its pose from the
- * axis if the camera was calibrated at two other stops. Its errors are those of the nearest
- * stop, increased by the deviation of the calibrated stops from the axis.
+ * arm's axis is fitted to the poses (swing.h). A stop without pictures gets its pose from the axis
+ * if the camera was calibrated at two other stops. Its errors are those of the nearest stop,
+ * increased by the deviation of the calibrated stops from the axis.
  *
- * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number
- * of angles determines, at most RIG_WOBBLE_HARMONICS. Even p meaningless parameters lower χ², by
- * p ± √(2 p). The p parameters of the wobble are therefore kept only if they lower χ², divided
- * by the inflation of the variances, by more than p + 4 √(2 p).
+ * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
+ * angles determines, at most RIG_WOBBLE_HARMONICS. Even p meaningless parameters lower χ², by p ±
+ * √(2 p). The p parameters of the wobble are therefore kept only if they lower χ², divided by the
+ * inflation of the variances, by more than p + 4 √(2 p).
  *
  * Errors include the scatter between pictures (bundle.h).
  *
  * Any thread, one calibration at a time.
- * */
+ */
 #pragma once
 
 #include "board.h"

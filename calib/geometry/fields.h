@@ -1,9 +1,9 @@
-/* *
+/*
  * This module writes plain structs to groups of a key file, and reads such groups. A table has a
  * row for each member or array of doubles or integers, with its name and the bounds of valid
- * values. Numbers are restored bit for bit. Calibration files are written in this way. Any
- * thread may call the functions.
- * */
+ * values. Numbers are restored bit for bit. Calibration files are written in this way. Any thread
+ * may call the functions.
+ */
 #pragma once
 
 #include <glib.h>

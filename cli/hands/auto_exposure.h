@@ -1,4 +1,4 @@
-/* *
+/*
  * Chooses the exposures that are "auto" in a session file, from trial pictures before the capture.
  *
  * exposures_us: up to four lamps (trial.h) are lit one after the other. Each camera takes pictures
@@ -16,7 +16,7 @@
  * as well. If laser_short_us = 0 forbids this, the exposure is reduced until nothing saturates.
  *
  * The same pictures give the same exposures. A laser that is mounted by hand is not tried.
- * */
+ */
 #pragma once
 
 #include "common/link.h"

@@ -1,11 +1,11 @@
-/* *
+/*
  * The cache keeps parts of pictures up to a limit of memory. When the limit is exceeded, the least
  * recently used parts are removed. A value depends only on its key, so the state of the cache never
  * affects a picture.
  *
  * Any thread may call the functions. If two threads request the same value, the first thread makes
  * the value and the other waits. No lock is held while a value is made.
- * */
+ */
 #pragma once
 
 #include <glib.h>
