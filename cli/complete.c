@@ -1,7 +1,8 @@
 /* Candidates for the next word of a command line, for shells, from the table of commands. The name
  * of a value or of an argument defines its candidates: "a|b|c" are words, DIR is a folder, FILE.exr
- * is a file of that suffix, FILE is any file, RIG and SESSION are configuration files or folders.
- * Other names have no candidates. */
+ * is a file of that suffix, FILE, SOURCE, A and B are any file, RIG and SESSION are configuration
+ * files or folders. Other names have no candidates, unless the type of the option is a file name:
+ * then any file is a candidate. */
 #include <stdio.h>
 #include <string.h>
 

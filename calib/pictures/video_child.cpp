@@ -10,7 +10,8 @@
 #include <cstring>
 #include <unistd.h>
 
-#define MAX_BYTES (256 << 20) /* limit of the memory for the frames that are kept */
+/* limit of the memory for the frames that are kept; MIN_KEPT frames are allowed in any case */
+#define MAX_BYTES (256 << 20)
 #define MIN_KEPT  16u
 
 namespace {

@@ -4,5 +4,6 @@
 
 #include "session/session.h"
 
-/* Writes a PNG or SVG. Fails for a session of which nothing was captured yet. */
+/* Writes a PNG or SVG. Returns FALSE with an error if the session cannot be read, if nothing of it
+ * was captured yet, or if the file cannot be written. */
 gboolean history_draw(Session *session, const char *path, GError **error);

@@ -92,7 +92,7 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
     return marks;
 }
 
-/* Prints which pictures the capture left out, and how well the others predict them. */
+/* Prints how many pictures the capture left out, and how well the others predict them. */
 static void tell_prediction(Record *to, Session *session) {
     struct prediction_known known;
     prediction_product_read(session, &known);
