@@ -24,8 +24,8 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 #define EXCHANGED 5.0
 /* Constants of the search for other sizes of the marks. LOOSE: standard deviation of a size, as a
  * share of the largest size. BETTER: factor by which the sights must fit better. EXPLAINED: largest
- * residual afterwards, in standard deviations. CERTAIN: standard errors (or tolerances,
- * if these are larger) from which a size is different. ALIKE: range of the ratios of sizes that are
+ * residual afterwards, in standard deviations. CERTAIN: standard errors (or tolerances, if
+ * these are larger) from which a size is different. ALIKE: range of the ratios of sizes that are
  * all wrong by the same factor. */
 #define MISFITS   0.03 /* share of sights that do not fit above which a mistake is searched for */
 #define LOOSE     0.2
