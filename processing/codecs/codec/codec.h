@@ -36,7 +36,8 @@ struct codec_job {
     Checkpoint *checkpoint;
 };
 
-/* The result of encode(). The caller sets all members to 0, and frees levels. */
+/* The result of encode(). The caller sets all members to 0 before the call, and frees levels, also
+ * after a failure. */
 struct codec_result {
     /* the model of the BTF, then the models of its mip levels; the array frees them */
     GPtrArray *levels;
@@ -74,16 +75,17 @@ typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_poi
 /* A view and a light between the measured directions, prepared once for all texels. */
 struct codec_query {
     float view[3], light[3]; /* unit vectors above the horizon */
-    /* The measured views around the view, the measured lights around the light, and their weights,
-     * which are above 0. The weights of the views sum to 1, those of the lights to
-     * directions_fade(). */
+    /* Indices of the measured views around the view and of the measured lights around the light,
+     * and their weights, which are above 0. The weights of the views sum to 1, those of the lights
+     * to directions_fade(). If the model has a grid(), the indices are those of samples of the
+     * grid, and both sums are those of direction_grid_weights(). */
     int n_views, n_lights;
     const int *views, *lights;
     const float *view_weights, *light_weights;
 };
 
 #define CODEC_MAX_TEXELS 512
-/* Texels of a model, and the weight of each in the requested sum. */
+/* The texels over which evaluate() sums. share[k] is the weight of the texel index[k]. */
 struct codec_texels {
     int n; /* at most CODEC_MAX_TEXELS */
     const int *index;

@@ -14,17 +14,19 @@
 
 #define COLOURS 3
 #define BLOCKS  64
-/* maximum angle between directions that count as the same, in degrees */
+/* two directions count as the same if the angle between them is below SAME, in degrees */
 #define SAME       0.01F
 #define MAX_FLOATS (32 << 20) /* maximum number of values of the pictures of a material */
 #define TIMED_US   50000      /* duration of the measurement of compare_evaluation_ns() */
 /* number of evaluations in a round of that measurement, each of a texel for a view and a light */
 #define TIMED 256
 
-/* Sums over the values of one view, of one light or of all. */
+/* Sums over the values of one view, of one light or of all views and lights. a and b are the values
+ * of the two forms of the material. */
 struct compare_totals {
     double residual, all; /* residual: Σ (a − b)², all: Σ a², over R, G, B */
     double shown;         /* Σ of the squared differences of R, G, B as shown (metrics/psnr.h) */
+    /* Σ |Y_a − Y_b|, Σ CIEDE2000, and the number of terms of each sum: pairs of colours a and b */
     double luminance, delta_e, n;
 };
 

@@ -14,7 +14,7 @@ struct compare_sums {
     double error;
     /* mean of |Y_A − Y_B|, the luminances of A and B (Meseth et al. 2003, Table 1) */
     double luminance_error;
-    double delta_e; /* mean CIEDE2000 of A and B; the white diffuser of pipeline.h is white */
+    double delta_e; /* mean CIEDE2000; the reference white is the white diffuser */
     double psnr_db; /* PSNR of all values (metrics/psnr.h); ∞ if they are equal */
 };
 
@@ -33,13 +33,14 @@ struct comparison {
     double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */
 };
 
-/* Compares two materials at all texels, views and lights. Fails if the numbers of texels differ, or
- * a direction differs by 0.01° or more. The error says which of these differs. The progress stage
- * is "compare"; work may be NULL. */
+/* Compares two materials at all texels, views and lights. Fails if the widths, the heights or the
+ * numbers of views or lights differ, if a direction differs by 0.01° or more, if a value is
+ * infinite or NaN, or if the work is cancelled. The progress stages are "compare" and then
+ * "pictures"; work may be NULL. Free with comparison_free(). */
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error);
 /* Compares a model with its BTF, whose values are in memory. Gives `error` and `luminance_error` of
- * struct compare_sums over all views and lights. */
+ * struct compare_sums over all views and lights. Fails as compare_materials() does. */
 gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
                        const struct work *work, double *ret_error, double *ret_luminance_error,
                        GError **error);

@@ -12,7 +12,7 @@ struct compare_source {
     void (*values)(gconstpointer data, int texel, float *ret);
 };
 
-/* The numbers of values that both sources have, and of pictures for SSIM and FLIP. */
+/* The size of both sources: texels in each direction, views and lights. */
 struct compare_size {
     int width, height, n_views, n_lights;
     int max_pictures; /* maximum of n_pictures in struct comparison; 0 for no pictures */
@@ -20,6 +20,8 @@ struct compare_size {
 
 #define COMPARE_PICTURES 64
 
+/* Compares two sources of one size, as compare_materials() does. Fails if a value is infinite or
+ * NaN, or if the work is cancelled. */
 struct comparison *compare_sources(const struct compare_source *a, const struct compare_source *b,
                                    const struct compare_size *size, const struct work *work,
                                    GError **error);

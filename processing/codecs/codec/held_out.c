@@ -114,8 +114,8 @@ struct held_out_pairs {
     int n_views, n_lights;
     int *views, *lights;        /* indices in btf of the directions */
     struct codec_tables tables; /* directions of the model (place.h) */
-    int *indices;               /* lists of measured directions, to which all places point */
-    float *weights;
+    int *indices;               /* memory of the lists `views` and `lights` of all places */
+    float *weights;             /* memory of the weights of all places */
     /* n_views × n_lights; n_views in the query is 0 if the view or the light is on or below the
      * horizon */
     struct codec_place *places;

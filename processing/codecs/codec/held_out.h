@@ -38,7 +38,9 @@ struct btf_matrix *held_out_rest(const struct btf_matrix *btf, const struct held
 /* Compares a model of held_out_rest() with btf at the pairs of a view that was left out and a light
  * that was left out. If no view was left out, all views are compared. If no light was left out, all
  * lights are compared. views and lights of the result are in the order of held->views and
- * held->lights. Progress stages are those of compare_materials(). */
+ * held->lights. If the view or the light of a pair is on or below the horizon, the value of the
+ * model is 0. Progress stages are those of compare_materials(). Fails if the directions of the
+ * model cannot be triangulated, if a value is infinite or NaN, or if the work is cancelled. */
 struct comparison *held_out_compare(const struct btf_matrix *btf, const struct held_out *held,
                                     const Material *model, const struct work *work, GError **error);
 

@@ -7,8 +7,8 @@
 
 typedef struct Material Material;
 
-/* The BTF itself as a lossless codec. Only free, layout, bytes, reconstruct and evaluate are set.
- * Its models are struct btf_matrix with values in memory. */
+/* The BTF itself as a lossless codec. Only name, free, layout, bytes, reconstruct and evaluate are
+ * set. Its models are struct btf_matrix with values in memory. */
 extern const struct codec material_btf_codec;
 
 /* Takes ownership of model. label is copied. */

@@ -16,8 +16,9 @@ struct codec_tables {
     Directions *views, *lights; /* NULL if n_grid > 0 */
 };
 
-/* Prepares the directions of a model, which must outlive the tables. The error says whether views
- * or lights are wrong. Call codec_tables_clear() even after an error. */
+/* Prepares the directions of a model, which must outlive the tables. Fails if directions_new()
+ * refuses the views or the lights; the error then begins with "views: " or "lights: ". Call
+ * codec_tables_clear() even after an error. */
 gboolean codec_tables_init(struct codec_tables *tables, const struct codec *codec,
                            gconstpointer model, GError **error);
 void codec_tables_clear(struct codec_tables *tables);
@@ -33,7 +34,8 @@ struct codec_place {
 gsize codec_place_views(const struct codec_tables *tables);
 gsize codec_place_lights(const struct codec_tables *tables);
 
-/* Sets the query of a place. The vectors need not have unit length. Returns FALSE if nothing is
- * reflected: a direction is on or below the horizon, or has no length, or is not finite. */
+/* Sets the query of a place. The vectors need not have unit length. Returns FALSE and leaves the
+ * place unchanged if a direction is on or below the horizon, or has no length, or is not finite.
+ * Nothing is reflected then. */
 gboolean codec_place_set(const struct codec_tables *tables, const float view[3],
                          const float light[3], struct codec_place *place);

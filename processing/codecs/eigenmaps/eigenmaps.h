@@ -37,7 +37,9 @@ typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, 
 /* Allocates and computes weights and maps. The caller has set all other members. In each W_i, the
  * entry with the largest magnitude is positive. The result does not depend on the number of
  * threads. *ret_error is ‖A − Â‖_F / ‖A‖_F, where Â is the matrix that weights and maps give. If
- * all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. */
+ * all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. Fails if n_terms
+ * is not 1 … n_views, if column() fails or gives a value that is infinite or NaN, if the memory is
+ * not there, or if LAPACK fails. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
@@ -52,12 +54,13 @@ double eigenmaps_rounded_error(const struct eigenmaps *maps, double error);
  * only 5e-4. If only m columns fit into memory, each column is requested about n_views / m / 2 + 2
  * times.
  *
- * Randomised method: each column is requested twice, or with a target sometimes three times. The
- * range of Aᵀ is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson
- * and Tropp 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with a random
- * sign, to one of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto the first
- * n_terms right singular vectors of SA, and up to 8 more if memory allows. The best n_terms vectors
- * within their span are then found in double precision (Halko et al. §5.1). The seed is fixed. */
+ * Randomised method: each column is requested twice. With a target, a number of terms whose error
+ * is still too large is raised, and each such trial requests each column once more. The range of Aᵀ
+ * is approximated by the range of its sketch (SA)ᵀ, n_views × 16384 (Halko, Martinsson and Tropp
+ * 2011, algorithm 4.1 for Aᵀ). S is not Gaussian: it adds each row of A, with a random sign, to one
+ * of the 16384 rows of SA (Clarkson and Woodruff 2013). A is projected onto the first n_terms right
+ * singular vectors of SA, and up to 8 more if memory allows. The best n_terms vectors within their
+ * span are then found in double precision (Halko et al. §5.1). The seed is fixed. */
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {

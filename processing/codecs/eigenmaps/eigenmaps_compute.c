@@ -80,8 +80,8 @@ gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GErro
 }
 
 /* Stores the weights: one right singular vector for each term, n_terms × n_views in rows. The sign
- * of a term is arbitrary. The largest weight is made positive, so that the same BTF gives the same
- * file on every computer. */
+ * of a term is arbitrary. The weight with the largest magnitude is made positive, so that the same
+ * BTF gives the same file on every computer. */
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs) {
     int n = maps->layout.views.n;
     g_free(maps->weights);

@@ -4,13 +4,13 @@
 
 #define CHUNK EIGENMAPS_CHUNK
 
-/* The computation of AᵀA. Memory holds the columns of one block of views, and one further
- * column. */
+/* The computation of AᵀA. Memory holds the columns of one block of views, and one further column
+ * unless the block has all views. */
 struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
     int n_views, block; /* block: number of columns in memory at a time */
-    float *columns;     /* (block + 1) × rows */
+    float *columns;     /* the block's columns, rows values each, then the further column */
     double *matrix;     /* AᵀA, n_views × n_views */
 };
 

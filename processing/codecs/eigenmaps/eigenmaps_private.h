@@ -28,8 +28,9 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
  * number of rows that were converted. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to);
 
-/* Replaces a symmetric n × n matrix, given by its upper half, by its eigenvectors. They are its
- * columns, sorted by ascending eigenvalues. */
+/* Replaces a symmetric n × n matrix, given by its upper half, by its eigenvectors. The eigenvectors
+ * are its columns. ret_values has the n eigenvalues. Both are in ascending order of the
+ * eigenvalues. Fails if the LAPACK function does. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
 /* Returns the smallest number of terms, at least 1, whose relative error is at most target. Returns

@@ -20,10 +20,10 @@ struct eigenmaps_randomised {
     int n_views;
     float *columns; /* slots × rows: columns of A */
     int slots;
-    double *buckets; /* SEGMENTS × SKETCH: a column of S A, as one sum for each segment */
-    double squares[SEGMENTS];
-    float *sketch; /* n_views × SKETCH: (S A)ᵀ */
-    double all;    /* ‖A‖² */
+    double *buckets;          /* SEGMENTS × SKETCH: a column of S A, as one sum for each segment */
+    double squares[SEGMENTS]; /* Σ of the squares of the column in each segment */
+    float *sketch;            /* n_views × SKETCH: (S A)ᵀ */
+    double all;               /* ‖A‖² */
     /* n_views × n_views: a right singular vector of S A in each row, by descending values */
     double *directions;
     double *values; /* n_views: squared singular values of S A */
@@ -64,8 +64,9 @@ static void add_signed(const float *from, int n, guint64 signs, double *to, doub
     }
 }
 
-/* Computes S A of one column. Adds row i of each group of SKETCH rows, with a random sign, to
- * bucket (i + offset) mod SKETCH. The offset of each group is random. */
+/* Computes the share of one segment in a column of S A. The segment has every SEGMENTS-th group of
+ * SKETCH rows. Row i of a group is added, with a random sign, to bucket (i + offset) mod SKETCH.
+ * Each group has its own random offset. */
 static void sketch_segment(int segment, gpointer data) {
     struct eigenmaps_randomised *r = data;
     double *buckets = r->buckets + (gsize)segment * SKETCH, squares[LANES] = {0};

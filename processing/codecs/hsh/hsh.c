@@ -174,8 +174,8 @@ static void fit_partial(const struct hsh_fit *fit, const float *rgb, const gbool
         ret[i] = (float)columns[i];
 }
 
-/* Fits BLOCK texels in all views. If a texel is NaN under some lights, the texel is fitted to the
- * other lights. */
+/* Fits the up to BLOCK texels of a block in all views. If a texel is NaN under some lights, the
+ * texel is fitted to the other lights. */
 static void fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
     const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;

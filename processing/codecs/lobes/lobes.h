@@ -81,8 +81,8 @@ struct lobes_options {
     int n_lobes;
     struct work work;
     /* NULL, or a checkpoint. The checkpoint is saved at intervals and when the work is cancelled. A
-     * later call for the same BTF and model continues from the checkpoint and gives the same result
-     * as without an interruption. */
+     * later call for the same BTF, model and number of lobes continues from the checkpoint and
+     * gives the same result as without an interruption. */
     Checkpoint *checkpoint;
 };
 
@@ -90,9 +90,10 @@ void lobes_free(struct lobes *lobes); /* NULL is ignored */
 
 /* Fits the luminance by least squares: over all lights of each view for fields and ptm, over all
  * views and lights for the other models. Values of the BTF that are NaN are left out of the fit.
- * Infinite values are refused. Texels without any value become black. The values of the result are
- * rounded to half floats, as in the file. The result does not depend on the number of threads. The
- * progress stage is "fit". */
+ * Texels without any value become black. The values of the result are rounded to half floats, as in
+ * the file. The result does not depend on the number of threads. The progress stage is "fit". Fails
+ * if the model or the number of lobes does not exist, if the BTF is empty, too large or has an
+ * infinite value, or if the work is cancelled. */
 struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error);
 
@@ -100,7 +101,8 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
 void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret);
 
 /* Evaluates R, G, B of a texel for any view and light. For fields and ptm, slice is the index of a
- * measured view, and view is ignored. For the other models, slice is 0. */
+ * measured view, and view is ignored. For the other models, slice is 0. The result of ptm may be
+ * negative. */
 void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float view[3],
                     const float light[3], float ret[3]);
 

@@ -159,7 +159,7 @@ LANES_INLINE void prepare_facet(enum lobes_model model, const lanes *p,
     }
 }
 
-/* Computes the exponent E of the distribution, and its derivatives with respect to hx, hy, hn,
+/* Computes the exponent E of Ward's distribution, and its derivatives with respect to hx, hy, hn,
  * log U and log V. */
 LANES_INLINE lanes ward_exponent(const struct prepared_facet *f, lanes hx, lanes hy, lanes hn,
                                  lanes ret[5]) {
@@ -412,10 +412,14 @@ LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal
 /* The state of the eight problems that are being solved, one in each lane. */
 struct state {
     const struct lobes_fit *fit;
+    /* n: number of parameters; samples: n_views × n_lights; next: index of the problem that the
+     * next free lane gets */
     int n, samples, next, n_problems;
     const float *rows;
     float *parameters, *costs;
     lanes *values; /* samples × LANES values y, NaN if missing */
+    /* p: parameters found so far, with the sums `at`; trial: parameters that are tried, with the
+     * sums `tried`; peak: maximum amplitude of a lobe */
     lanes p[P], trial[P], damping, peak;
     struct normal at, tried;
     /* problem: index of the problem in each lane, −1 if there are no more */

@@ -6,7 +6,7 @@
 
 #define LANES 8
 typedef float lanes __attribute__((vector_size(4 * LANES)));
-/* result of a comparison: −1 or 0 */
+/* result of a comparison: −1 in each lane where it is true, otherwise 0 */
 typedef gint32 lane_bits __attribute__((vector_size(4 * LANES)));
 
 /* Functions with this mark are always inlined, because their callers are compiled for several kinds

@@ -22,7 +22,7 @@ static float angle(const float *a, const float *b) {
 }
 
 /* Returns the mean angle between a light and the nearest other light that is more than MIN_SPACING
- * away. */
+ * away, in radians. The angle of a light without such a light is π/2. */
 static float spacing(const struct lobes_fit *fit) {
     float sum = 0;
     for (int i = 0; i < fit->n_lights; i++) {
@@ -112,8 +112,9 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Finds n lobes in addition to the diffuse lobe. They point towards the lights whose values most
- * exceed those of the lights around. The `skip` lights that exceed them most are left out. */
+/* Finds n lobes in addition to the diffuse lobe. Each points towards a light whose value exceeds
+ * those of the lights around it. These lights are ordered by this excess, the largest first; the
+ * first `skip` of them get no lobe. `lights` has a value for each light. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;

@@ -121,7 +121,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
  * with to_pack, and "check" if errors are measured. With a target, computes local PCAs of 1, 2, 4,
  * … components until one reaches the target, and then finds the smallest number of components that
  * reaches it. If the target is not reached with n_components, returns NULL, and the message says
- * how large the error with n_components is.
+ * how large the error with n_components is. Also fails if the BTF is empty, too large or has a
+ * value that is not finite, if options give impossible numbers or too little memory, or if the work
+ * is cancelled.
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
  * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
@@ -130,11 +132,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 
-/* Returns the same local PCA with fewer components. */
+/* Returns a copy with only the first n_components components. Its error is 0, and its kind is
+ * LPCA_FLOAT if lpca is packed. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
 /* Rounds the values in memory as a file of this kind rounds them. The local PCA must be LPCA_FLOAT
- * before the call. */
+ * before the call. Its error becomes 0, because it is not measured again. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
 /* Returns the maximum number of bytes of memory that lpca_compute() takes in addition to the BTF's
@@ -145,8 +148,8 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
  * BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
 /* Computes the error of lpca_error(), and stores it in lpca->error. All ranks of options->team, if
- * there is one, must call this. Reports progress. Returns FALSE with an error if a file cannot be
- * read or the work is cancelled. */
+ * there is one, must call this. The progress stage is "check". Returns FALSE with an error if a
+ * file cannot be read or the work is cancelled. */
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 

@@ -355,8 +355,10 @@ static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint
 }
 
 /* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until an
- * iteration lowers the sum of errors by a share of less than SETTLED. Begins with iteration number
- * `from`. `before` is the sum of errors of the iteration before, or G_MAXDOUBLE at the start. */
+ * iteration lowers the sum of errors by a share of less than SETTLED, or MEANS_ITERATIONS +
+ * MAX_ITERATIONS have been made. Then finds the exact axes and drops empty clusters. Fails only if
+ * the work is cancelled. Begins with iteration number `from`. `before` is the sum of errors of the
+ * iteration before, or G_MAXDOUBLE at the start. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();

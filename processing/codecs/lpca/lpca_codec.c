@@ -397,7 +397,8 @@ static gboolean curve_packed(const struct btf_matrix *btf, const struct work *wo
 }
 
 /* Encodes with 1, 4, 16 and 64 clusters of 1, 2, 4, 8 and 16 components each, quantised in each
- * way. Then encodes packed models. */
+ * way. Numbers of clusters above 1 that leave fewer than TEXELS_A_CLUSTER texels per cluster are
+ * left out. Then encodes packed models. */
 static gboolean curve(const struct codec *codec G_GNUC_UNUSED, const struct btf_matrix *btf,
                       const struct work *work, CodecPoint tell, gpointer data, GError **error) {
     const int most = btf_layout_texels(&btf->layout) / TEXELS_A_CLUSTER;

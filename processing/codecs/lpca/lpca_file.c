@@ -299,7 +299,8 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-/* Reads the values that table_part() wrote. Returns FALSE if they are missing or damaged. */
+/* Reads the values that table_part() wrote. Returns FALSE if a colour of the part is missing, has
+ * another size or has a value that is not finite. */
 static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
