@@ -1,4 +1,5 @@
-/* Compares pictures pixel by pixel with CIEDE2000 in L*a*b*. */
+/* Compares pictures pixel by pixel with CIEDE2000 in L*a*b*, and as a whole with PSNR, SSIM and
+ * FLIP. */
 #include "compare_pictures.h"
 
 #include <math.h>

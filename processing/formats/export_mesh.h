@@ -12,7 +12,7 @@ enum export_mesh_form {
 };
 
 struct export_mesh_result {
-    int n_views;
+    int n_views; /* number of measured views of the MDF */
     guint n_vertices, n_triangles;
 };
 

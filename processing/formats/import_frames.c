@@ -97,8 +97,8 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
     return import_picture_check_holes(picture, bad, n, set->table, row->line, row->name, error);
 }
 
-/* Returns whether each pixel is saturated in at least one colour; g_free(). ret_n is the number of
- * such pixels. */
+/* Returns an array that has 1 for each pixel that is saturated in at least one colour, otherwise 0;
+ * g_free(). *ret_n is the number of saturated pixels. */
 static guint8 *import_frames_saturated(const struct import_picture *picture, int *ret_n) {
     const gsize n = (gsize)picture->width * (gsize)picture->height;
     guint8 *saturated = g_new0(guint8, n);
@@ -179,6 +179,8 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
 struct run {
     const struct import_row *rows;
     int n;
+    /* angle of the first picture, angle between two steps, and number of steps, with those whose
+     * picture is missing */
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* whether the picture of each step is missing */

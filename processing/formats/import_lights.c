@@ -15,7 +15,7 @@
 #define MIN_LENGTH 0.5
 /* a light is on the horizon if z of its unit vector is from −HORIZON to 0 */
 #define HORIZON     0.02
-#define HORIZON_DEG 91 /* maximum θ of a light in a table; such a light is on the horizon */
+#define HORIZON_DEG 91 /* maximum θ of a light in a table; from 90° on, it is on the horizon */
 /* largest share of lights on the horizon; one light is always allowed */
 #define MAX_ON_IT 0.1
 #define DEG       (180 / G_PI)
@@ -54,7 +54,8 @@ static gboolean is_number(const char *word) {
     return end > word && !*end;
 }
 
-/* Adds a light. Takes ownership of name. */
+/* Adds a light. Takes ownership of name. Fails if the direction d is too short or below the
+ * horizon, if there are too many lights, or if only some lights have names. */
 static gboolean add(struct list *list, int line, char *name, const double d[3], GError **error) {
     const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     const struct import_light *first = (const struct import_light *)(gpointer)list->lights->data;

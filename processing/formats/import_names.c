@@ -240,7 +240,7 @@ static int by_time(gconstpointer a, gconstpointer b) {
 }
 
 /* Sorts pictures by the time at which they were taken, if all files state this time. Otherwise
- * leaves them sorted by name. Fails if a camera's counter has begun again within the names. */
+ * leaves them sorted by name, and fails if a camera's counter has begun again within the names. */
 static gboolean order_by_time(const char *list, const char *folder, GPtrArray *names,
                               GPtrArray *notes, GError **error) {
     g_autofree struct taken *taken = g_new0(struct taken, MAX(names->len, 1));
@@ -274,9 +274,10 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     return TRUE;
 }
 
-/* Returns the names of the pictures if the list has no names. They are the lines of "filenames.txt"
- * next to the list. If there is no such file, they are all pictures next to the list, sorted by
- * time or by name. "9.png" is before "10.png". */
+/* Returns the names of n pictures for a list without names: the lines of "filenames.txt" next to
+ * the list or, if there is no such file, all pictures next to the list, sorted by time or by name.
+ * "9.png" is before "10.png". Returns NULL with an error if they are not n, or if their order is
+ * not certain (order_by_time()). */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);

@@ -294,8 +294,9 @@ static gboolean fail_missing(const struct import_set *set, const struct session_
         remainder(light->turntable_deg + view->turntable_deg, 360), n_missing, set->lights->len);
 }
 
-/* Checks that no view has two pictures for the BTF under one light, and that each view has a
- * picture under nearly every light. Adds skipped shots for the few pictures that are missing. */
+/* Checks that no view has two pictures for the BTF under one light, and that each view with such
+ * pictures lacks at most BTF_MAX_MISSING of the lights. Adds skipped shots for the pictures that
+ * are missing. Pictures of a calibration target are not checked. */
 static gboolean check_lights(struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
     if (set->wish->target)

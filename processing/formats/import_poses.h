@@ -71,5 +71,7 @@ struct import_poses_result {
     gint64 not_numbers; /* number of pixels that are not numbers */
 };
 
+/* Imports the pictures as a new session at path, which must not exist. *ret is set even after an
+ * error. The progress stage is "import". */
 gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
                       struct import_poses_result *ret, GError **error);

@@ -58,6 +58,7 @@ gboolean import_picture_check_holes(const struct import_picture *picture, gsize 
                                     GError **error);
 void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)
+/* Returns whether a file name ends like that of a JPEG, PNG, TIFF, EXR or camera raw. */
 gboolean import_is_picture(const char *name);
 
 /* Makes the state in which import_look.c examines the pictures of a set while they are imported.
@@ -90,10 +91,14 @@ GArray *import_lights_read(const char *path, GError **error);
 
 /* A new session, which is in a hidden folder until it is filled. */
 struct import_place {
+    /* path: where the session appears at the end; folder: the hidden folder next to path; session:
+     * the session in the hidden folder */
     char *path, *folder, *session;
     char *name; /* name of the session */
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
-/* Closes the session. If good is TRUE, moves it to its final path, otherwise removes it. */
+/* Closes the session. If good is TRUE, moves the session to its final path, otherwise removes it.
+ * If it cannot be moved, it stays in the hidden folder. Returns whether the session is at its final
+ * path. */
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error);

@@ -3,6 +3,6 @@
 
 #include "base/text_table.h"
 
-/* Reads a table. Returns NULL with DATA_ERROR if it has a column of another name, or lacks file,
- * camera, and both lamp and laser. */
+/* Reads a table. Returns NULL with DATA_ERROR if the table cannot be read, has a column of another
+ * name, lacks file or camera, or has neither lamp nor laser. */
 TextTable *poses_table_read(const char *path, GError **error);

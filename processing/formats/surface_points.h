@@ -10,7 +10,7 @@ struct surface_point {
     struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
     float
         weight; /* cosine between normal and camera, divided by the square of the error in texels */
-    int view;   /* 0 … n_views − 1 */
+    int view;   /* position of the view's part in the MDF's file, from 0 */
 };
 
 struct surface {
@@ -20,6 +20,8 @@ struct surface {
     GArray *points; /* of struct surface_point */
 };
 
+/* Reads products/mdf.exr of a session. Predicted values and texels without a normal are left out.
+ * Call surface_clear() even after an error. The progress stage is "points". */
 gboolean surface_points_read(const char *session, const struct work *work, struct surface *ret,
                              GError **error);
 void surface_clear(struct surface *surface);

@@ -39,8 +39,8 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
 void bonn_put_float(GByteArray *to, double value);
 
-/* Index of each texel among the stored texels, or −1 if the texel is not stored. A full file stores
- * all texels. */
+/* of_texel[i] is the position of texel i among the stored texels, or −1 if the texel is not stored,
+ * or if the mask of a file that is read leaves the texel out. A full file stores all texels. */
 struct bonn_index {
     gint32 *of_texel;
     int n_stored;

@@ -19,7 +19,7 @@ struct BonnFile {
     int order[BONN_CHANNELS]; /* positions of R, G, B among the channels */
 
     guint32 per_chunk; /* number of texels in a chunk; only for BDI */
-    gsize chunks_at;
+    gsize chunks_at;   /* position of the first chunk in the file, in bytes; only for BDI */
     struct bonn_index index;
 
     struct bonn_matrix matrices[BONN_CHANNELS]; /* an FMF has only the first */

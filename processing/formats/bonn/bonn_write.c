@@ -10,7 +10,9 @@
 #include "base/new_file.h"
 #include "exr/exr_half.h"
 
-#define CHUNK_BYTES ((gsize)64 << 20) /* size of a chunk, unless a single line is larger */
+#define CHUNK_BYTES                                                                                \
+    ((gsize)64 << 20) /* maximum size of a chunk, unless a single line is larger                   \
+                       */
 
 struct output {
     char *path;

@@ -21,8 +21,8 @@ struct merl;
 struct merl *merl_read(const char *path, GError **error);
 void merl_free(struct merl *merl); /* NULL is ignored */
 
-/* Gives the value of the bin that contains the directions, as MERL's own reader does; 0 if the
- * value is negative. */
+/* Gives the three values of the bin that contains the directions, as MERL's own reader does. If one
+ * of them is negative, all three are 0. */
 void merl_evaluate(const struct merl *merl, const float light[3], const float view[3],
                    float ret[3]);
 

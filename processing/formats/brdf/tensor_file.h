@@ -7,7 +7,8 @@
  *
  * A damaged or hostile file cannot take much memory: the size of a field is compared with the
  * length of the file before memory is allocated, and all fields together take no more memory than
- * the file has bytes. Errors are DATA_ERROR_INVALID and name the file. Any thread. */
+ * the file has bytes. Errors are DATA_ERROR_INVALID and DATA_ERROR_IO, and name the file. Any
+ * thread. */
 #pragma once
 
 #include <gio/gio.h>

@@ -1,9 +1,9 @@
 /* The mean apparent BRDF of a material's texels, and a smooth function that interpolates it.
  *
  * B(v, l), which contains n·l, is averaged over the texels of a region without holes, and divided
- * by π cos θ_l: f_r(l, v) = B / (π cos θ_l). Between the measured directions f_r is interpolated as
- * by direction_grid.h, separately over views and lights. Beyond the lowest measured direction f_r
- * keeps the value of that direction. f_r is never negative. */
+ * by π cos θ_l: f_r(l, v) = B / (π cos θ_l), with cos θ_l at least 0.05. Between the measured
+ * directions f_r is interpolated as by direction_grid.h, separately over views and lights. Beyond
+ * the lowest measured direction f_r keeps the value of that direction. f_r is never negative. */
 #pragma once
 
 #include "btf/btf_layout.h"
@@ -25,14 +25,14 @@ struct abrdf_info {
     /* RMS error of the interpolated B at the measured pairs of directions, relative to the RMS of
      * B */
     double error;
-    /* angle from the normal of the lowest measured direction, beyond which nothing is known */
+    /* angle from the normal of the lowest view or of the lowest light, whichever is smaller */
     double lowest_deg;
 };
 
 /* Reads a session, or a file that “mesorig compress” made from a session. A region of zeros means
  * all texels. Needs at most the memory of one view of a session, or of a file's model. The progress
  * stage is "read". The error is DATA_ERROR_INVALID if there are too few directions, if the region
- * is not in the material, or if there is no value at all. */
+ * is not in the material, or if a view has no value in the region. */
 Abrdf *abrdf_read(const char *path, const struct import_region *region, const struct work *work,
                   GError **error);
 void abrdf_free(Abrdf *abrdf); /* NULL is ignored */

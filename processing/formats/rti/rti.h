@@ -51,7 +51,7 @@ struct rti *rti_read(const char *path, GError **error);
 /* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */
 void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float ret[3]);
 
-/* Writes a PTM. */
+/* Writes a .ptm. rti must be a PTM, not hsh. */
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
 /* Writes a PTM as a new folder for OpenLIME, with info.json and plane_0.png …. lights (n × 3) are
