@@ -15,7 +15,7 @@ enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 
 struct Backdrop {
     guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
-    guint environment;
+    guint environment;          /* texture of the environment map; 0 if there is none */
     /* foot: half the size of the mesh's footprint in x and y, and the lowest z of the mesh; corner:
      * radius of the corners of the footprint; radius: radius of the mesh */
     float foot[3], corner, radius;

@@ -20,7 +20,8 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
                                   GError **error);
 
 /* Draws the background where nothing was drawn yet, with alpha 0. The projection is computed by
- * camera_matrix(). */
+ * camera_matrix(). Fails if settings->backdrop is set and backdrop_set_environment() has not been
+ * called, or if a program cannot be compiled. */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

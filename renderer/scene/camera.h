@@ -3,8 +3,10 @@
 
 #include "viewer_settings.h"
 
-/* Computes ret_projection, the column-major matrix from world to clip coordinates. aspect is width
- * / height. The near and far planes enclose the sphere of radius reach around the origin. */
+/* Computes ret_projection, the column-major matrix from world to clip coordinates. *ret_eye is the
+ * position of the camera in world coordinates. radius is the radius of the mesh, in which the
+ * settings give lengths. aspect is width / height. The near and far planes enclose the sphere of
+ * radius reach around the origin. */
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 

@@ -27,4 +27,5 @@ void file_opened_clear(struct file_opened *opened);
 /* Returns whether the ending of a file name is that of a kind that can be opened, so that a file
  * dialog shows the file. */
 gboolean file_kind_is_shown(const char *name);
+/* Returns whether a folder contains session.db or products. */
 gboolean file_kind_is_session(const char *folder);

@@ -9,8 +9,8 @@
 #define CELLS 256 /* cells of the hemisphere's square in each direction */
 
 struct Hatching {
-    guint program, missing;
-    gboolean any;
+    guint program, missing; /* missing: texture, 1 where the nearest planned view is missing */
+    gboolean any;           /* whether a planned view is missing */
 };
 
 Hatching *hatching_new(GError **error) {

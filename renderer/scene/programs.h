@@ -20,7 +20,7 @@ Programs *programs_new(const struct method *method);
 void programs_free(Programs *programs); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
-/* Returns a program, or 0 on error. It is owned by programs. */
+/* Returns a program, which `programs` owns, or 0 on error. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct places_source *places, const struct viewer_settings *settings,
                    GError **error);

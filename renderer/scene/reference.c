@@ -18,7 +18,7 @@
 G_DEFINE_QUARK(reference_error, reference_error)
 
 struct Reference {
-    mesorig_material *material;    /* NULL if the following members are used */
+    mesorig_material *material;    /* NULL for a BTF, which the following members describe */
     GPtrArray *files;              /* paths, one per view */
     GPtrArray *names;              /* of the parts, one per light */
     GArray *view_theta, *view_phi; /* of float, degrees */
@@ -44,7 +44,7 @@ struct along {
 /* One sample of the picture that shows the mesh. */
 struct sample {
     guint32 at;                   /* index in the picture */
-    struct endless_places places; /* in texels */
+    struct endless_places places; /* where the sample's material is read, in texels */
     struct direction_weights view, light;
     float sum[3];
 };
@@ -56,18 +56,18 @@ struct shading {
     struct sample *samples;
     struct along *along; /* one for each sample; NULL if views are mixed texel by texel */
     guint n_samples;
-    const float *texel, *view; /* values of viewer_render_geometry() */
-    const float *light, *lit;  /* values of viewer_render_geometry() for the lamp that is added */
+    const float *texel, *view; /* viewer_render_geometry() of TEXEL and of VIEW */
+    const float *light, *lit;  /* the same of LIGHT and of LIT, for the lamp that is added */
     /* rgb: colour of that lamp; ambient: brightness of an even sky that is added with the lamp */
     double rgb[3], ambient;
     /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;
     gsize layer_size;              /* in floats */
-    const float *pole, *sky;       /* share of each light */
+    const float *pole, *sky;       /* weight of each light in the layer of the pole, of the sky */
     float *means;                  /* mean R, G, B of each layer */
-    const struct index_map *index; /* NULL if there is none */
-    const struct endless *endless; /* NULL if there are none */
+    const struct index_map *index; /* index map; NULL if there is none */
+    const struct endless *endless; /* hexagons; NULL if there are none */
     struct endless_lattice lattice;
     int width, height; /* number of texels after which the drawn pattern repeats */
     int view_index;
@@ -253,8 +253,8 @@ static void reference_trace(const struct shading *s, const struct sample *sample
         ret->share[k] /= kept;
 }
 
-/* Finds the places of a point in the sample, in tiles. There is one, unless the sample is laid out
- * in hexagons. */
+/* Finds the places of a point in the sample, in tiles. There is one place, unless the sample is
+ * laid out in hexagons and style.nearest is not set. */
 static void reference_find_places(const struct shading *s, const float texel[2],
                                   struct endless_places *ret) {
     *ret = (struct endless_places){.n = 1, .x = {{texel[0], texel[1]}}, .weight = {1}};

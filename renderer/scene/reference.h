@@ -18,7 +18,7 @@
 GQuark reference_error_quark(void);
 enum reference_error {
     REFERENCE_ERROR_NONE,   /* there is no BTF */
-    REFERENCE_ERROR_FORMAT, /* the files of the BTF do not fit together */
+    REFERENCE_ERROR_FORMAT, /* a file is damaged, or BTF, MDF and index map do not fit together */
 };
 
 #define REFERENCE_MAX_SAMPLES (8 << 20)
@@ -47,7 +47,8 @@ struct reference_info {
 };
 struct reference_info reference_info(const Reference *reference);
 
-/* Reads a view into ret: n_lights × height × width × 3 (R, G, B). */
+/* Reads a view into ret: n_lights × height × width × 3 (R, G, B). Values that are not finite become
+ * 0. */
 gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
 
 /* These functions work like viewer_draw() and viewer_render_linear(); the first returns width ×

@@ -45,11 +45,13 @@ struct Viewer {
     Backdrop *backdrop;
     Hatching *hatching;
     guint plain_program, geometry_programs[GEOMETRIES], resolve_program;
-    guint array, vertices, shapes, indices;
+    guint array, vertices, shapes, indices; /* GL vertex array and the buffers of the mesh */
+    /* n_casting: number of indices without those of the floor, which casts no shadow; serial:
+     * number of meshes that have been set so far */
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
     double reach;  /* radius of a sphere around the origin that contains the mesh and its floor */
-    float *points; /* n_points × 3 */
+    float *points; /* positions of the mesh's vertices without the floor: n_points × 3 */
     guint n_points;
     struct gpu_target scene, geometry, picture;
 };
@@ -90,7 +92,8 @@ static void make_array(Viewer *viewer) {
     glBindVertexArray(0);
 }
 
-/* Returns the program, which is compiled when it is first used. Returns 0 on error. */
+/* Returns geometry program number `which`, and compiles it when it is first used. Returns 0 on
+ * error. */
 static guint geometry_program(Viewer *viewer, int which, GError **error) {
     static const char *const names[] = {
         "mesh.vert",    "frame.glsl",  "visible.glsl",  "shadow.glsl",
@@ -451,8 +454,8 @@ static void draw_part(Viewer *viewer, guint program, const struct viewer_setting
     glBindVertexArray(0);
 }
 
-/* Draws the mesh. program is used for all parts. If it is 0, each part is drawn with its own
- * program. */
+/* Draws the mesh. All parts are drawn with `program`. If `program` is 0, each part is drawn with
+ * the program of its material. Fails if this program cannot be compiled. */
 static gboolean draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
                           const struct relief_scene *scene, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;

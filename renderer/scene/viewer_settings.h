@@ -33,7 +33,7 @@ struct viewer_settings {
     /* Offset of the point that the camera looks at from the origin, to the right and up, in radii
      * of the mesh. */
     double camera_pan[2];
-    double camera_fov_deg;                 /* of the shorter side of the picture */
+    double camera_fov_deg;                 /* field of view along the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* direction of the first lamp from the origin */
     double lamp;                           /* brightness of the first lamp */
     /* Distance and cone of the first lamp, as in struct viewer_lamp. The cone aims at the origin.
@@ -44,7 +44,7 @@ struct viewer_settings {
     /* Rotation of the environment about the vertical axis, counter-clockwise seen from above. */
     double environment_turn_deg;
     int environment_lamps;   /* largest number of lamps that represent the environment */
-    double tiles_u, tiles_v; /* 0 keeps the numbers of the mesh */
+    double tiles_u, tiles_v; /* if one is 0, both are those of the mesh */
     /* Exposure in stops. At 0, a white diffuser that is lit along its normal has 0.8 of full
      * scale. */
     double exposure_ev;
@@ -62,7 +62,7 @@ struct viewer_settings {
     /* Angle that the first lamp covers in the sky, seen from the mesh. 0 gives sharp shadows. Other
      * lamps always have sharp shadows. */
     double light_size_deg;
-    /* Width and height of the first lamp's shadow map; see relief.h for the others. */
+    /* Width and height of the first lamp's shadow map, in pixels; see relief.h for the others. */
     int shadow_size;
     /* The environment is visible behind the mesh; needs viewer_set_environment(). */
     gboolean backdrop;
