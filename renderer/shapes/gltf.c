@@ -169,7 +169,8 @@ gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, 
     return TRUE;
 }
 
-/* The result of scene_read_gltf(): all triangles in one soup. */
+/* Data of whole_visit(): all triangles so far in one soup, and the transform p of the node that is
+ * being visited. */
 struct whole {
     const struct gltf_transform *p;
     enum scene_up up;

@@ -40,5 +40,5 @@ gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpoint
 gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
                             JsonObject *primitive, enum scene_up up, gboolean bare,
                             struct soup *soup, GError **error);
-/* Returns FALSE with an error if a transformed position is not finite. */
+/* Returns FALSE with an error if a coordinate of the soup is not finite or not within ±1e18. */
 gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, GError **error);

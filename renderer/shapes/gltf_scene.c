@@ -122,7 +122,8 @@ static void node_position(const struct gltf_transform *p, double ret[3]) {
         ret[c] = moved[c];
 }
 
-/* Reads a camera. The −z of a camera or lamp points at the scene. */
+/* Reads a camera. Only the first camera in perspective is kept. The −z of a camera or lamp points
+ * at the scene. */
 static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, gint64 k,
                             struct gltf_scene *scene, GError **error) {
     JsonObject *from = gltf_item(gltf, "cameras", k, error);

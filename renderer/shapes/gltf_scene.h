@@ -33,8 +33,9 @@ struct gltf_material {
 struct gltf_part {
     char *name; /* name of its mesh, or "" */
     struct mesh *mesh;
-    int material;     /* index into materials, or −1 for glTF's default material */
-    gboolean texture; /* the mesh has texture coordinates; otherwise they are 0 */
+    int material; /* index into materials, or −1 for glTF's default material */
+    gboolean
+        texture; /* whether the file has texture coordinates of the mesh, which are otherwise 0 */
 };
 
 /* the kinds of KHR_lights_punctual */

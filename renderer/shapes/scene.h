@@ -68,10 +68,11 @@ extern const char *const scene_shape_names[SCENE_SHAPES];
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {
-    double tiles_u, tiles_v; /* 0 keeps the numbers of the shape */
+    double tiles_u, tiles_v; /* if one is 0, both are those of the shape */
     enum scene_up up;
-    gboolean floor;
+    gboolean floor; /* whether to add a floor below the shape */
 };
+/* Makes a shape as scene_shape() does, with the tiles and the floor of the options. */
 struct mesh *scene_make(const char *name, const struct scene_options *options, GError **error);
 
 /* Makes a plane: −1 … 1 in x and y, normal +z. */

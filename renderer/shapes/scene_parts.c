@@ -37,8 +37,8 @@ struct parts {
     const struct gltf_scene *scene;
     const struct scene_binding *bindings;
     guint n_bindings;
-    gboolean *floor; /* whether each part of the scene belongs to the floor */
-    float low[3], high[3];
+    gboolean *floor;       /* whether each part of the scene belongs to the floor */
+    float low[3], high[3]; /* corners of the bounding box that parts_box() found */
 };
 
 static const struct gltf_part *parts_at(const struct parts *p, guint k) {
