@@ -144,8 +144,8 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
  * values. */
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options);
 
-/* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black
- * BTF. */
+/* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black BTF,
+ * and NaN if a file of the BTF cannot be read. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
 /* Computes the error of lpca_error(), and stores it in lpca->error. All ranks of options->team, if
  * there is one, must call this. The progress stage is "check". Returns FALSE with an error if a

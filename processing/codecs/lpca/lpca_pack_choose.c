@@ -140,8 +140,8 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
-/* Returns a packed local PCA of n components. *ret_exact is the error before rounding. Returns NULL
- * without an error if the target is not reached. */
+/* Returns a packed local PCA of n components. *ret_exact is the local PCA before rounding, or NULL
+ * with an error. Returns NULL without an error if the target is not reached. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;

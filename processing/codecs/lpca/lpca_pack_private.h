@@ -12,10 +12,10 @@ struct lpca_packed {
     /* n_views × layout.views.n, and n_lights × layout.lights.n: the axes as in the file, not yet
      * orthonormal */
     float *views, *lights;
-    float colours[9];
-    float *scales;  /* S: clusters × (components + 1) */
-    gint32 *tables; /* clusters × (components + 1) × n_views × 3 × n_lights */
-    gint32 *maps;   /* components × height × width */
+    float colours[9]; /* axes of the colours, 3 × 3, as in the file */
+    float *scales;    /* S: clusters × (components + 1) */
+    gint32 *tables;   /* clusters × (components + 1) × n_views × 3 × n_lights */
+    gint32 *maps;     /* components × height × width */
 };
 
 struct lpca_packed *lpca_packed_new(void);

@@ -112,7 +112,7 @@ struct lpca_run {
     float *axes;    /* r × d: axes of the reduced space */
     float *offsets; /* r: products of axes and mean */
     float *rows;    /* n × r: products of axes and values minus the mean */
-    GMutex lock;
+    GMutex lock;    /* protects `failed` */
     GError *failed; /* the first error of any thread */
     struct lpca_state state;
     /* 1 for each block of the stage that is done, otherwise 0; NULL without a checkpoint */

@@ -10,7 +10,7 @@
  * lpca_resample_error() has measured it. */
 struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error);
 
-/* Returns ‖X − X̂‖_F / ‖X‖_F of a resampled local PCA at the directions of btf, and stores it as the
- * error of resampled. btf may have other directions than the BTF from which the local PCA was made,
- * but must have as many texels. */
+/* Returns ‖X − X̂‖_F / ‖X‖_F of a resampled local PCA at the directions of btf, and stores it as
+ * the error of resampled. The result is NaN if a file of btf cannot be read. btf may have other
+ * directions than the BTF from which the local PCA was made, but must have as many texels. */
 double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads);

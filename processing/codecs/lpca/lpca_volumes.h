@@ -12,8 +12,8 @@
 struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **error);
 
 /* Computes one block. values is a table of a local PCA on a grid of n: n² views × n² lights × 3.
- * ret is the block of (n² + 1) × n² × 3. The weights of the samples in the uniform sky follow the
- * trapezoidal rule, because equal areas of the map are equal solid angles. */
+ * ret is the block: (n² + 1) lights × n² views × 3. The weights of the samples in the uniform sky
+ * follow the trapezoidal rule, because equal areas of the map are equal solid angles. */
 void lpca_volumes_block(int n, const float *values, float *ret);
 
 /* Converts values to signed bytes −127 … 127, which a graphics card reads as −1 … 1 (Schneider 2004
