@@ -10,9 +10,7 @@
 #include "base/new_file.h"
 #include "exr/exr_half.h"
 
-#define CHUNK_BYTES                                                                                \
-    ((gsize)64 << 20) /* maximum size of a chunk, unless a single line is larger                   \
-                       */
+#define CHUNK_BYTES ((gsize)64 << 20) /* maximum size of a chunk of several lines */
 
 struct output {
     char *path;
