@@ -16,4 +16,5 @@ void trace_choice_clear(struct trace_choice *choice);
 
 /* Returns the item for a random number in [0, 1). */
 gsize trace_choice_draw(const struct trace_choice *choice, double random);
+/* Returns the probability of item k. */
 double trace_choice_share(const struct trace_choice *choice, gsize k);

@@ -21,7 +21,7 @@ struct render {
     const TraceScene *scene;
     const struct trace_options *options;
     TracePicture *picture;
-    int n_across;
+    int n_across; /* number of blocks in a row of blocks */
 };
 
 static struct vec3 path_world(const struct trace_hit *hit, struct vec3 d) {

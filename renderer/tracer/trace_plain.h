@@ -26,7 +26,8 @@ void trace_plain_evaluate(const struct trace_plain *plain, struct vec3 view, str
                           double ret_rgb[3]);
 /* Draws a light direction approximately in proportion to f cos θ_l: by visible normals (Heitz 2018)
  * for the highlight, or by the cosine for the diffuse part. Returns the density per solid angle of
- * *ret_light, or 0 if view is below the horizon. */
+ * *ret_light, or 0 if view or *ret_light is not above the horizon. */
 double trace_plain_draw(const struct trace_plain *plain, struct vec3 view, const double random[3],
                         struct vec3 *ret_light);
+/* Returns the density per solid angle with which trace_plain_draw() draws `light`. */
 double trace_plain_density(const struct trace_plain *plain, struct vec3 view, struct vec3 light);

@@ -23,7 +23,7 @@ struct trace_camera {
 struct trace_area {
     struct vec3 corner, edges[2], normal;
     double area;
-    const double *emission;
+    const double *emission; /* radiance of its surface, R, G, B; owned by the surface */
 };
 
 typedef struct trace_scene {
@@ -31,8 +31,8 @@ typedef struct trace_scene {
     /* struct trace_surface: the materials of the file, then glTF's default */
     GArray *surfaces;
     struct RTCDeviceTy *device; /* of Embree */
-    struct RTCSceneTy *rays;
-    double reach; /* radius of the sphere around middle that contains everything */
+    struct RTCSceneTy *rays;    /* the triangles in Embree */
+    double reach;               /* radius of the sphere around middle that contains everything */
     struct vec3 middle;
     GArray *areas;           /* struct trace_area */
     GArray *part_areas;      /* gint64: index of the first area of each part, or −1 */
@@ -50,13 +50,16 @@ TraceScene *trace_scene_read(const char *path, GError **error);
 void trace_scene_free(TraceScene *scene); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
 
-/* Replaces all glTF materials of that name by the captured material in the file `path`. tiles is
- * the number of tiles of the captured material in one unit of the texture coordinates. */
+/* Replaces all glTF materials of that name by the captured material `path`, a session or a file of
+ * “mesorig compress”. It emits no light. Fails if there is no such name, if a mesh of it has no
+ * texture coordinates, or if the material cannot be opened. tiles is the number of tiles of the
+ * captured material in one unit of the texture coordinates. */
 gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
                                   double tiles, GError **error);
 /* Lets rays pass above the relief of the materials of this name, which must be captured materials.
  * At outlines the surface behind is then seen, and light passes at the edges of shadows. mdf is the
- * file of the distances. NULL means the file in the material's session. */
+ * file of the distances. NULL means the file in the material's session. Fails if there are no
+ * distances, or if the material does not state the size of a texel. */
 gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
                                 GError **error);
 /* Sets the sky and takes ownership of it. NULL means black. */

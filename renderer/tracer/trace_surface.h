@@ -38,9 +38,9 @@ struct trace_hit {
     struct vec3 x, y, z; /* frame of the surface; z is on the same side as facet */
     struct trace_texel texel;
     double distance;
-    gint64 area; /* index of the scene's area whose lit side was hit; −1 if there is none */
-    guint part;  /* index of the part in the glTF scene */
-    gboolean is_front;
+    gint64 area;       /* index of the scene's area whose lit side was hit; −1 if there is none */
+    guint part;        /* index of the part in the glTF scene */
+    gboolean is_front; /* whether the ray meets the front side of the triangle */
     struct mesorig_surface mesh; /* only on a surface with relief */
 };
 
@@ -57,5 +57,6 @@ void trace_surface_evaluate(const struct trace_surface *surface, struct trace_te
 double trace_surface_draw(const struct trace_surface *surface, struct trace_texel at,
                           struct vec3 view, enum trace_drawing drawing, struct trace_random *random,
                           struct vec3 *ret_light, double ret_rgb[3]);
+/* Returns the density per solid angle with which trace_surface_draw() draws `light`. */
 double trace_surface_density(const struct trace_surface *surface, struct trace_texel at,
                              struct vec3 view, struct vec3 light, enum trace_drawing drawing);
