@@ -156,7 +156,7 @@ gboolean gpu_check(const char *what, GError **error) {
     return FALSE;
 }
 
-#define MAX_SHADERS 14 /* of one program */
+#define MAX_SHADERS 14 /* maximum number of fragment shaders of one program */
 
 static const char *find_shader(const char *name) {
     for (const struct shader *shader = shaders; shader->name != NULL; shader++)

@@ -45,7 +45,7 @@ guint gpu_program(const char *constants, const char *const *names, GError **erro
 
 /* Does the same as gpu_program() in the shading language of OpenGL 4.3. Requires gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
-gboolean gpu_has_43(void);
+gboolean gpu_has_43(void); /* whether the current context has OpenGL 4.3 or later */
 
 /* Draws the triangle of screen.vert, which covers the whole screen. */
 void gpu_fill_screen(void);
@@ -74,6 +74,9 @@ struct gpu_target {
     int width, height;
 };
 
+/* Makes textures of this size. Does nothing if the target already has this size, whatever its
+ * format. The contents of new textures are undefined. Fails if the card does not support the
+ * size. */
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);

@@ -22,7 +22,7 @@ struct LpcaGrid {
     /* The buffer, and the buffer texture that reads it. The buffer has the texels of the samples in
      * the order cluster × view cell × (light cells, then the sky). */
     guint buffer, brdfs;
-    int n;
+    int n; /* samples of the grid in each direction */
 };
 
 static int pages_of(const struct lpca *lpca) {

@@ -39,7 +39,7 @@ struct lpca_texels {
     int width, height; /* of level 0 */
     int n_components, n_levels;
     gboolean log; /* values are logarithms, so texels are evaluated before they are mixed */
-    guint weights, clusters;
+    guint weights, clusters; /* textures of lpca_texel.glsl */
 };
 
 /* Initializes the textures. scales is NULL, or has the factors by which the weights of each cluster
@@ -51,6 +51,7 @@ void lpca_texels_clear(struct lpca_texels *texels);
 /* Returns the constants of lpca_texel.glsl; see struct method. Free them with g_free(). */
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
 
+/* Stores the columns and rows of level 0. Returns TRUE. */
 gboolean lpca_texels_size(const struct lpca_texels *texels, int ret[2]);
 gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 

@@ -14,9 +14,9 @@ struct LpcaView {
     /* A block has one row per view. Its columns are the lights and the sky, each with all
      * components. */
     struct lpca_stack stack;
-    guint brdfs;
-    guint skies; /* reflectance under an even sky; 0 unless values are logarithms */
-    int ambient_column;
+    guint brdfs;        /* texture with the layout of stack */
+    guint skies;        /* reflectance under an even sky; 0 unless values are logarithms */
+    int ambient_column; /* first column of the sky in a block */
     struct direction_textures views, lights;
 };
 

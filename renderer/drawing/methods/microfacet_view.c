@@ -6,7 +6,9 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define SIZE        256 /* width and height of the normal map, for one tile */
+#define SIZE 256 /* width and height of the normal map, for one tile */
+/* YARNS: yarns per tile in each direction. ACROSS, ALONG: largest slope of a yarn across it and
+ * along it. BUMP_RADIUS: in widths of a boss's cell. BUMP_SLOPE: largest slope of a boss. */
 #define YARNS       16
 #define ACROSS      0.8F
 #define ALONG       0.45F
@@ -28,7 +30,7 @@ static const float weft_diffuse[3] = {0.07F, 0.08F, 0.3F};
 struct material {
     enum microfacet_surface surface;
     struct microfacet facets;
-    guint normals;
+    guint normals; /* texture of the normal map; 0 for fabric */
 };
 
 /* Returns the unit normal along (x, y, 1). */

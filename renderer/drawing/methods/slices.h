@@ -35,9 +35,11 @@ struct slices {
     /* index of the value in a texel, for each channel of each page; −1 if the channel is not
      * used */
     int value_at[SLICES_MAX_PAGES][SLICES_PAGE];
-    /* Set by slices_upload(). */
-    int width, height;            /* texels of level 0 */
-    guint values, ambients, pole; /* textures */
+    /* Set by slices_upload(). values is the texture of the models' values. ambients is the texture
+     * of the reflectance under an even sky: a layer per view, and one for the pole. pole is the
+     * texture of the indices of the views whose mean stands for the pole (lobes.glsl). */
+    int width, height; /* texels of level 0 */
+    guint values, ambients, pole;
     struct direction_textures views;
 };
 

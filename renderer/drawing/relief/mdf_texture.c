@@ -23,9 +23,9 @@ struct MdfTexture {
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
     struct mdf_table *measured; /* copy of the measured views; NULL when there is a shell */
-    guint shell;                /* 0 before it is first used */
+    guint shell;                /* texture; 0 before it is first used */
     double most_per_mm, top_mm; /* as in mdf_shell.h */
-    guint volume;               /* 0 before it is first used */
+    guint volume;               /* texture; 0 before it is first used */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
                /* θ in rad, centre of the first slice in slices, number of views, φ of the first

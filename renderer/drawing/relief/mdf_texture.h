@@ -28,8 +28,8 @@ gint64 mdf_texture_bytes(const MdfTexture *texture); /* GPU memory; 0 for NULL *
  * levels. Its filter interpolates between views of a ring, and the shader mixes two rings. The
  * texture is made from the views when this function is first called. The first view of each ring is
  * repeated at the end of the ring. Shaders are compiled with MDF_VOLUME 1. The function fails if
- * the MDF is in factors, or if its views are not on at most MDF_VOLUME_RINGS rings, each evenly
- * spaced. */
+ * the MDF is in factors, if its views are not on at most MDF_VOLUME_RINGS rings, each evenly
+ * spaced, or if they do not fit into a 3D texture of the card. */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 

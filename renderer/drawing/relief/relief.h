@@ -34,15 +34,15 @@ struct relief_scene {
     /* Number of indices at the beginning that cast shadows. All indices receive shadows. If there
      * are several parts, this number must not end within a part. */
     guint n_casting;
-    double radius; /* radius of the part that casts shadows */
-    float light[3];
-    guint serial; /* a different number for each mesh */
+    double radius;  /* radius of the part that casts shadows */
+    float light[3]; /* unit vector towards the first lamp */
+    guint serial;   /* a different number for each mesh */
     /* Whether silhouettes and the shadows of all lamps are drawn. Silhouettes need a part with an
      * MDF. */
     gboolean silhouettes, shadows;
     gboolean lit;          /* the first lamp is on; if FALSE, it casts no shadow */
     double light_size_deg; /* angle that the first lamp covers; 0 for sharp shadows */
-    int n_further;
+    int n_further;         /* number of further lamps */
     struct shadow_lamp further[RELIEF_MAX_LAMPS];
     /* Width and height of the first lamp's shadow map. The maps of further lamps have the same size
      * if there are at most 4 maps, half the size for at most 16, and a quarter beyond. A lamp

@@ -6,12 +6,15 @@
 #include <math.h>
 #include <string.h>
 
-#define SLACK 2.0 /* depth bias, in texels */
-#define REACH 2.0 /* in radii of the mesh; see shadow_maps_range() */
+/* SLACK: depth bias, in texels. REACH, RANGE: in radii of the mesh; see shadow_maps_range(). NEAR:
+ * in radii of the mesh; a lamp nearer to the origin has six maps. WIDE: a lamp whose cone has a
+ * larger half-angle also has six maps. FACES: number of these maps. */
+#define SLACK 2.0
+#define REACH 2.0
 #define RANGE 4.0
 
-#define NEAR  1.2 /* in radii of the mesh; a lamp nearer to the origin has six maps */
-#define WIDE  (75.0 * G_PI / 180) /* a lamp with a wider cone also has six maps */
+#define NEAR  1.2
+#define WIDE  (75.0 * G_PI / 180)
 #define FACES 6
 
 /* Everything on which a map depends. */
@@ -25,7 +28,7 @@ struct key {
 struct ShadowMaps {
     gboolean layered;
     guint program, texture, framebuffer;
-    int size, n;
+    int size, n;                        /* size: width and height of a map; n: number of layers */
     struct key keys[SHADOW_MAPS_LAYER]; /* keys of the layers */
 };
 
@@ -123,6 +126,7 @@ static gboolean lamp_has_cone(const struct shadow_lamp *lamp) {
     return lamp->cone_rad > 0.0F && (double)lamp->cone_rad <= WIDE;
 }
 
+/* Returns the number of maps of a lamp, 1 or FACES. */
 static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
     const gboolean outside = lamp->cone_rad <= 0.0F && place_distance(lamp) >= NEAR * radius;
     return lamp->place[3] < 0.5F || lamp_has_cone(lamp) || outside ? 1 : FACES;
@@ -138,6 +142,7 @@ static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
                                : radius / sqrt(distance * distance - radius * radius);
 }
 
+/* Returns the length from depth 0 to depth 1 in the maps of a lamp. */
 static double lamp_range(const struct shadow_lamp *lamp, double radius) {
     return lamp->place[3] < 0.5F ? RANGE * radius : place_distance(lamp) + 2.0 * radius;
 }
@@ -225,6 +230,7 @@ static void near_matrix(const struct shadow_lamp *lamp, int face, double radius,
     ret[15] = (float)moved[2];
 }
 
+/* Draws the depths of seen, a texture of visibility_find(), into a layer. */
 static void draw_map(const ShadowMaps *maps, int layer, double range, guint seen) {
     glBindFramebuffer(GL_FRAMEBUFFER, maps->framebuffer);
     if (maps->layered)

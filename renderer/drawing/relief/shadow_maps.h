@@ -21,7 +21,7 @@ void shadow_maps_free(ShadowMaps *maps); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ShadowMaps, shadow_maps_free)
 
 struct shadow_scene {
-    /* Scene; sight, reach, projection and size are set for each lamp. */
+    /* The caller sets all elements but sight, reach, projection, width, height and base_only. */
     struct visibility_scene casting;
     double radius; /* radius of a sphere around the origin that contains the mesh */
     guint serial;  /* a different number for each mesh */

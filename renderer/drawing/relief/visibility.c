@@ -18,11 +18,15 @@ struct Visibility {
      * they are first needed. SURE and ADD exist only with OpenGL 4.3, as do exits and find. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint exits, find;
-    guint query;
+    guint query; /* whether a layer has back faces */
+    /* back: the back faces of this layer and of the layer before, in turn; exit: the nearest back
+     * faces; seen: the result of visibility_find() */
     struct gpu_target back[2], exit, seen;
     /* Stencil buffer of seen: with peeling, the layer in which the surface of a pixel was found;
      * with lists, 1 where a pixel has a list. */
     guint stencil;
+    /* first: texture of the number of the first face in each pixel's list; faces: buffer of the
+     * lists (list_nodes.glsl) */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
     guint32 room; /* number of faces for which the buffer has space */
@@ -312,6 +316,7 @@ static gboolean list(Visibility *v, const struct visibility_scene *s, GError **e
     return gpu_check("finding silhouettes in lists", error);
 }
 
+/* Compiles the programs of the part's variant if they do not exist yet. */
 static gboolean need(Visibility *v, const struct visibility_part *part, GError **error) {
     guint *programs = v->all_programs[part_variant(part)];
     if (programs[BACK] != 0 || make_programs(programs, form_of(part), &part->places, error))

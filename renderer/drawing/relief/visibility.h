@@ -44,7 +44,7 @@ struct visibility_part {
     const MdfTexture *mdf;
     /* The places at which depths of the MDF are read. Reflectance is read at the same places. */
     struct places_source places;
-    float tiles[2];
+    float tiles[2]; /* repetitions of the material along u and v */
     guint first_index, n_indices;
     gboolean volume; /* mdf_texture_make_volume() has made the volume of mdf */
     gboolean shell;  /* mdf_texture_make_shell() has made the shell of mdf */
@@ -52,14 +52,14 @@ struct visibility_part {
 };
 
 struct visibility_scene {
-    guint array;
+    guint array; /* vertex array of the mesh */
     struct visibility_part parts[VISIBILITY_MAX_PARTS];
     int n_parts;
-    float projection[16];
+    float projection[16]; /* from world to clip coordinates, column-major */
     /* [3] = 1: position of the eye; [3] = 0: unit vector towards an eye infinitely far away */
     float sight[4];
-    float reach; /* for an eye infinitely far away: a length larger than any in the scene */
-    int width, height;
+    float reach;       /* for an eye infinitely far away: a length larger than any in the scene */
+    int width, height; /* of the resulting texture */
     /* The caller only needs the distances to the mesh and to the base. */
     gboolean base_only;
     struct visibility_options options;
