@@ -1,12 +1,12 @@
 // A neutral ground that fades into the distance, and darkens softly under the mesh.
 uniform mat4 projection;
 uniform vec3 eye;
-uniform vec3 foot;    // half the width and depth of the mesh, and its lowest z
-uniform float corner; // radius of the corners of the outline seen from above
+uniform vec3 foot;    // half the size of the mesh's footprint in x and in y, and its lowest z
+uniform float corner; // radius of the corners of the footprint, which is a rectangle
 uniform float radius; // radius of the mesh
 
-uniform vec3 light; // direction towards the first lamp
-uniform float lamp;
+uniform vec3 light; // unit vector towards the first lamp
+uniform float lamp; // brightness of the first lamp
 
 in vec2 at;
 out vec4 colour;

@@ -35,6 +35,8 @@ vec2 foot_step(mat2 b, vec2 w, float depth) {
     return det > 0.05 ? ((1.0 - depth * trace) * w + depth * (b * w)) / det : w;
 }
 
+// Returns the factors by which the lengths of a step of 1 in u and in v have changed at the foot,
+// relative to where the ray enters.
 vec2 grown_at(vec2 foot) {
     return clamp(1.0 + vec2(dot(stretching.xy, foot), dot(stretching.zw, foot)), MIN_GROWN,
                  MAX_GROWN);
@@ -76,6 +78,8 @@ struct ray_end {
     mat3 turn; // rotation from the frame where the ray enters to the frame at its end
 };
 
+// Returns the end of a ray that goes into the mesh by the distance way. v is the direction towards
+// the eye where the ray enters.
 ray_end find_end(vec3 v, float way) {
     ray_end end = ray_end(texel, v, mat3(1.0));
     if (!curved)

@@ -3,9 +3,9 @@ in vec3 frame_n;
 in vec4 frame_t;
 in vec2 texel;
 
-uniform vec3 eye;   // position in world coordinates
-uniform vec3 light; // unit vector towards the light
-uniform float ambient_light;
+uniform vec3 eye;            // position in world coordinates
+uniform vec3 light;          // unit vector towards the first lamp
+uniform float ambient_light; // radiance of the even sky
 
 out vec4 colour;
 

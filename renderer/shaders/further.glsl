@@ -44,6 +44,7 @@ uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per 
 uniform vec3 further_right[MAX_LAMPS];
 uniform vec3 further_range; // shadow_range (shadow.glsl) for far lamps
 
+// Returns the share of the light of far lamp k that arrives at p, 0 … 1.
 float far_at(vec3 towards, int k, vec3 p) {
     vec3 at = in_map(p, towards, further_right[k], further_range);
     return outside(at) ? 1.0 : texture(further_maps, vec4(at.xy, float(k), at.z));
@@ -55,8 +56,8 @@ vec3 map_right(vec3 back) {
     return normalize(cross(abs(back.z) > 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0), back));
 }
 
-// Returns the share of the light of near lamp k that arrives at p. The depth in the map of a near
-// lamp is the distance from the lamp.
+// Returns the share of the light of near lamp k that arrives at p, 0 … 1. The depth in the map of a
+// near lamp is the distance from the lamp.
 float near_at(int k, vec3 p) {
     vec3 map = further_right[k], v = p - lamp_places[k].xyz, size = abs(v);
     vec3 axis = lamp_cones[k].xyz, back;
@@ -81,6 +82,7 @@ float near_at(int k, vec3 p) {
 }
 #endif
 
+// Returns the share of the light of lamp k that arrives at p, 0 … 1.
 float further_at(int k, vec3 p) {
 #ifdef NEAR_LAMPS
     return lamp_places[k].w > 0.5 ? near_at(k, p) : far_at(lamp_places[k].xyz, k, p);

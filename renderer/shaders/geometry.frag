@@ -1,6 +1,6 @@
 // Outputs the values with which code outside the GPU shades a sample; see viewer_render_geometry().
 // The light is that of the first lamp. With FURTHER it is that of the first further lamp.
-uniform int which;
+uniform int which;      // enum viewer_geometry
 uniform float material; // 1 + the number of the material
 
 void main() {

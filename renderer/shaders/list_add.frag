@@ -1,7 +1,8 @@
 layout(early_fragment_tests) in;
 layout(r32ui, binding = 0) uniform uimage2D first;
-uniform uint room;
+uniform uint room; // number of faces for which the buffer has space
 
+// Adds the face to the list of its pixel.
 void main() {
     bool front = gl_FrontFacing;
     below ray =

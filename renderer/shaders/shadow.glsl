@@ -2,10 +2,10 @@
 // §4.2).
 uniform bool shadows; // if FALSE, the light always arrives
 uniform sampler2DShadow shadow_map;
-uniform vec3 shadow_light; // unit vector towards the lamp
-uniform vec3 shadow_right; // direction of the map's +x; its +y is shadow_light × shadow_right
-uniform vec3 shadow_range; // shadow_maps_range(): distance at depth 0, length of the range, bias
-uniform float shadow_radius;
+uniform vec3 shadow_light;   // unit vector towards the lamp
+uniform vec3 shadow_right;   // direction of the map's +x; its +y is shadow_light × shadow_right
+uniform vec3 shadow_range;   // shadow_maps_range(): distance at depth 0, length of the range, bias
+uniform float shadow_radius; // radius of the mesh; half the width of the map
 #ifdef SOFT_SHADOWS
 uniform sampler2D shadow_depths; // the depths of shadow_map
 uniform float lamp_spread;       // tangent of half the angle that the lamp covers in the sky; 0 for
@@ -32,8 +32,8 @@ vec2 spiral(int k) {
 
 // Returns the share of a round lamp's light that arrives at a place in the map (percentage-closer
 // soft shadows; Fernando 2005). From the place, the lamp is a cone towards the light. What blocks
-// the light lies within this cone. The mean distance of that to the place gives the width of the
-// cone there, over which the map is filtered.
+// the light lies within this cone. The mean distance of these blockers from the place gives the
+// width of the cone at the blockers, over which the map is filtered.
 float soft_lamp_at(vec3 at) {
     float across = shadow_range.y * lamp_spread / (2.0 * shadow_radius); // of the map, per depth
     float most = across * at.z, sum = 0.0, n = 0.0;

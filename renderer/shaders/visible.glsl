@@ -1,5 +1,5 @@
 // Decides which fragments are seen when the structure of the material counts; see visibility.h.
-uniform sampler2D seen;
+uniform sampler2D seen;   // r: distance from the eye to the mesh; g: from there to the structure
 uniform bool silhouettes; // if FALSE, all fragments are seen
 uniform float slack;      // tolerance of distances from the eye
 
