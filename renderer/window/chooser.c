@@ -14,12 +14,12 @@ struct Chooser {
     GCancellable *cancel; /* cancels the calls under way; NULL if no dialog was requested */
     int under_way;        /* number of calls whose callback has not been called yet */
     char *request;        /* object path of the open dialog; NULL if there is none */
-    guint subscription;
-    int n_asked;
+    guint subscription;   /* of the dialog's signal Response; 0 if there is none */
+    int n_asked;          /* number of dialogs requested so far */
     enum chooser_what what;
     char *folder, *name;
     enum chooser_state state; /* next result of chooser_poll() */
-    char *path;
+    char *path;               /* the chosen file, until chooser_poll() returns it; otherwise NULL */
 };
 
 Chooser *chooser_new(void) {

@@ -61,10 +61,10 @@ GArray *live_views(const char *session, GError **error) {
 struct Live {
     char *session;
     GThread *thread; /* NULL if no thread is running */
-    gint done;       /* atomic */
-    gint cancelled;  /* atomic */
+    gint done;       /* atomic: the thread has finished; it can be joined without waiting */
+    gint cancelled;  /* atomic: the thread must end */
     int n_views;     /* number of views of the last result, or of the one that is being computed */
-    struct eigenmaps *maps;
+    struct eigenmaps *maps; /* the result of the thread, or NULL with an error */
     GError *error;
 };
 

@@ -26,7 +26,7 @@ struct studio {
     const char *material; /* path */
     const struct mesh *mesh;
     struct environment *environment; /* or NULL */
-    Viewer *viewer, *second;
+    Viewer *viewer, *second;         /* second draws o->second; NULL if there is none */
     Compose *compose;
     /* References for the materials of the viewer. The reference of the main material may be NULL.
      * If n_references is 0, the methods draw the pictures. */
@@ -34,11 +34,11 @@ struct studio {
     int n_references;
     guint8 *sheet; /* sheet of o->sheet columns; NULL for one file per frame */
     struct window_result drawn;
-    GPtrArray *files;       /* paths of written files */
-    int n_replaced;         /* number of these files that replaced an existing one */
-    double error;           /* error of the last frame against its reference */
-    int n_views, n_planned; /* numbers of measured and of planned views of a live session */
-    struct measured measured;
+    GPtrArray *files;         /* paths of written files */
+    int n_replaced;           /* number of these files that replaced an existing one */
+    double error;             /* error of the last frame against its reference */
+    int n_views, n_planned;   /* numbers of measured and of planned views of a live session */
+    struct measured measured; /* result of --measured */
 };
 
 /* Returns the path of a frame. OUT.png becomes OUT_0000.png and so on if there are several frames,

@@ -11,13 +11,13 @@
 #define PUT 1000 /* share of a job, in thousandths, that is done when its file has been read */
 
 struct Opener {
-    GLFWwindow *context;
+    GLFWwindow *context; /* hidden window with the second GL context */
     GThreadPool *thread;
     GAsyncQueue *finished;      /* of struct opened */
     gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0 if there is none */
-    gint asked;
-    int under_way; /* number of requested jobs that were not polled yet */
-    gint share;    /* atomic: share of the running job that is done, in thousandths */
+    gint asked;                 /* number of the latest request */
+    int under_way;              /* number of requested jobs that were not polled yet */
+    gint share;                 /* atomic: share of the running job that is done, in thousandths */
     const struct opened *working; /* atomic: the running job, or NULL; exists until it is polled */
 };
 

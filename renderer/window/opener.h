@@ -16,9 +16,9 @@ struct opened {
     enum opener_place place;
     const struct method *method; /* only for OPENER_FIRST and OPENER_SECOND */
     char *path;
-    gpointer material; /* material of the method; NULL with an error */
-    struct mdf_source *mdf;
-    struct environment *environment;
+    gpointer material;               /* material of the method; NULL with an error */
+    struct mdf_source *mdf;          /* only for OPENER_MDF; NULL with an error */
+    struct environment *environment; /* only for OPENER_ENVIRONMENT; NULL with an error */
     GError *error;
     gint number; /* number of the request */
 };

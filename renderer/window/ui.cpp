@@ -24,6 +24,7 @@ const float FONT_SIZE = 15.0F;
 const ImWchar RANGES[] = {0x20,   0x24F,  0x370,  0x3FF,  0x2010, 0x2026, 0x2070,
                           0x209C, 0x2190, 0x2194, 0x2200, 0x2265, 0};
 
+/* colours of the dots, by enum ui_dot_kind */
 const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 255),
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255),
                          IM_COL32(255, 210, 80, 255)};
@@ -32,7 +33,7 @@ const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 2
  * by scale. */
 const float ROUNDING = 4.0F, GRIP = 10.0F;
 
-float scale = 1.0F;
+float scale = 1.0F; /* see ui_scale() */
 
 /* Returns the factor for fonts and widgets. Where windows are measured in pixels, this factor is
  * the display's scale. Elsewhere the framebuffer is already larger than the window by that scale,

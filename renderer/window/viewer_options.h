@@ -9,8 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* mdf: the path as given; mdf_path: the path of the file that is read,
-                             which need not exist */
+    /* mdf: the path as given; mdf_path: the path of the file that is read, which need not exist */
+    char *mdf, *mdf_path;
     /* index: the index map as given, a file or the directory of a session; index_path: its file */
     char *index, *index_path;
     /* normal map for methods that accept one; NULL keeps the normals of the method */
@@ -23,20 +23,21 @@ struct viewer_options {
     char *split, *difference; /* names of the second method as given; at most one is not NULL */
     const struct method *second;
     struct compose compose;
-    enum scene_up upward;
-    gboolean measured, live, with_panel;
-    gint64 started_us; /* g_get_monotonic_time() at the start of the program */
-    char *series_text;
-    int series[SERIES_MAX], n_series; /* n_series percentages of the views */
-    double wait_s;
+    enum scene_up upward;                /* parsed from up */
+    gboolean measured, live, with_panel; /* options of these names */
+    gint64 started_us;                   /* g_get_monotonic_time() at the start of the program */
+    char *series_text;                   /* the text of --series as given */
+    int series[SERIES_MAX], n_series;    /* n_series percentages of the views */
+    double wait_s;                       /* longest time without a new view in a series */
+    /* Numbers as given, or 0: pictures; frames after which the window closes; samples of a pixel in
+     * each direction; columns of a sheet */
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, along_surface, light_turn, camera_turn, json, sample, force;
     struct viewer_settings settings;
-    char **rest;
-    const char
-        /* MATERIAL: the directory of a session, or a file. NULL if the method needs none. */
-        *argument;
-    int width, height;
+    char **rest; /* arguments that are not options */
+    /* MATERIAL: the directory of a session, or a file. NULL if the method needs none. */
+    const char *argument;
+    int width, height; /* of a picture, or of the window; parsed from size */
 };
 
 /* Initializes options before parsing. */
@@ -53,6 +54,7 @@ GOptionEntry *viewer_options_entries(struct viewer_options *options);
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
+/* Returns the number of rows of the sheet, or 1 without --sheet. */
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
 /* Returns the material of --sample, which comes with the package or is the demo of a source tree.

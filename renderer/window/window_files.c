@@ -8,13 +8,13 @@
 #define MAX_FILES 5000 /* largest number of rows */
 
 struct files_row {
-    char *name, *shown;
+    char *name, *shown; /* name: of the file; shown: text of the row, UTF-8 */
     gboolean is_folder, is_session;
 };
 
 struct window_files {
     enum chooser_what what;
-    char *folder;
+    char *folder;     /* absolute path of the listed folder */
     GPtrArray *rows;  /* of struct files_row */
     char *problem;    /* problem of the folder, or NULL */
     char line[4096];  /* text of the input line: a path, or a name in the folder */

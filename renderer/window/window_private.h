@@ -32,42 +32,44 @@ struct window {
     struct gpu_target scene; /* the picture without the panel */
     /* Aspect of the picture that the camera's distance fits; 0 if none was drawn yet. */
     double aspect;
-    Viewer *viewer, *second;
+    Viewer *viewer, *second; /* second: NULL until a second material has been opened */
     struct mesh *mesh;
-    const char
-        *own_shape; /* shape that was given or opened: a file, or the name of a computed shape */
-    char *session;  /* directory of the session, or NULL */
+    /* The shape that was given or opened: a file, or the name of a computed shape. */
+    const char *own_shape;
+    char *session; /* directory of the session, or NULL */
+    /* Paths of the files that are shown. material is the name of a method that needs no file while
+     * that method is shown. */
     char *material, *second_material;
-    char *message; /* sentence that is shown to the user, or NULL */
-    gboolean is_error;
-    char *title; /* the present title of the window */
-    double x, y; /* position of the mouse */
-    double frame_ms;
-    float histogram[3 * WINDOW_BINS];
-    gboolean stale; /* the picture must be drawn again */
-    int frames_due; /* number of frames still to be drawn after an event */
-    gboolean panel; /* the panel is unfolded */
+    char *message;                    /* sentence that is shown to the user, or NULL */
+    gboolean is_error;                /* message is an error, which stays until it is closed */
+    char *title;                      /* the present title of the window */
+    double x, y;                      /* position of the mouse */
+    double frame_ms;                  /* time that the last picture took */
+    float histogram[3 * WINDOW_BINS]; /* of the picture; see ui_histogram() */
+    gboolean stale;                   /* the picture must be drawn again */
+    int frames_due;                   /* number of frames still to be drawn after an event */
+    gboolean panel;                   /* the panel is unfolded */
     enum window_page page;
-    int before_full_screen[4]; /* position and size of the window before full screen: x, y, width,
-                                  height */
+    /* Position and size of the window before full screen: x, y, width, height. */
+    int before_full_screen[4];
     /* Modification times in µs of the file that is shown, of the file that is being opened, and of
      * the MDF */
     gint64 file_time, asked_time, mdf_time;
-    gint64 looked_us;
+    gint64 looked_us; /* time at which window_follow() last checked the files */
     Live *live; /* computes eigen-maps of a session that is being captured; NULL if there is none */
-    int n_live;
+    int n_live; /* number of views of live_maps */
     struct eigenmaps *live_maps; /* the latest eigen-maps of live; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    const char
-        *asked_argument; /* MATERIAL that is being opened; NULL means the MATERIAL of `now` */
-    gboolean first_open; /* the material given at the start was opened, or has failed */
+    /* MATERIAL that is being opened; NULL means the MATERIAL of `now`. */
+    const char *asked_argument;
+    gboolean first_open;           /* the material given at the start was opened, or has failed */
     enum compose_mode second_mode; /* mode that is set when the second material has been opened */
     gboolean outlines;             /* silhouettes are switched on when the MDF has been opened */
     struct mdf_source *mdf;        /* NULL if none was opened */
-    gboolean show_measured;
+    gboolean show_measured; /* the panel shows measured, as the picture in measured_texture */
     struct measured measured;
-    guint measured_texture;
+    guint measured_texture;          /* 0 until a frame has been compared */
     struct environment *environment; /* NULL if there is none */
     /* path of the environment map that was opened last, or NULL */
     const char *own_environment;
@@ -77,9 +79,9 @@ struct window {
      * environment. */
     int lamp;
     Chooser *chooser;
-    enum chooser_what chooser_what;
-    struct window_files *files; /* list of WINDOW_FILES */
-    GPtrArray *recent;          /* list of WINDOW_START */
+    enum chooser_what chooser_what; /* what the last dialog was opened for */
+    struct window_files *files;     /* list of WINDOW_FILES */
+    GPtrArray *recent;              /* list of WINDOW_START */
 };
 
 /* window_source.c: changes the materials, the MDF and the environment of the picture. An error is
@@ -108,8 +110,8 @@ void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialo
 void window_follow_chooser(struct window *w);
 
 /* window_lamps.c */
-void window_relight(struct window *w); /* makes the environment's lamps again, after a change of the
-                                          environment or of n_lamps */
+/* Makes the environment's lamps again, after a change of the environment or of n_lamps. */
+void window_relight(struct window *w);
 void window_set_environment(struct window *w, struct environment *environment, const char *name);
 void window_add_lamp(struct window *w);
 void window_remove_lamp(struct window *w);

@@ -8,6 +8,7 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
+/* Returns the time in µs at which a file was last changed, or −1 if there is no file. */
 static gint64 time_of(const char *path) {
     GStatBuf info;
     return path != NULL && g_stat(path, &info) == 0
@@ -132,6 +133,7 @@ void window_watch_session(struct window *w, const char *session) {
     w->stale = TRUE;
 }
 
+/* The functions take_…() show what was opened for a place, and take it out of the job. */
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     if (!viewer_set_method(w->viewer, o->method, o->material, error))
         return FALSE;
@@ -197,8 +199,8 @@ gboolean window_take_opened(struct window *w, GError **error) {
                                                                       take_mdf, take_environment};
         g_autoptr(GError) why = g_steal_pointer(&o->error);
         if (o->place == OPENER_FIRST && g_strcmp0(o->path, w->material) == 0)
-            w->file_time = w->asked_time; /* even after an error, the file is not opened again until
-                                             it changes */
+            /* Even after an error, the file is not opened again until it changes. */
+            w->file_time = w->asked_time;
         if (o->place == OPENER_MDF && why != NULL)
             w->outlines = FALSE;
         const gboolean good = why == NULL && takers[o->place](w, o, &why);
