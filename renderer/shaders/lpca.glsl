@@ -1,8 +1,8 @@
 // Eigen-BRDFs as measured, for all nine pairs of the three views and the three lights around v and
 // l (Schneider 2004 §5):
 //   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
-uniform sampler2DArray brdfs; // x: light · (components + 1) + component; y and layer: see `row`
-                              // in evaluate()
+uniform sampler2DArray brdfs;     // x: light · (components + 1) + component; y and layer: see row
+                                  // in evaluate()
 uniform samplerCube view_indices; // indices of measured directions, in units of 1/65535; like all
                                   // these textures, it is not filtered
 uniform samplerCube view_weights;
