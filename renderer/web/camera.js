@@ -10,6 +10,7 @@ function axesOf(settings) {
   return { right: cross(up, back), up, back };
 }
 
+// Returns the tangents of half the field of view: across and upwards.
 function halfAngles(settings, aspect) {
   const half = Math.tan(0.5 * settings.cameraFovDeg * Math.PI / 180);
   return aspect >= 1 ? [half * aspect, half] : [half, half / aspect];
@@ -53,11 +54,13 @@ export function fitCamera(settings, points, radius, aspect) {
   };
 }
 
+// Returns the matrix from world to eye coordinates.
 function lookAt(eye, { right, up, back }) {
   return [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
     -dot(right, eye), -dot(up, eye), -dot(back, eye), 1];
 }
 
+// Returns the matrix from eye to clip coordinates. halfY is a tangent; see halfAngles().
 function perspective(halfY, aspect, near, far) {
   const f = 1 / halfY, depth = 1 / (near - far);
   return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (near + far) * depth, -1, 0, 0,

@@ -2,6 +2,7 @@
 // renderer/drawing/methods/lpca_revised.c, and are read by lpca_texel.glsl and lpca_revised.glsl.
 import { floatOfHalf } from "./material_file.js";
 
+// width and height of the faces of the cube maps of views and of lights
 const viewSize = 256, lightSize = 512;
 
 export const localPcaShaders = ["levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl"];
@@ -111,6 +112,8 @@ export class LocalPca {
     return texture;
   }
 
+  // Uploads the samples of the means and of the eigen-BRDFs. this.columns is the number of clusters in
+  // a row of both textures.
   putVolumes() {
     const gl = this.gpu.gl, { clusters, components, grid: n, data } = this.material;
     const most = this.gpu.largest3D, depth = n * n + 1, block = 3 * n * n * depth;

@@ -66,6 +66,7 @@ export async function loadMaterial(url, progress = () => {}) {
   return readMaterial(new Uint8Array(await answer.arrayBuffer()), progress);
 }
 
+// Returns the value of a half float that is given as 16 bits.
 export function floatOfHalf(bits) {
   const sign = bits & 0x8000 ? -1 : 1, exponent = (bits >> 10) & 31, part = bits & 1023;
   if (exponent === 0) return sign * part * 2 ** -24;

@@ -113,6 +113,7 @@ export class MesorigMaterial extends RawShaderMaterial {
     return this.shared.get(raw);
   }
 
+  // Returns the Mesh of a geometry, which is made at the first call.
   meshOf(geometry) {
     if (!this.meshes.has(geometry)) {
       const { tiles, layers } = this.settings, gl = this.renderer.getContext();

@@ -7,8 +7,11 @@ const $ = id => document.getElementById(id);
 const canvas = $("picture");
 const slowMs = 60;  // if a picture takes longer, it is drawn at a lower resolution while something moves
 const fastMs = 250; // if a picture took less than this, it is drawn with supersampling at rest
-const turnDeg = 0.35; // rotation per pixel of movement
+const turnDeg = 0.35; // rotation per pixel of movement, in degrees
 
+// first: the settings at the start. coarse: share of the resolution in each direction at which the
+// picture is drawn while something moves. asked: a frame has been requested. restless: timer that
+// draws at full quality when nothing moves.
 let viewer = null, settings = null, first = null;
 let coarse = 1, asked = false, restless = 0;
 
@@ -76,6 +79,7 @@ function holdCamera() {
   settings = viewer.fitted(settings, aspect());
 }
 
+// Turns the camera by angles in degrees: about the vertical axis, and upwards.
 function turnCamera(right, down) {
   holdCamera();
   change({ cameraAzimuthDeg: settings.cameraAzimuthDeg - right,
@@ -93,8 +97,10 @@ function zoom(factor) {
   change({ cameraDistance: clamp(settings.cameraDistance * factor, 0.3, 30) });
 }
 
+// The pointers that are pressed, by their id: position, and whether they move the light.
 const fingers = new Map();
 
+// Returns the distance between two fingers in pixels.
 function spread() {
   const [a, b] = [...fingers.values()];
   return Math.hypot(a.x - b.x, a.y - b.y);

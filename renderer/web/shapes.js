@@ -65,6 +65,8 @@ function knot(u, v) {
   return [...position, ...normal, ...tangent.map(x => x / length)];
 }
 
+// Returns a mesh of nu × nv squares. point(u, v) gives position, normal and tangent for u and v from
+// 0 to 1.
 function grid(point, nu, nv) {
   const vertices = [], indices = [];
   for (let j = 0; j <= nv; j++)
@@ -118,6 +120,7 @@ export const shapeNames = Object.keys(shapes);
 // of v. Least squares over them give the gradients of ln scale.
 const sums = 13;
 
+// Adds the area of a triangle, and its scales of u and v times the area, to its corners.
 function addScale(v, corners, total) {
   const [p, q, r] = corners.map(k => k * stride);
   const e1 = [0, 1, 2].map(k => v[q + k] - v[p + k]), e2 = [0, 1, 2].map(k => v[r + k] - v[p + k]);
@@ -144,6 +147,7 @@ function bitangent(v, corner) {
     sign * (n[0] * t[1] - n[1] * t[0])];
 }
 
+// Adds an edge to the sums of a vertex for the second fundamental form.
 function addEdge(v, corner, from, to, total) {
   const t = corner * stride + 6, f = from * stride, g = to * stride, at = sums * corner;
   const s = bitangent(v, corner);
@@ -230,7 +234,7 @@ export function vertexShapes(vertices, indices) {
   return ret;
 }
 
-// A shape on the GPU. points has a copy of the positions.
+// A shape on the GPU. points has a copy of the positions. For tiles and layers, see shapes.
 export class Mesh {
   constructor(gl, vertices, indices, tiles, layers) {
     this.vertices = new Float32Array(vertices);

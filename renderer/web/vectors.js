@@ -8,6 +8,7 @@ export const cross = (a, b) =>
 // Returns a + s b.
 export const along = (a, s, b) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 
+// Returns the unit vector along a.
 export function unit(a) {
   const length = Math.hypot(a[0], a[1], a[2]);
   return [a[0] / length, a[1] / length, a[2] / length];
@@ -19,6 +20,7 @@ export function directionFromDeg(thetaDeg, phiDeg) {
   return [Math.sin(theta) * Math.cos(phi), Math.sin(theta) * Math.sin(phi), Math.cos(theta)];
 }
 
+// Returns the matrix a b.
 export function product(a, b) {
   const ret = new Array(16).fill(0);
   for (let k = 0; k < 16; k++)
