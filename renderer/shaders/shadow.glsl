@@ -51,7 +51,8 @@ float soft_lamp_at(vec3 at) {
     float width = across * sum / n, lit = 0.0;
     for (int k = 0; k < FILTER; k++) {
         float away = width * sqrt((float(k) + 0.5) / float(FILTER));
-        lit += textureLod(shadow_map, vec3(at.xy + away * spiral(k), at.z - 0.1 * away / across), 0.0);
+        lit +=
+            textureLod(shadow_map, vec3(at.xy + away * spiral(k), at.z - 0.1 * away / across), 0.0);
     }
     return lit / float(FILTER);
 }

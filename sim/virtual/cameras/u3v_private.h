@@ -66,7 +66,7 @@ struct VirtualU3v {
     gint64 answer_us;          /* time from which the answer can be read */
     struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
-    gsize sent; /* bytes of the picture's payload that were sent */
+    gsize sent;                         /* bytes of the picture's payload that were sent */
     gboolean tailless, stunted, hollow; /* faults of this picture (imager.h) */
 };
 
