@@ -3,12 +3,9 @@
 #include "lib/material_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
-#include "lib/skip.h"
 #include "lib/test.h"
 
-#include <math.h>
 #include <mesorig/material.h>
-#include <stdio.h>
 #include <string.h>
 
 #ifdef __SANITIZE_ADDRESS__
@@ -49,9 +46,7 @@ static void install_library(void) {
     g_setenv("LD_LIBRARY_PATH", library, TRUE);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autofree char *file = g_build_filename(folder, "material.exr", NULL);
-    g_autofree char *session = g_build_filename(folder, "a.session", NULL);
     material_fixture_write(file, codecs_find("lpca"), btf, "clusters=2 components=4");
-    material_fixture_write_session(session, btf);
 }
 
 /* The blocks of a document that begin with their file's name, as files in the folder. */
@@ -126,69 +121,6 @@ TEST(program) {
             *(column < 24 ? &left : &right) += lines[row][column] != ' ';
     g_assert_cmpint(left, >, right);
     assert_has(lines[24], "nothing.exr");
-}
-
-/* Python loads a library with sanitizers only after their own. */
-static char *python(const char *arguments) {
-#ifdef __SANITIZE_ADDRESS__
-    return shell("export ASAN_OPTIONS=detect_leaks=0\n"
-                 "export LD_PRELOAD=$(cc -print-file-name=libasan.so):"
-                 "$(cc -print-file-name=libubsan.so)\n"
-                 "/usr/bin/python3 %s",
-                 arguments);
-#else
-    return shell("/usr/bin/python3 %s", arguments);
-#endif
-}
-
-/* The mean colour that the page's program prints. */
-static void expected_mean(const char *path, double ret[3]) {
-    mesorig_material *material = mesorig_material_open(path, NULL, NULL);
-    const float up[] = {0, 0, 1}, light[] = {0.5F, 0, sqrtf(0.75F)};
-    ret[0] = ret[1] = ret[2] = 0;
-    for (int k = 0; k < MATERIAL_WIDTH * MATERIAL_HEIGHT; k++) {
-        const int column = k % MATERIAL_WIDTH, row = k / MATERIAL_WIDTH;
-        const float uv[] = {((float)column + 0.5F) / MATERIAL_WIDTH,
-                            ((float)row + 0.5F) / MATERIAL_HEIGHT};
-        float rgb[3];
-        mesorig_material_evaluate(material, 1, uv, up, light, NULL, rgb);
-        for (int c = 0; c < 3; c++)
-            ret[c] += rgb[c] / (double)(MATERIAL_WIDTH * MATERIAL_HEIGHT);
-    }
-    mesorig_material_close(material);
-}
-
-TEST(python) {
-    static const char *const paths[] = {"material.exr", "a.session"};
-    const char *const numpy[] = {"/usr/bin/python3", "-c", "import numpy", NULL};
-    char *out, *err;
-    const int missing = process_run_in(NULL, numpy, &out, &err);
-    g_free(out);
-    g_free(err);
-    if (missing) {
-        test_skip_or_fail("python3-numpy is not installed");
-        return;
-    }
-    write_blocks("research/python.md", "```python\n", "# ");
-    for (gsize k = 0; k < G_N_ELEMENTS(paths); k++) {
-        g_autofree char *arguments = g_strconcat("evaluate.py ", paths[k], NULL);
-        g_autofree char *text = python(arguments);
-        g_autofree char *path = g_build_filename(folder, paths[k], NULL);
-        double expected[3], found[3];
-        expected_mean(path, expected);
-        g_assert_cmpint(sscanf(text, "[%lf %lf %lf]", &found[0], &found[1], &found[2]), ==, 3);
-        for (int c = 0; c < 3; c++)
-            g_assert_cmpfloat_with_epsilon(found[c], expected[c], 1e-5);
-        assert_has(text, "(19, 19, 3)");
-        g_autofree char *plot = g_strconcat("plot.py ", paths[k], " plot.svg", NULL);
-        g_autofree char *nothing = python(plot);
-        g_autofree char *curves =
-            shell("grep -c '<polyline points=\"-89.0,' plot.svg; tail -1 plot.svg");
-        g_assert_cmpstr(curves, ==, "3\n</svg>\n");
-    }
-    g_autofree char *failing = python(
-        "-c 'import load\ntry:\n    load.load(\"none\")\nexcept OSError as e:\n    print(e)'");
-    assert_has(failing, "none");
 }
 
 BEFORE_TESTS {
