@@ -100,11 +100,11 @@ def _read_openimageio(module: Any, path: str, pixels: bool) -> List[Part]:
     if file is None or file.format_name() != "openexr":
         message = module.geterror() if file is None else f"its format is {file.format_name()}"
         raise Error(f"{path}: {message}; the file is damaged, or is not an OpenEXR file")
-    parts = []
+    parts: List[Part] = []
     while file.seek_subimage(len(parts), 0):
         spec = file.spec()
         names = list(spec.channelnames)
-        values = file.read_image("float") if pixels else None
+        values: Any = file.read_image("float") if pixels else None
         if pixels and values is None:
             raise Error(f"{path}: {file.geterror()}; the file is damaged")
         parts.append(

@@ -222,7 +222,7 @@ class Btf:
     def _stack(self, name: str, colours: int, dtype: type) -> NDArray:
         shape = self.shape[:4] + ((colours,) if colours else ())
         try:
-            stacked = np.empty(shape, dtype)
+            stacked: NDArray = np.empty(shape, dtype)
         except MemoryError as error:
             raise Error(
                 f"the BTF needs {self.nbytes / 2**30:.1f} GiB of memory; read its views one by one "

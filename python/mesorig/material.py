@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import weakref
-from typing import Any, NamedTuple, Optional, Tuple, Union
+from typing import Any, List, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,23 +86,31 @@ def _pointer(array: Optional[NDArray[Any]]) -> Optional[ctypes.c_void_p]:
     return None if array is None else array.ctypes.data_as(ctypes.c_void_p)
 
 
-def _broadcast(*arrays: Tuple[Optional[ArrayLike], int]) -> Tuple[Any, ...]:
-    """Broadcast points against each other as NumPy does. Each array comes with the length of its
-    last axis; 0 means an array of numbers, which has no such axis. None stays None."""
-    given = []
+def _broadcast(
+    *arrays: Tuple[Optional[ArrayLike], int]
+) -> Tuple[Tuple[int, ...], List[Optional[Floats]]]:
+    """Broadcast points against each other as NumPy does, and return their common shape.
+
+    Each array comes with the length of its last axis; 0 means that it has one number for each
+    point. None stays None.
+    """
+    given: List[Tuple[Optional[Floats], int]] = []
     for values, length in arrays:
         array = None if values is None else np.asarray(values, np.float32)
         if array is not None and length and array.shape[-1:] != (length,):
             raise ValueError(f"an array has the shape {array.shape}, but must end with {length}")
-        given.append(array)
+        given.append((array, length))
     shape = np.broadcast_shapes(
-        *(a.shape[:-1] if n else a.shape for a, (_, n) in zip(given, arrays) if a is not None)
+        *(a.shape[:-1] if length else a.shape for a, length in given if a is not None)
     )
-    out = [
-        a if a is None else np.ascontiguousarray(np.broadcast_to(a, shape + ((n,) if n else ())))
-        for a, (_, n) in zip(given, arrays)
+    return shape, [
+        (
+            None
+            if a is None
+            else np.ascontiguousarray(np.broadcast_to(a, shape + ((length,) if length else ())))
+        )
+        for a, length in given
     ]
-    return (shape, *out)
 
 
 class Material:
@@ -190,22 +198,19 @@ class Material:
 
         footprint [...] is the diameter of a pixel's footprint in tiles; None means points.
         """
-        shape, uv, view, light, footprint = _broadcast(
-            (uv, 2), (view, 3), (light, 3), (footprint, 0)
-        )
+        shape, inputs = _broadcast((uv, 2), (view, 3), (light, 3), (footprint, 0))
         rgb = np.empty(shape + (3,), np.float32)
-        inputs = map(_pointer, (uv, view, light, footprint))
-        self._call("evaluate", ctypes.c_size_t(rgb.size // 3), *inputs, _pointer(rgb))
+        self._call(
+            "evaluate", ctypes.c_size_t(rgb.size // 3), *map(_pointer, inputs), _pointer(rgb)
+        )
         return rgb
 
     def intersect(self, uv: ArrayLike, view: ArrayLike) -> Hits:
         """Return where rays that enter the reference plane at uv and continue along −view meet the
         surface."""
-        shape, uv, view = _broadcast((uv, 2), (view, 3))
+        shape, inputs = _broadcast((uv, 2), (view, 3))
         hits = np.zeros(shape, _HIT)
-        self._call(
-            "intersect", ctypes.c_size_t(hits.size), _pointer(uv), _pointer(view), _pointer(hits)
-        )
+        self._call("intersect", ctypes.c_size_t(hits.size), *map(_pointer, inputs), _pointer(hits))
         return Hits(hits["hit"] != 0, hits["distance_mm"], hits["uv"], hits["normal"])
 
     def sample(
@@ -221,12 +226,12 @@ class Material:
         Return the directions [..., 3] and their densities [...] per solid angle. A density of 0
         means that there is no direction.
         """
-        shape, uv, view, random, footprint = _broadcast(
-            (uv, 2), (view, 3), (random, 2), (footprint, 0)
-        )
+        # Numbers just below 1 become 1 as float32.
+        random = np.minimum(np.asarray(random, np.float32), np.float32(1 - 2**-24))
+        shape, inputs = _broadcast((uv, 2), (view, 3), (footprint, 0), (random, 2))
         light, pdf = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
-        inputs = map(_pointer, (uv, view, footprint, random))
-        self._call("sample", ctypes.c_size_t(pdf.size), *inputs, _pointer(light), _pointer(pdf))
+        outputs = (_pointer(light), _pointer(pdf))
+        self._call("sample", ctypes.c_size_t(pdf.size), *map(_pointer, inputs), *outputs)
         return light, pdf
 
     def pdf(
@@ -237,10 +242,7 @@ class Material:
         footprint: Optional[ArrayLike] = None,
     ) -> Floats:
         """Return the density [...] with which sample() draws the given lights."""
-        shape, uv, view, light, footprint = _broadcast(
-            (uv, 2), (view, 3), (light, 3), (footprint, 0)
-        )
+        shape, inputs = _broadcast((uv, 2), (view, 3), (light, 3), (footprint, 0))
         pdf = np.zeros(shape, np.float32)
-        inputs = map(_pointer, (uv, view, light, footprint))
-        self._call("pdf", ctypes.c_size_t(pdf.size), *inputs, _pointer(pdf))
+        self._call("pdf", ctypes.c_size_t(pdf.size), *map(_pointer, inputs), _pointer(pdf))
         return pdf

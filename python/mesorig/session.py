@@ -134,7 +134,7 @@ class Calibration:
 
     def devices(self, kind: str) -> List[Dict[str, Number]]:
         """Return the sections of all devices of a kind: "camera", "lamp", "laser" or "mark"."""
-        found = []
+        found: List[Dict[str, Number]] = []
         while f"{kind} {len(found)}" in self.sections:
             found.append(self.sections[f"{kind} {len(found)}"])
         return found
@@ -186,8 +186,8 @@ def _database(path: str) -> Iterator[sqlite3.Connection]:
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:
             # In a directory that is not writable, SQLite cannot make the files that belong to a
-            # database in WAL mode. Without them nothing writes to the database.
-            if os.path.exists(path + "-wal"):
+            # database in WAL mode. If they have no changes, the database is complete without them.
+            if os.path.exists(path + "-wal") and os.path.getsize(path + "-wal") > 0:
                 raise
             connection.close()
             connection = sqlite3.connect(uri + "&immutable=1", uri=True)
@@ -262,27 +262,27 @@ class Session:
         self.views = _planned(by_kind["view"])
         self.lights = _planned(by_kind["light"])
         self.lasers = _planned(by_kind["laser"])
-        self.texts = dict(rows("SELECT name, content FROM text"))
-        self.values = dict(rows("SELECT key, value FROM value"))
+        self.texts = {name: content for name, content in rows("SELECT name, content FROM text")}
+        self.values = {key: value for key, value in rows("SELECT key, value FROM value")}
         self.shots = [_shot(row) for row in rows("SELECT * FROM shot ORDER BY id")]
-        turntable_deg = {shot.id: shot.turntable_deg for shot in self.shots}
         self.frames = [
-            Frame(
-                *(row[name] for name in Frame._fields[:-1]),
-                turntable_deg=float(
-                    self.values.get(
-                        f"turned/{row['shot']}/{row['camera']}",
-                        turntable_deg.get(row["shot"], np.nan),
-                    )
-                ),
-            )
-            for row in rows("SELECT * FROM frame ORDER BY shot, camera")
+            self._frame(row) for row in rows("SELECT * FROM frame ORDER BY shot, camera")
         ]
         self.events = [Event(*row) for row in rows("SELECT * FROM event ORDER BY id")]
         self.products = [
             Product(*row)
             for row in rows("SELECT path, made_by, sha256, bytes FROM product ORDER BY path")
         ]
+
+    def _frame(self, row: sqlite3.Row) -> Frame:
+        fields = {name: row[name] for name in Frame._fields[:-1]}
+        turned = self.values.get(f"turned/{row['shot']}/{row['camera']}")
+        commanded = self._turntable_deg.get(row["shot"], np.nan)
+        return Frame(**fields, turntable_deg=commanded if turned is None else float(turned))
+
+    @functools.cached_property
+    def _turntable_deg(self) -> Dict[int, float]:
+        return {shot.id: shot.turntable_deg for shot in self.shots}
 
     def __repr__(self) -> str:
         return f"<mesorig.Session {os.fspath(self.path)}: {self.name}, {self.state}>"

@@ -201,17 +201,21 @@ class Tables(unittest.TestCase):
         most = np.nanmax(mdf.distance_mm)
         self.assertLess(np.abs(packed.distance_mm - mdf.distance_mm)[known].max(), most / 254)
 
-    def test_geometry(self):
-        """From the middle of the sample, cameras and lamps are in the nominal directions."""
-        opened = session()
-        for k in (0, 5):
-            view = opened.btf.view(k)
-            camera = view.to_camera()[7:9, 7:9].mean(axis=(0, 1))
-            self.assertGreater((camera @ opened.views.vectors[k]).min(), math.cos(0.02))
-            lamp = view.to_lamp()[7:9, 7:9].mean(axis=(0, 1))
-            cosines = (lamp * opened.lights.vectors).sum(axis=-1)
-            self.assertGreater(cosines.min(), math.cos(0.02))
-            self.assertLess((view.to_camera()[0, 0] @ view.to_camera()[-1, -1].T).max(), 0.9999)
+    def test_near_field(self):
+        """The directions in which each texel was seen and lit."""
+        btf = session().btf
+        camera = self.table("weave", "camera.f32", np.float32, 6, 16, 16, 3)
+        lamp = self.table("weave", "lamp.f32", np.float32, 6, 10, 16, 16, 3)
+        for k in range(6):
+            view = btf.view(k)
+            expected = np.repeat(camera[k][:, :, None], 10, axis=2)
+            np.testing.assert_allclose(view.to_camera(), expected, atol=1e-6)
+            np.testing.assert_allclose(view.to_lamp(), np.moveaxis(lamp[k], 0, 2), atol=1e-6)
+        shutil.copy(btf.paths[0], folder / "view_0000.exr")
+        alone = mesorig.open(folder / "view_0000.exr")
+        self.assertIsNone(alone.texel_mm)
+        with self.assertRaises(mesorig.Error):
+            alone.view(0).to_camera()
 
     def test_lazily(self):
         btf = session().btf
@@ -270,6 +274,9 @@ class Flags(unittest.TestCase):
         self.assertAlmostEqual(upper_median(medians) / said["btf_sigma_median"], 1, places=5)
         self.assertAlmostEqual(upper_median(relatives) / said["btf_sigma_relative"], 1, places=3)
         self.assertTrue(np.isnan(session().btf.sigma).all())
+        # Nothing is calibrated but the noise.
+        self.assertTrue((btf.view(0).sigma_common == 0).all())
+        self.assertTrue(np.isnan(session().btf.view(0).sigma_common).all())
 
     def test_holes(self):
         """Holes are NaN in values and errors. Imported pictures mark them by black texels."""
@@ -282,6 +289,7 @@ class Flags(unittest.TestCase):
             "light.phi_deg": 0.0,
             "mesorig.holes": 2,
             "sigma.colour": np.array([1.0, 2.0, 3.0]),
+            "sigma.scale": np.array([0.1, 0.2, 0.3]),
         }
         marked = dict(planes, mark=np.array([[4, 2], [12, 1]], np.float32))
         for channels, flags in ((planes, [[4, 0], [4, 0]]), (marked, [[4, 2], [12, 1]])):
@@ -292,6 +300,7 @@ class Flags(unittest.TestCase):
             for array in (view.values, view.sigma):
                 np.testing.assert_array_equal(np.isnan(array[:, :, 0, 0]), [[1, 0], [1, 0]])
             np.testing.assert_array_equal(view.sigma[0, 1, 0], [1, 2, 3])
+            np.testing.assert_array_equal(view.sigma_common, [[0.1, 0.2, 0.3]])
 
 
 class Database(unittest.TestCase):
@@ -322,8 +331,11 @@ class Database(unittest.TestCase):
         opened = session()
         shots = {shot.id: shot for shot in opened.shots}
         for frame in opened.frames:
-            self.assertIn(frame.camera, shots[frame.shot].cameras)
             self.assertEqual(frame.turntable_deg, shots[frame.shot].turntable_deg)
+        for shot in opened.shots:
+            found = tuple(frame.camera for frame in opened.frames if frame.shot == shot.id)
+            self.assertEqual(found, shot.cameras)
+        self.assertGreater(len({shot.cameras for shot in opened.shots}), 1)
         frame = next(f for f in opened.frames if shots[f.shot].kind == "lamp")
         part = opened.read(frame.path)[0]
         self.assertEqual(part.name, "radiance")
@@ -418,6 +430,7 @@ class Errors(unittest.TestCase):
     def test_not_a_session(self):
         self.error(lambda: mesorig.open(folder), folder, "session.db")
         self.error(lambda: mesorig.open(folder / "nothing"), folder / "nothing", "no such file")
+        self.error(lambda: session().read("frames/none.exr"), "frames/none.exr", "no such file")
         text = folder / "rig.conf"
         self.error(lambda: mesorig.open(text), text, "not an OpenEXR file")
         broken = folder / "broken.session"
@@ -478,8 +491,9 @@ class Library(unittest.TestCase):
         self.assertLess(np.abs(found - expected).max(), 1e-6 * max(1, expected.max()))
         wide = self.material.evaluate([0.5, 0.5], views[0], lights[0], footprint=1.0)
         self.assertAlmostEqual(wide[0] / expected[:, :, 0, 0, 0].mean(), 1, delta=0.02)
-        with self.assertRaises(ValueError):
-            self.material.evaluate([0.5, 0.5, 0.5], views[0], lights[0])
+        for wrong in ([0.5, 0.5, 0.5], [0.5], 0.5):
+            with self.assertRaises(ValueError):
+                self.material.evaluate(wrong, views[0], lights[0])
 
     def test_intersect(self):
         """Over most texels that are known, a ray meets the surface at the measured distance."""
@@ -567,6 +581,23 @@ class Commands(unittest.TestCase):
 
 
 class Documents(unittest.TestCase):
+    def test_format(self):
+        """docs/research/format.md names every channel and attribute of BTF, MDF and frames."""
+        text = (SOURCE / "docs/research/format.md").read_text(encoding="utf-8")
+        named = set(re.findall(r"`([\w.]+)`", text))
+        opened = session("noisy")
+        files = ["products/btf/view_0000.exr", "products/mdf.exr"]
+        files += [next(f.path for f in opened.frames if f.shot == s) for s in self.kinds(opened)]
+        for file in files:
+            for part in opened.read(file):
+                for name in [*part.channels, *part.attributes]:
+                    self.assertTrue(name in named or name.startswith("lines."), f"{file}: {name}")
+
+    @staticmethod
+    def kinds(opened):
+        """The first shot of each kind."""
+        return {shot.kind: shot.id for shot in reversed(opened.shots)}.values()
+
     def test_page(self):
         """The blocks of docs/research/python.md run one after another, as in a notebook."""
         text = (SOURCE / "docs/research/python.md").read_text(encoding="utf-8")
