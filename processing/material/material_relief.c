@@ -5,6 +5,7 @@
 
 #include <math.h>
 
+#define MEASURED   0.99 /* weight of a view from which on the direction counts as measured */
 #define AGREEMENT  0.25 /* largest difference, in texels, from the depth by interpolation */
 #define MIN_SLOPE  0.01 /* smallest z of a view by which is divided, as in shell_ray.c */
 #define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
@@ -74,9 +75,10 @@ static void add(const float *depth, const gsize at[4], double p, double q, doubl
 }
 
 /* Returns the depth that the MDF gives, interpolated between texels and between views. ret_slope
- * gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters. */
+ * gives the slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters.
+ * *ret_share is the largest weight of a view. */
 static double interpolated_depth(const struct material_relief *relief, double u, double v,
-                                 struct vec3 view, double ret_slope[2]) {
+                                 struct vec3 view, double ret_slope[2], double *ret_share) {
     const struct mdf_table *t = relief->table;
     const double x = (u - floor(u)) * t->width - 0.5, y = (v - floor(v)) * t->height - 0.5;
     const int left = wrap(floor(x), t->width), right = (left + 1) % t->width;
@@ -93,9 +95,11 @@ static double interpolated_depth(const struct material_relief *relief, double u,
     int n_pole;
     const int *pole = directions_pole(relief->views, &n_pole);
     directions_weights(relief->views, view, &weights);
+    *ret_share = 0.0;
     for (int k = 0; k < 4; k++) {
         const gboolean is_pole = weights.index[k] >= t->n_views;
         const int members = is_pole ? n_pole : 1;
+        *ret_share = fmax(*ret_share, (double)weights.weight[k] / members);
         for (int i = 0; weights.weight[k] > 0 && i < members; i++)
             add(t->depth_mm + (gsize)(is_pole ? pole[i] : weights.index[k]) * n, at, x - floor(x),
                 y - floor(y), (double)weights.weight[k] / members, sum);
@@ -133,15 +137,17 @@ static struct vec3 normal_of_shell(const struct mdf_shell *shell, const struct s
 
 /* Between measured directions, the interpolated depth is more exact than the shell on smooth
  * structure. At edges and under overhangs the interpolated depth is a mean of two surfaces, but the
- * shell has one of the two. So the interpolated depth is only taken where the shell confirms it. */
+ * shell has one of the two. So the interpolated depth is only taken where the shell confirms it. In
+ * a measured direction, the MDF needs no confirmation. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              struct vec3 view, struct vec3 *ret_normal) {
     const struct mdf_shell *shell = material_relief_shell(relief);
     const struct shell_surface flat = {.tile = {shell->width_mm, shell->height_mm}};
     struct shell_hit hit;
-    double slope[2];
-    const double depth = interpolated_depth(relief, u, v, view, slope);
-    if (shell_ray_march(shell, &flat, u, v, (const double[]){view.x, view.y, view.z}, INFINITY,
+    double slope[2], share;
+    const double depth = interpolated_depth(relief, u, v, view, slope, &share);
+    if (share < MEASURED &&
+        shell_ray_march(shell, &flat, u, v, (const double[]){view.x, view.y, view.z}, INFINITY,
                         &hit) &&
         fabs(hit.depth_mm - depth) > AGREEMENT * relief->table->texel_mm) {
         *ret_normal = normal_of_shell(shell, &hit, view);

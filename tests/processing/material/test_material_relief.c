@@ -197,6 +197,17 @@ TEST(overhang) {
                 g_assert_cmpfloat(normal[0] * (float)dx, <, 0.0F);
                 g_assert_cmpfloat(fabsf(normal[0]), >, 0.3F);
             }
+    /* In a measured direction, the texels have their measured depths. */
+    const float view[] = {(float)(sin(45 * DEG) * cos(150 * DEG)),
+                          (float)(sin(45 * DEG) * sin(150 * DEG)), (float)cos(45 * DEG)};
+    for (int i = 0; i < PLATE_TEXELS; i++) {
+        const float uv[] = {((float)i + 0.5F) / PLATE_TEXELS, 0.5F / PLATE_ROWS};
+        struct mesorig_hit hit;
+        g_assert_cmpint(mesorig_material_intersect(m, 1, uv, view, &hit), ==, MESORIG_OK);
+        g_assert_cmpfloat_with_epsilon(
+            (double)hit.distance_mm * cos(45 * DEG),
+            plate_depth((double)uv[0] * PLATE_TILE, plate_slant(45, 150)), 1e-3);
+    }
     g_test_message("mean error of depths %.3f mm, %d of %d rays meet a side", sum / n, n_side, n);
     g_assert_cmpfloat(sum / n, <, 0.2);
     g_assert_cmpint(n_side, >, 20);
