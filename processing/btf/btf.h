@@ -33,7 +33,7 @@ enum btf_flag {
 #define BTF_MAX_MISSING 0.1
 
 struct btf_light {
-    int index; /* index of the light */
+    int index; /* position in the session's list of lights, from 0 */
     double theta_deg, phi_deg;
     const struct rig_arc *arc; /* borrowed, like the lamp */
     const struct rig_lamp *lamp;
@@ -50,7 +50,7 @@ struct btf_light {
 };
 
 struct btf_view {
-    int index; /* index of the view */
+    int index; /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     const struct rig_camera *camera; /* borrowed, like radiometry and noise */
     /* NULL or not `known` if the camera is not calibrated */
@@ -76,7 +76,11 @@ void btf_view_free(struct btf_view *view); /* NULL is ignored */
  * mesorig.shorter and mesorig.predicted (int) are the numbers of texels with each flag. The picture
  * of a missing light is predicted. For each texel, a plane over (sin θ cos φ, sin θ sin φ) is
  * fitted to ρ / cos θ_l of the nearest lights. The prediction is the value of the plane at the
- * missing light times that light's cos θ_l. */
+ * missing light times that light's cos θ_l. The part of a light that was left out has the attribute
+ * mesorig.left_out (int, 1). A missing light has no part if no light of the view was captured.
+ * Fails if a picture cannot be read or belongs to another shot, if pictures differ in their colour
+ * filter, if more than half of a picture's texels are holes, if cancelled, or if the file cannot be
+ * written. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 
@@ -94,11 +98,12 @@ void btf_count_flags(const struct exr_part *part, struct btf_flag_counts *sums);
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
 /* Reads from a view's file the pictures of the lights with the indices in lights. ret_rgb: n_lights
- * × height × width × 3 (R, G, B). */
+ * × height × width × 3 (R, G, B). Fails if the file cannot be read, if a light has no part, or if a
+ * part lacks a colour or differs from the grid in size. */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, float *ret_rgb, GError **error);
 
 /* Reads the attributes OF.theta_deg and OF.phi_deg, where OF is the text `of`: "view" or "light".
- * Returns FALSE if an attribute is missing or not finite. */
+ * Returns FALSE if an attribute is missing or not finite; its result is then not finite. */
 gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
                        float *ret_phi_deg);

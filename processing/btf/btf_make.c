@@ -103,7 +103,8 @@ struct mosaics {
     char *cfa;
 };
 
-struct posed { /* the rectification of the last light's pose; NULL before the first light */
+struct posed { /* the last rectification, and the pose and the use of the guide for which it was
+                  made; rectify is NULL before the first light */
     Rectify *rectify;
     double turntable_rad;
     gboolean guided;
@@ -166,7 +167,8 @@ static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *
 }
 
 /* Subtracts the camera's glare from a plane of a picture, and stores the mean value of each colour
- * in to->mean. Does nothing if the error of the glare is unknown. */
+ * in to->mean. Does nothing if the radiometry of the camera is not calibrated, or if the error of
+ * the glare is not above 0. */
 static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
                            struct mosaic *to) {
     double mean[3];
@@ -185,8 +187,8 @@ static void subtract_glare(const struct btf_view *view, const char *cfa, gsize p
         to->mean[c] = strcmp(cfa, "mono") == 0 ? mean[1] : mean[c];
 }
 
-/* Stores a picture's planes as half floats. With guides, adds the finite values to the sum for the
- * guide. */
+/* Subtracts the glare from a picture's planes and stores them as half floats. If guides is TRUE,
+ * adds the finite values to the sum for the guide. Fails if a channel is missing. */
 static gboolean store_planes(const struct btf_view *view, const struct input *input,
                              const struct exr_part *frame, guint i, gboolean guides,
                              struct mosaics *to, GError **error) {
@@ -215,7 +217,8 @@ static gboolean store_planes(const struct btf_view *view, const struct input *in
     return TRUE;
 }
 
-/* Loads one light's picture. */
+/* Reads the picture of light i into to->lights[i]. A picture in the view's pose is also added to
+ * the sum for the guide. */
 static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                             GError **error) {
     static const char *const any[] = {NULL};
@@ -278,7 +281,8 @@ static void add_up_variance(const struct btf_view *view, const Rectify *rectify,
                   excess * excess * rgb[i] * rgb[i];
 }
 
-/* Rectifies one light's picture. Returns NULL with an error if most of the texels are holes. */
+/* Makes the part of light i from its picture. Returns NULL with an error if more than the share
+ * MAX_HOLES of the texels are holes. */
 static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                    const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
@@ -315,7 +319,8 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     return part;
 }
 
-/* Predicts the pictures of missing lights from the lights around them. */
+/* Makes the parts of missing lights by prediction from the parts of the lights around them. Makes
+ * none if no light was captured. */
 static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
     const gsize n = btf_texels(view);
     g_autofree guint8 *flags = g_new(guint8, n);

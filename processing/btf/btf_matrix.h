@@ -31,15 +31,17 @@ void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 char *btf_matrix_session(const char *path);
 
 /* Reads the BTF of a session. path is the session directory or its products/btf. Views without a
- * file are left out. The error is DATA_ERROR_INVALID if a view differs from the first one in lights
- * or texels, or has infinite values. A picture that has only holes becomes black. The progress
- * stage is "read". */
+ * file are left out. A picture that has only holes becomes black. The error is
+ * DATA_ERROR_INCOMPLETE if no view has a file, and DATA_ERROR_INVALID if a view differs from the
+ * first one in its lights, from the session's grid in its texels, lacks a colour or an angle, or
+ * has values that are infinite, or if memory is refused. Other errors are those of
+ * session_check_products() and exr_read(). The progress stage is "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
 /* Does the same as btf_matrix_read() with a limit of memory in bytes (0: no limit). If the values
  * would exceed the limit, they are kept in an unnamed file in products/ of the session, or in the
  * directory of temporary files if products/ is not writable. The file takes 2 bytes per value and
- * disappears with the matrix. */
+ * disappears with the matrix. Fails also if the disk is too full for the file. */
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
@@ -50,8 +52,9 @@ struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *p
                                           const struct work *work, GError **error);
 
 /* Returns the rows of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
- * *ret_stride floats apart. They are in memory, or are read from the scratch file into buffer (n ×
- * n_lights × 3). Returns NULL if the scratch file cannot be read. Any thread. */
+ * *ret_stride floats apart. The result points into the matrix, or, if the values are in a scratch
+ * file, to buffer (n × n_lights × 3), into which they are read. Returns NULL if the scratch file
+ * cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 

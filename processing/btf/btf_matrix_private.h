@@ -5,9 +5,10 @@
 #include "btf_matrix.h"
 #include "exr/exr.h"
 
-/* Opens a BTF: sets everything except lights and values, and gives the paths of the views' files.
- * With verify, all files are checked by session_check_products(), which reports its progress to
- * work. */
+/* Opens a BTF. Sets the name, the directory and the layout except its lights and the angles of its
+ * views. Gives the paths of the views' files (g_ptr_array_unref()). If verify is TRUE, all files
+ * are checked by session_check_products(), and work can cancel the check. Fails if no view has a
+ * file. */
 struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
                             GPtrArray **ret_paths, GError **error);
 
@@ -15,8 +16,10 @@ struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error);
 
-/* Reads a view's directions, flags and values from its file. first points to the values of the
- * first texel; values of consecutive texels are stride floats apart. */
+/* Reads a view from its file: sets its direction, adds its flags to the counts of btf, and copies
+ * its values with holes filled. first points to the place for the values of the first texel; values
+ * of consecutive texels are stride floats apart. Fails if the view differs from the first one in
+ * lights or texels, or has infinite values. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error);
 

@@ -2,7 +2,8 @@
 
 #include <math.h>
 
-/* The fit uses the lights within REACH times the distance of the NEAREST-th nearest light. */
+/* The fit uses the lights within REACH times the distance of the NEAREST-th nearest light, or of
+ * the farthest light if there are fewer. */
 #define NEAREST 4
 #define REACH   1.5
 /* added to the normal matrix, so that collinear lights give a finite slope */

@@ -19,7 +19,7 @@ struct btf_scratch {
     guint64 *hashes; /* n_views: hash of a view's values; 0 if not written by btf_scratch_write() */
 };
 
-/* what is "reading" or "writing". */
+/* Sets an error from errno. what is "reading" or "writing". Returns FALSE. */
 static gboolean io_error(GError **error, const char *what) {
     const int code = errno;
     g_set_error(

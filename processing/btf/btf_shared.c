@@ -80,8 +80,9 @@ static gboolean take_part(struct btf_shared *shared, GError **error) {
     return btf->values != NULL;
 }
 
-/* Gives all ranks the directions and counts of all views. For each view, they are set only on the
- * rank that read the view and are 0 on the others, so that summing distributes them. */
+/* Gives all ranks the directions and counts of all views. Each rank has the directions of the views
+ * that it read, and 0 for other views, and it has counted only the texels of its own views.
+ * Therefore sums over all ranks are the results. */
 static void share_directions(const struct btf_shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double counts[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,

@@ -49,7 +49,8 @@
 
 #define BTF_SIGMA_DARK 0.02 /* sigma.relative divides by this if ρ is smaller */
 
-/* The exposures of a frame, from its attributes mesorig.exposures_us and mesorig.shorter_from. */
+/* The exposures of a frame, from its attributes mesorig.exposures_us and mesorig.shorter_from. A
+ * frame has at most BTF_SIGMA_EXPOSURES of them. */
 #define BTF_SIGMA_EXPOSURES 16
 struct btf_exposures {
     int n;                          /* number of exposures; 0 if they are unknown */
@@ -57,8 +58,9 @@ struct btf_exposures {
     /* DN/ms from which the longest exposure is saturated; 0 if no pixel is saturated in it */
     float shorter;
 };
-/* Reads the exposures. If the frame has no such attribute, n is 0. The error is DATA_ERROR_INVALID,
- * with path, if the exposures are not rising numbers. */
+/* Reads the exposures. If the frame lacks the attribute mesorig.exposures_us, n is 0. The error is
+ * DATA_ERROR_INVALID, with path, if the attribute does not hold 1 to BTF_SIGMA_EXPOSURES rising
+ * numbers above 0. */
 gboolean btf_exposures_read(const struct exr_part *frame, const char *path,
                             struct btf_exposures *ret, GError **error);
 
@@ -73,7 +75,8 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
 
 /* Computes the relative errors of R, G, B that come from camera and lamp together. A camera or lamp
  * that is NULL or not calibrated adds no error. output_error is the standard error of the lamp's
- * output in this shot, or 0 if the output was not measured. */
+ * output in this shot, or 0 if the output was not measured; the flicker of the calibrated lamp then
+ * takes its place. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double output_error, double ret[3]);
 
@@ -82,7 +85,7 @@ struct btf_sigma {
     double rms, value, median, relative;
     double scale[3]; /* R, G, B */
 };
-/* Reads the attributes of a part. Returns FALSE if any of them is missing. */
+/* Reads the attributes sigma.* of a part. Returns FALSE if any of them is missing. */
 gboolean btf_sigma_read(const struct exr_part *part, struct btf_sigma *ret);
 
 /* Error bars of a session's whole BTF. */

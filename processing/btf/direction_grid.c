@@ -19,10 +19,10 @@
 #define MOST   4096 /* maximum number of measured directions */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* Weight w of the measured directions relative to all others together. Many measured directions lie
- * midway between samples, for example many of the papers' 81 on a grid of 12, and fitting them
- * exactly makes the samples oscillate. Therefore w is halved, down to LEAST, until no sample can
- * exceed MOST_GAIN times the largest measured value (maximum absolute row sum). */
+/* Weight w of the fit to the measured values, relative to the fit to the smooth interpolant. Many
+ * measured directions lie midway between samples, for example many of btf_directions_81() on a grid
+ * of 12, and fitting them exactly makes the samples oscillate. Therefore w is halved while it is
+ * above LEAST and a sample can exceed MOST_GAIN times the largest measured value (gain_of()). */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
@@ -73,7 +73,7 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
 struct smooth {
     int n;
     float *directions; /* n × 3 */
-    double lowest;     /* z = cos θ of the lowest direction */
+    double lowest;     /* z = cos θ of the lowest direction, but at least 0.001 */
     double *inverse;   /* (n + LINEAR) × n: maps values to the coefficients (a, b₀, b) */
     gboolean lights;
 };

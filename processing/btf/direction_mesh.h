@@ -53,8 +53,9 @@ struct direction_share {
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret);
 
-/* Computes the gradients (d/dx, d/dy) at each direction, ret: n × 2 × row, from values: n × row. *
- * row is a multiple of 4. */
+/* Computes the gradient (d/dx, d/dy) at each direction: ret (n × 2 × row) from values (n × row).
+ * row is a multiple of 4. The gradient is 0 at a direction that was left out, and where fewer than
+ * five directions are near. */
 void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int row, float *ret);
 
 /* Adds to ret_weights (n) the weight of each of the n values in the interpolated value, including

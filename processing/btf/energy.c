@@ -84,7 +84,7 @@ struct symmetry {
 };
 
 /* Adds the pairs of values B(v, l) (n_views × n_lights) to the sums. a is B(v, l) / cos θ_l, and b
- * is the same for the exchanged pair (other, from energy_exchanges()). */
+ * is this quotient of the exchanged pair, whose index is in other (energy_exchanges()). */
 static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
                          const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;

@@ -14,15 +14,15 @@ struct energy {
      * equal. For a diffuser E_r and E_i are constant. Lights with cos θ_l ≤ 0.05 are left out of
      * E_r, and their E_i is 0. e_r and e_i belong to the mean over all texels, texel_e_r and
      * texel_e_i to one texel. */
-    double *e_r, *e_i;             /* n_views, n_lights */
-    double *texel_e_r, *texel_e_i; /* the same for the texel with the index `texel` */
+    double *e_r, *e_i;             /* e_r has n_views values, e_i has n_lights */
+    double *texel_e_r, *texel_e_i; /* of the texel with the index `texel` */
     int texel;
 
     /* Albedo of each light for the mean over all texels: the share of its light that all views
      * together receive, Σ_v w_v · B(v, l) / cos θ_l. w_v is the share of the hemisphere,
      * weighted by cos θ, that is nearest to view v. An albedo above 1 violates conservation of
      * energy. */
-    double *albedo, largest_albedo; /* n_lights; 0 for lights with cos θ_l ≤ 0.05 */
+    double *albedo, largest_albedo; /* albedo: n_lights, 0 for lights with cos θ_l ≤ 0.05 */
     double covered_deg; /* largest θ of a view; beyond it, albedos use the values of the nearest
                            view */
 
@@ -32,11 +32,13 @@ struct energy {
      * values. */
     int pairs;
     double asymmetry;
-    double texel_asymmetry; /* the same over all single texels; it includes parallax and shadows */
+    double texel_asymmetry; /* asymmetry of the values of all single texels, which includes parallax
+                               and shadows */
 };
 
 /* Computes the energies. texel is an index; −1 means the central texel. The error is
- * DATA_ERROR_INVALID if there is no such texel. */
+ * DATA_ERROR_INVALID if there is no such texel. Fails also if the scratch file of btf cannot be
+ * read. */
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error);
 void energy_free(struct energy *energy); /* NULL is ignored */
 

@@ -22,9 +22,10 @@ struct near_field {
     struct vec3 *camera_mm, *lamp_mm;
 };
 
-/* Reads the headers of a session's BTF. The error is DATA_ERROR_INVALID if the files contradict
- * each other, if a position is not finite or not above the reference plane, or if only some
- * files have positions. */
+/* Reads the headers of a session's BTF. The files are checked by session_check_products() first.
+ * The error is DATA_ERROR_INCOMPLETE if no view has a file. It is DATA_ERROR_INVALID if views
+ * differ in the number or directions of their lights, if an angle is missing or not finite, if a
+ * position is not finite or not above the reference plane, or if only some parts have positions. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 

@@ -159,13 +159,14 @@ struct texel_work {
     struct direction_share *view_shares;
     /* corners and weights of each target light among the measured lights of the view lights_of */
     struct direction_share *light_shares;
-    /* corners and weights of each measured light of that view among the target lights */
+    /* corners and weights of each measured light of the view lights_of among the target lights */
     struct direction_share *back_light_shares;
     /* for each target light: whether it is beyond the limit of extrapolation in the first view */
     guint8 *clamped;
     float *values;  /* n_views × n_lights × lanes; the last lane is 1 for a hole, otherwise 0 */
     guint8 *flags;  /* n_views × n_lights; NULL if all are 0 */
-    float *between; /* n_views × target lights × lanes */
+    float *between; /* forward(): n_views × target lights × lanes, values interpolated over lights
+                       only; round_trip(): target lights × lanes of one measured view */
     float *slopes;  /* gradients of values or between, in x and y */
 };
 
@@ -382,8 +383,8 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
 }
 
-/* Adds the angle between each target and the nearest measured direction, and the share of targets
- * beyond the limit of extrapolation. */
+/* Adds the angle between each target and the nearest measured direction, and for each target view
+ * the share of its values beyond the limit of extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);

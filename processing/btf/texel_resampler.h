@@ -35,7 +35,8 @@ struct resampler {
     /* guesses for the measured directions in to_views and to_lights */
     struct direction_guess *back_views, *back_lights;
     struct resampler_left_out *left_views, *left_lights;
-    int left_step; /* the leave-one-out test takes every left_step-th texel */
+    int left_step; /* texels with an index divisible by left_step take part in the leave-one-out
+                      test */
 };
 
 void resampler_init(struct resampler *resampler, const struct near_field *near,
