@@ -19,16 +19,18 @@
  * peaks of the faintest lines are only known to a tenth of a frame. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In units of the two tolerances above: maximum distance of a point above the reference plane, and
- * below the structure. */
-#define ABOVE      5
-#define BELOW      10
-#define SEEN_SHARE 0.75f /* minimum weight share of the live pixels around a texel with a peak */
-#define LIVE_SHARE 0.25  /* minimum number of peaks of a live phase, relative to the best phase */
+/* In units of the larger of the two tolerances above: maximum distance of a point above the
+ * reference plane, and below the maximum depth of the structure (intersect()). */
+#define ABOVE 5
+#define BELOW 10
+#define SEEN_SHARE                                                                                 \
+    0.75f               /* minimum share, by weight, of the live pixels around a texel that have a \
+                           peak */
+#define LIVE_SHARE 0.25 /* minimum number of peaks of a live phase, relative to the best phase */
 /* height of a line, relative to the brightest one at a texel, that halves its weight */
 #define FAINT        0.5
 #define CONFIRM      2 /* number of neighbouring texels whose surface a candidate must continue */
-#define CLOSE        0.2f /* closer pulses lie on one surface; relative to agreement_mm */
+#define CLOSE        0.2f /* in units of agreement_mm; closer distances lie on one surface */
 #define MIN_TEXEL_PX 0.1  /* lower bound of the size of a texel in the picture, in pixels */
 /* reach of mdf_shown(), in reaches of the interpolation; see docs/lab/accuracy.md */
 #define HIDDEN_REACH 2
@@ -217,10 +219,11 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
     return frame_mm;
 }
 
-/* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time.
- * Returns −1 if there is no line, if the intersection is grazing, or if the point is below the
- * volume. Returns OVER if the point is above the volume by less than the size of the sample; −1 if
- * it is higher. */
+/* Returns the distance along a pixel's ray from the reference plane to the sheet at a peak time. A
+ * point above the plane by less than ABOVE has the distance 0. Returns OVER if the point is above
+ * this limit, but by less than the size of the sample. Returns −1 if there is no line, if the
+ * intersection is grazing, if the point is higher still, or if it is below the structure by more
+ * than BELOW. */
 static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -289,7 +292,7 @@ static float brightness(const float *dn, gsize pixel) {
     return dn && isfinite(dn[pixel]) ? MAX(dn[pixel], 0) : 0;
 }
 
-/* Collects the live pixels within the filter's radius around (x, y) with their bilinear weights. */
+/* Collects the live pixels within phases->radius around (x, y) with their bilinear weights. */
 static void find_near(const MdfView *view, const struct phases *phases,
                       const struct laser_sweep *sweep, float x, float y, struct nears *ret) {
     int r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
@@ -515,9 +518,10 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     return seen;
 }
 
-/* Collects the candidates of a texel from all laser positions. The weight of a candidate is
- * mdf_weight · b² / (b² + FAINT²), b being the height of its pulse over that of the brightest
- * candidate of the texel. Much fainter lines graze the surface, or are reflections. */
+/* Collects the candidates of a texel from all laser positions, and returns their number. The weight
+ * of a candidate is mdf_weight · b² / (b² + FAINT²), b being the height of its pulse over that of
+ * the brightest candidate of the texel. Much fainter lines graze the surface, or are
+ * reflections. */
 static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;

@@ -56,17 +56,18 @@ struct mdf_light {
 };
 void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
-/* Gives the second most likely distance of each texel. Of the candidates that do not agree with
- * `distance`, this is the one on which most laser positions agree (one position is enough). The
- * result is −1 if there is no such candidate. */
+/* Gives the second most likely distance of each texel. It is merged, like that of mdf_view_merge(),
+ * from the candidates that do not agree with `distance`, or from all candidates where `distance` is
+ * −1. One laser position is enough. The result is −1 if there is no such candidate. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* Returns the number of texels that have no distance and whose surface lies above the reference
- * plane according to two sweeps (one sweep if there are fewer than four). */
+ * plane according to at least two sweeps (at least one if the view has fewer than four sweeps). */
 int mdf_view_above(const MdfView *view, const float *distance);
 
-/* Returns the depth resolution of a sweep: the volume in mm³ of a tetrahedron. Its corners are
- * the laser source, the camera centre, and two points 2 mm apart on the line that the laser
- * draws through the turntable's centre. */
+/* Returns a measure of the depth resolution of a sweep, which grows with the resolution: the volume
+ * in mm³ of a tetrahedron, 0 if the sheet of light is parallel to the turntable. Its corners are
+ * the laser source, the camera centre, and two points 2 mm apart on the line that the laser draws
+ * through the turntable's centre. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm);

@@ -114,7 +114,7 @@ static void clear_relief(struct relief *r) {
 }
 
 /* Returns the mean of traced minus measured depth over the seen texels of all views whose polar
- * angle is theta_deg or up to GAP_DEG less. */
+ * angle is theta_deg or up to GAP_DEG less; 0 if there are no such texels. */
 static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;
@@ -168,8 +168,9 @@ double mdf_table_raised(const struct mdf_table *t) {
     return ring_raised(t, flattest_deg(t, 90.0));
 }
 
-/* The relief of a ring is raised by raised + per_tan · (tan θ − tan θ of the flattest measured
- * views), limited to 0 … MAX_RAISED. */
+/* Adds the views of those rings of rings_deg that are at least GAP_DEG flatter than the flattest
+ * measured views. The relief of a ring is raised by raised + per_tan · (tan θ − tan θ of the
+ * flattest measured views), limited to 0 … MAX_RAISED. */
 static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     const double flattest = flattest_deg(t, 90.0);
     gsize n = (gsize)t->width * t->height;

@@ -8,7 +8,7 @@ struct mdf_lines {
     /* number of all sweeps, of sweeps with a line, and of sweeps whose line contradicts the
      * calibration */
     int sweeps, found, disagree;
-    /* sum of squared angle errors of the sheets, over the found sweeps */
+    /* sum of squared angle errors of the sheets, over the sweeps with a line */
     double squares_deg2;
     /* signed error of the largest size among the sweeps that disagree, or among all sweeps if none
      * disagrees */
@@ -19,8 +19,9 @@ struct mdf_lines {
     double width, scatter;
     int widths, scatters;
 };
-/* Write and read the attributes lines.* of a part of products/mdf.exr. Reading returns FALSE if
- * they are missing. */
+/* Write and read the attributes lines.* of a part of products/mdf.exr. lines.width and
+ * lines.scatter are written only if they are known. Reading returns FALSE if one of the others is
+ * missing. */
 void mdf_lines_write(struct exr_part *part, const struct mdf_lines *lines);
 gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret);
 

@@ -49,7 +49,8 @@ static gsize cell_index(const struct net *net, const int cell[3]) {
            (cell[0] + 1);
 }
 
-/* Adds the point where g crosses the level on an edge of a cell. Returns FALSE if it does not. */
+/* Adds to sum the point where g crosses the level on an edge of a cell. Returns FALSE if g does not
+ * cross the level there. */
 static gboolean add_crossing(const struct net *net, const int from[3], int axis, double sum[3]) {
     int to[3] = {from[0], from[1], from[2]};
     to[axis]++;
@@ -65,7 +66,8 @@ static gboolean add_crossing(const struct net *net, const int from[3], int axis,
     return TRUE;
 }
 
-/* Makes the vertex of a cell, whose first corner is the sample of that index. */
+/* Makes the vertex of a cell if the surface crosses the cell. cell is the index of the cell's first
+ * corner among the samples. */
 static void add_vertex(struct net *net, const int cell[3]) {
     double sum[3] = {0.0}, gradient[3];
     int n = 0;
@@ -104,7 +106,8 @@ static void add_vertex(struct net *net, const int cell[3]) {
     net->vertex[cell_index(net, cell)] = net->vertices->len;
 }
 
-/* Makes the two triangles across an edge between samples along axis. */
+/* If one of two samples that follow each other along axis is opaque and the other free, makes the
+ * two triangles between them. */
 static void add_quad(struct net *net, const int from[3], int axis) {
     int to[3] = {from[0], from[1], from[2]};
     to[axis]++;
@@ -130,7 +133,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Returns the median of g at the points where the measured rays stop. */
+/* Returns the median of g at the points where the measured rays stop, or 0.5 if there are none. */
 static double level_of(const struct mdf_shell *shell, const struct mdf_table *t) {
     const int n_views = t->n_measured > 0 ? t->n_measured : t->n_views;
     const gsize n = (gsize)t->width * t->height;

@@ -7,15 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP  0.75 /* in texels; neighbours with a larger step lie on different surfaces */
-#define AGREE 0.25 /* in texels; predictions within this distance agree */
-#define LEAST 2    /* minimum number of views that must agree on a prediction */
+#define STEP 0.75 /* in texels; neighbours with a larger step lie on different surfaces */
+#define AGREE                                                                                      \
+    0.25        /* in texels; a distance agrees with a prediction that is this close, and          \
+                   predictions agree within twice this range */
+#define LEAST 2 /* minimum number of views that must agree on a prediction */
 /* number of views that must confirm a prediction for each view that sees through it */
 #define DENIES  4
 #define GOES_ON 0.5 /* in texels; maximum step between a surface and its continuation */
 /* a surface that at least this many laser positions saw is taken to be lit beyond its last texel */
 #define LIT    4
-#define AROUND 2 /* minimum number of neighbours whose surface a prediction continues */
+#define AROUND 2 /* minimum number of neighbours for would_be_seen() */
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
@@ -104,8 +106,8 @@ static void poll(const struct settling *s, int texel, float mm, guint16 *yes, gu
     mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
 }
 
-/* Returns the nearest distance on which enough predictions agree and through which few views
- * see, or −1. */
+/* Returns the nearest distance on which at least LEAST of the n sorted predictions agree, and which
+ * at least LEAST views confirm and few views deny (DENIES). Returns −1 if there is none. */
 static float nearest(const struct settling *s, int texel, const float *predicted, int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
     for (int i = 0; i < n; i++) {
@@ -123,9 +125,10 @@ static float nearest(const struct settling *s, int texel, const float *predicted
     return -1;
 }
 
-/* Returns whether a prediction continues the surface of neighbours that several lasers saw. The
- * lasers would then have reached the predicted point as well. Because this view measured nothing
- * there, it looks into a gap too narrow for the laser, and not at that surface. */
+/* Returns whether a prediction continues the surface of at least AROUND neighbours that at least
+ * LIT laser positions saw. The lasers would then have reached the predicted point as well. Because
+ * this view measured nothing there, it looks into a gap too narrow for the laser, and not at that
+ * surface. */
 static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const int width = s->plane->width, row = texel / width, column = texel % width;

@@ -8,7 +8,9 @@
 #define MDF_TABLE_ERROR mdf_table_error_quark()
 GQuark mdf_table_error_quark(void);
 enum mdf_table_error {
-    MDF_TABLE_ERROR_FORMAT, /* the file has no views, or they differ in size or lack distances */
+    MDF_TABLE_ERROR_FORMAT, /* the file has no views or too many texels, or a view lacks distances,
+                               differs from the first view in size, has no texel that a laser saw,
+                               or has a distance or scale out of range */
 };
 
 #define MDF_TABLE_MAX_TEXELS (1 << 27) /* maximum number of texels of all views together */
@@ -33,7 +35,8 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
 /* Returns a copy of the measured views only. */
 struct mdf_table *mdf_table_copy_measured(const struct mdf_table *table);
 
-/* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
+/* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). Other errors than
+ * MDF_TABLE_ERROR_FORMAT are those of exr_read() and exr_get_double(). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
 /* Adds views at grazing angles, which were not measured. They are traced over the relief of the
  * steep views (mdf_grazing.c). */
@@ -53,8 +56,8 @@ void mdf_table_trace(struct mdf_table *table);
 void mdf_table_fill(float *depth, int width, int height);
 
 /* Returns the RMS difference in mm between the depths of the first n_measured views of two tables,
- * over texels that a laser saw in the first table. ret_most_mm (may be NULL) is the 99th
- * percentile. */
+ * over texels that a laser saw in the first table. ret_most_mm (may be NULL) is the 99th percentile
+ * of the absolute differences. Returns 0 if no laser saw a texel. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm);
 

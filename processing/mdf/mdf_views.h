@@ -36,7 +36,7 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
-/* Returns whether more views deny than confirm. */
+/* Returns whether more views deny a point than confirm it. */
 gboolean mdf_views_refuted(guint16 confirmed, guint16 denied);
 
 /* Source of a texel's final distance. */
@@ -48,17 +48,17 @@ enum mdf_distance_source {
     MDF_PREDICTED,
 };
 
-/* Completes a view with the help of all views. Its own measurements stay unless more of the
+/* Completes a view with the help of all views. The view's own measurements stay unless more of the
  * other views deny than confirm them. A refuted or missing value is replaced by the first of
  * these that exists:
  * - the view's second distance, if the surface of another view lies there and no view sees
- *   through it
- * - the nearest surface along its ray that at least two other views see (between neighbouring
- *   texels on one surface, not across depth edges) and that hardly any view sees through. A
- *   missing value is not replaced by a surface that several lasers would have reached, because
- *   it continues the surface of measured neighbours.
- * Otherwise it is unknown. No height field is assumed: views in which a point is hidden do not
- * count. ret_source (n_texels): enum mdf_distance_source. */
+ *   through that point
+ * - the nearest surface along the texel's ray that at least two other views see (between
+ *   neighbouring texels on one surface, not across depth edges) and that hardly any view sees
+ *   through. A missing value is not replaced by a surface that several lasers would have reached,
+ *   because the surface continues that of measured neighbours.
+ * Otherwise the value is unknown (−1). No height field is assumed: views in which a point is hidden
+ * do not count. ret_source (n_texels): enum mdf_distance_source. */
 void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                       float *ret_distance, guint8 *ret_source);
 
@@ -75,5 +75,8 @@ struct mdf_views_sums {
     struct mdf_lines lines;
 };
 
-/* Reads products/mdf.exr and sums over its views. */
+/* Reads products/mdf.exr and sums over its views. Uses the distances that each view measured itself
+ * (channel M); D if there is no M. Fails if the file cannot be read or has no views, or if a view
+ * lacks distances or the position of its camera, differs from the first view in size, has distances
+ * that are not finite, or has its camera below the reference plane. */
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error);

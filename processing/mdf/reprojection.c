@@ -225,8 +225,8 @@ struct place {
     float u, v;
 };
 
-/* Splits a position into a texel and remainders. Returns FALSE outside of the texels; a tiled
- * sample has no outside. Beyond ±1e6 it always returns FALSE. */
+/* Splits a position into a texel and remainders. Returns FALSE if the position is outside of the
+ * texels and the sample is not tiled, or if it is beyond ±1e6 texels. */
 static gboolean reprojection_place(const Reprojection *s, double column, double row,
                                    struct place *ret) {
     if (!(fabs(column) < 1e6 && fabs(row) < 1e6))
@@ -300,8 +300,9 @@ static void examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
     ret->q = (mm - (double)(distance / sum)) / tolerance;
 }
 
-/* Gives the texels of a value: 4 × 4 if all of them are on one surface, otherwise the four around
- * the position. */
+/* Gives the taps of a value, and returns their number: 4 × 4 texels if all of them are on one
+ * surface, otherwise those of the four around the position that are on the surface of the nearest
+ * texel. */
 static int spread(const Reprojection *s, int view, const struct look *look, double weight,
                   struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];

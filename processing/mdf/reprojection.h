@@ -66,7 +66,10 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
                                int n, gboolean tiled, GError **error);
 
 /* Reads the MDF of a session (products/mdf.exr). Its views are put into the order of n directions,
- * which are those of a BTF. A direction without an MDF has no distances. */
+ * which are those of a BTF. A direction without an MDF has no distances. The error is
+ * DATA_ERROR_INVALID if the file has no views, if a view lacks its distances or the position of its
+ * camera, has values that are not finite, or differs from the first view in size, or for the causes
+ * of reprojection_new(). */
 Reprojection *reprojection_read(const char *path, const float *theta_deg, const float *phi_deg,
                                 int n, gboolean tiled, GError **error);
 void reprojection_free(Reprojection *reprojection); /* NULL is ignored */

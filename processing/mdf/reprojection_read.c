@@ -11,7 +11,8 @@
 #define SAME_COSINE 0.99999
 #define AGAIN       "; delete the file and process the session again"
 
-/* Returns the part whose view has the direction, or NULL if there is none. */
+/* Returns the first part whose view is within a quarter of a degree of the direction, or NULL if
+ * there is none. */
 static const struct exr_part *reprojection_part(const struct exr_file *file, float theta_deg,
                                                 float phi_deg) {
     float to[3], of[3];
