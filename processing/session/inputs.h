@@ -7,7 +7,7 @@
 
 struct input {
     char *path;   /* absolute */
-    char *sha256; /* checksum in the session; NULL if the file is not to be checked */
+    char *sha256; /* checksum in the session; NULL or empty if the file is not to be checked */
     gint64 shot;
     int width, height;    /* size of the camera's pictures */
     double turntable_deg; /* angle of the turntable in the middle of the exposure */
@@ -15,9 +15,9 @@ struct input {
 
 void input_clear(struct input *input);
 
-/* Reads the first part of the file. The error is DATA_ERROR_INVALID if the checksum or the size
- * differs from the session's, if the file cannot be read, or if one of the channels
- * (NULL-terminated) is missing. */
+/* Reads the first part of the file. The error is DATA_ERROR_INVALID if the checksum differs from
+ * the session's, if the picture is not width × height, if the file cannot be read or has no parts,
+ * or if one of the channels (NULL-terminated) is missing. */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
 /* Returns the mosaic (height × width, borrowed) of a frame that input_read() or exr_read_part() has

@@ -14,13 +14,16 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
 /* outputs_load() computes the output of each shot, which outputs_of() returns: the mean over all
  * cameras weighted by 1/σ² (outputs.c). For a shot without a measurement, the output is
  * interpolated linearly, by shot number, between the nearest measured shots of its lamp before and
- * after it. It is 1 for a lamp without measured shots, and in sessions without fiducials. */
+ * after the shot. If there are measured shots on one side only, the output is that of the nearest
+ * of them. The output is 1 if the lamp has no measured shot, for shots without a lamp, and in
+ * sessions without fiducials. The error is SESSION_ERROR_FORMAT if a stored value is not valid. */
 struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
 /* Returns the factor that makes an output relative to a calibration other than the session's.
  */
 typedef double (*OutputsFactor)(const struct session_shot *shot, const char *camera, gpointer data);
-/* The same as outputs_load(), for processing with another calibration. */
+/* Does the same as outputs_load() for processing with another calibration: each measured output and
+ * its error are multiplied by the factor. */
 struct outputs *outputs_load_relative(Session *session, const GPtrArray *shots,
                                       OutputsFactor factor, gpointer data, GError **error);
 void outputs_free(struct outputs *outputs); /* NULL is ignored */

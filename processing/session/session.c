@@ -146,8 +146,6 @@ char *session_file(const Session *session, const char *relative) {
     return g_build_filename(session->path, relative, NULL);
 }
 
-/* Returns whether a path is relative and valid UTF-8, and has no component that is empty, "." or
- * "..". */
 gboolean session_is_relative(const char *path) {
     g_auto(GStrv) parts = NULL;
 

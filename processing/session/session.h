@@ -27,7 +27,8 @@ enum session_error {
     SESSION_ERROR_EXISTS,
     /* the disk is full; nothing is lost, and the caller can try again when there is free space */
     SESSION_ERROR_FULL,
-    SESSION_ERROR_DAMAGED, /* a file differs from its row in the database */
+    SESSION_ERROR_DAMAGED, /* a file of a product is missing, cannot be read, or differs from its
+                              row in the database */
 };
 
 typedef struct Session Session;
@@ -54,7 +55,7 @@ struct session_grid {  /* the texels of the reference plane, in the sample frame
 
 /* The planned direction of a view, light or laser position, in the sample frame. */
 struct session_direction {
-    int index;  /* 0 … n−1 */
+    int index;  /* position among the directions of its kind, from 0 */
     int device; /* index of the camera, lamp or laser in the calibration */
     /* planned angles; for a view, with the turntable at turntable_deg */
     double theta_deg, phi_deg;
@@ -143,9 +144,10 @@ struct session_plan {
     int n_shots;
 };
 
-/* Creates the directory with the whole plan, and opens it as SESSION_CAPTURE. The directory must
- * not exist. The plan is checked first. The directory has a hidden name until it is complete; a
- * process that is killed leaves at most a folder ".NAME.session.XXXXXX" next to the session. */
+/* Creates the directory with the whole plan, and opens it as SESSION_CAPTURE. The error is
+ * SESSION_ERROR_EXISTS if the path exists, and SESSION_ERROR_FORMAT if the plan is not valid, or if
+ * a text is missing or not UTF-8. The directory has a hidden name until it is complete; a process
+ * that is killed leaves at most a folder ".NAME.session.XXXXXX" next to the session. */
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
 Session *session_open(const char *path, enum session_mode mode, GError **error);
@@ -165,7 +167,8 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
  * UTC); g_free() both. */
 gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error);
 
-/* Return arrays of the structs above with free functions set, or NULL on error. */
+/* Return arrays of the structs above with free functions set, or NULL on error. Every row is
+ * checked; the error is SESSION_ERROR_FORMAT if one is not valid. */
 GPtrArray *session_views(Session *session, GError **error);
 GPtrArray *session_lights(Session *session, GError **error);
 GPtrArray *session_lasers(Session *session, GError **error);
@@ -200,19 +203,20 @@ char *session_value(Session *session, const char *key);
 gboolean session_suspect(Session *session, const char *sentence, GError **error);
 void session_suspicions(Session *session, GPtrArray *ret);
 
-/* Returns all values whose names begin with prefix as a table of name → value. The table owns
- * both. */
+/* Returns all values whose names begin with prefix as a table of name → value. The table owns both.
+ * Returns NULL on error. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);
 
-/* Records the inputs from which a product was computed. The checksum and the size are computed from
- * the file. */
+/* Writes the row of a product, or replaces it: made_by (the hash of the inputs, or the arguments
+ * with which mesorig makes the file again), and the checksum and the size of the file at this
+ * moment. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
 /* The same as session_add_product() for a file by its path. Files outside of a session's products
- * are ignored. made_by contains the arguments with which mesorig makes the file again: "compress …"
- * or "export …". */
+ * are ignored. made_by is "compress …" or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
-/* Returns the set of the paths of all products. */
+/* Returns the set of the paths of all products, relative to the session directory. NULL on
+ * error. */
 GHashTable *session_products(Session *session, GError **error);
 
 struct session_product {
@@ -254,10 +258,10 @@ struct session_damage *session_examine(const Session *session, const char *relat
                                        const char *sha256);
 
 /* Checks the products whose names begin with prefix. To be called before products are read. If a
- * product differs from its row, the error is SESSION_ERROR_DAMAGED with the command that makes the
- * file again. Files without a row pass. If another program is making products, the function waits
- * for the row of a file that was just written. work may be NULL; the function reports no
- * progress. */
+ * product is missing, cannot be read, or differs from its row, the error is SESSION_ERROR_DAMAGED
+ * with the command that makes the file again. Files without a row pass. If another program is
+ * making products, the function waits for the row of a file that was just written. work may be
+ * NULL; the function reports no progress. */
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error);
 

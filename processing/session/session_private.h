@@ -39,12 +39,13 @@ int session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
 char *session_db_text(sqlite3_stmt *statement, int column); /* g_free() */
 
 /* Gives the text in the first column of the first row. key is ?1 of the query, or NULL if the query
- * has no parameter. Returns the same values as session_db_next(). */
+ * has no parameter. *ret is NULL if there is no row, and on error. Returns the same values as
+ * session_db_next(). */
 int session_db_one_text(Session *session, const char *sql, const char *key, char **ret,
                         GError **error);
 
-/* Opens session.db of session->path in its mode. Refuses anything that is not a complete
- * session. */
+/* Opens session.db of session->path in session->mode, and refuses anything that is not a complete
+ * session. If create is TRUE, makes an empty database instead; session.db must not exist. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);
 
 /* Opens a session and takes ownership of lock. If lock is −1 and the mode is SESSION_CAPTURE, takes
@@ -60,13 +61,15 @@ void session_rollback(Session *session);
 
 gboolean session_may(const Session *session, enum session_mode least, GError **error);
 
-/* Returns whether a path stays inside of the session directory. */
+/* Returns whether a path is relative and valid UTF-8, and has no component that is empty, "." or
+ * "..". */
 gboolean session_is_relative(const char *path);
 
 extern const char *const session_shot_kinds[];  /* by enum session_shot_kind, NULL-terminated */
 extern const char *const session_shot_states[]; /* by enum session_shot_state */
 
-/* Check the parts of a plan, both before it is stored and after it is read. */
+/* Check the parts of a plan, both before the plan is stored and after it is read. index and id are
+ * the expected ones. The error is SESSION_ERROR_FORMAT and names no file. */
 gboolean session_check_grid(const struct session_grid *grid, GError **error);
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error);
