@@ -101,7 +101,8 @@ static void add(int block, gpointer data) {
         }
 }
 
-/* Sums the taps of all texels, under the measured lights. */
+/* Sets a->sums: for each texel of the view that is being made, the weighted sum of the values of
+ * its taps under each measured light. Fails if the scratch file of the BTF cannot be read. */
 static gboolean mix(struct along *a, float *buffer, GError **error) {
     const int n_views = (int)a->btf->layout.views.n;
     const gsize row = a->btf->layout.lights.n * COLOURS;

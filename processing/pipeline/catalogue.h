@@ -39,7 +39,8 @@ int catalogue_planned(const struct catalogue *catalogue);
 enum catalogue_state {
     CATALOGUE_READY,
     CATALOGUE_WAITING,    /* frames are planned, but not taken yet */
-    CATALOGUE_IMPOSSIBLE, /* the plan leaves out a necessary frame */
+    CATALOGUE_IMPOSSIBLE, /* the plan lacks a necessary shot, or skips more of them than the view
+                             can do without */
 };
 
 /* Looks up the inputs of a view's BTF. If the view is ready and ret is not NULL, *ret becomes these
@@ -75,7 +76,8 @@ struct mdf_job {
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 
 /* Looks up the sweeps of a view, like catalogue_btf(). A view is ready without the sweeps that the
- * plan leaves out. Free *ret with mdf_job_free(). */
+ * plan leaves out, if it has at least one other. At most MDF_MAX_SWEEPS sweeps are used. Free *ret
+ * with mdf_job_free(). */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 

@@ -15,9 +15,11 @@
 #define MIN_LINES  0.02
 #define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */
 #define MAX_FRAMES 8  /* maximum number of frames of a view that are examined */
-/* mean reflectance under the steepest light; the blackest paints reflect more */
+/* a view is dark if its mean reflectance under the steepest light is below this; the blackest
+ * paints reflect more */
 #define DARK 0.0005
-/* views below this share of the median view's reflectance are suspicious */
+/* a view is dark also if its mean reflectance is below this share of the median over views, unless
+ * its brightest frame has DARK_DN */
 #define DARK_SHARE    0.02
 #define DARK_DN       5.0
 #define MAX_SATURATED 0.5 /* maximum share of a view's values that may be saturated */

@@ -286,8 +286,6 @@ gboolean mdf_read(const char *path, const struct catalogue *catalogue,
     return taken != file->parts->len;
 }
 
-/* Returns the share of measured texels. ret_predicted is the share that was predicted from other
- * views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted) {
     gint64 seen = 0, predicted = 0, all = 0;
     for (int view = 0; view < n; view++)

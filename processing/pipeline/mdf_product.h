@@ -7,7 +7,7 @@
 
 struct mdf_result {
     char *inputs; /* hash of the view's inputs */
-    int index;    /* index of the view */
+    int index;    /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     double centre_mm[3]; /* position of the camera in the sample frame */
     /* hash of all views from which D and P were set; empty if they are not set */
@@ -20,7 +20,8 @@ struct mdf_result {
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 
 /* Makes the MDF of a view. D and P are those of this view alone (mdf_settle() completes them).
- * Returns NULL with an error if a sweep cannot be used or when cancelled. Any thread. */
+ * Returns NULL with an error if the file of a sweep cannot be read or has another sweep than the
+ * plan, if a frame is needed (lines_in_pictures) that was not kept, or if cancelled. Any thread. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 
@@ -28,8 +29,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
  * of a missing view is NULL. */
 
 /* Sets D and P of all views from their measurements (mdf_views.h), unless they were already set
- * from the same views. settled is called after each view. Returns whether any value may have
- * changed. */
+ * from the same views. settled is called after each view. If cancelled, the remaining views stay as
+ * they are. Returns whether any value may have changed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data);
 
@@ -41,6 +42,7 @@ gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
 gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results);
 
-/* Returns the share of all texels of the existing views that was measured. ret_predicted is the
- * share that was predicted from other views. */
+/* Returns the share of the texels of all existing views whose D was measured by the view itself (M
+ * or O); 0 if there are no views. ret_predicted is the share that was predicted from other
+ * views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted);

@@ -59,9 +59,12 @@ struct near_field_correction_result {
 };
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
-/* to is NULL for the session's own nominal directions. path must not exist. The function needs the
- * memory of some views, and temporarily 8 bytes on disk for each texel under each pair of view and
- * light, of source and result. Progress stages are "read", "resample", "import" and "eigenmaps". */
+/* Resamples the BTF of a session to the directions `to`, and writes the result as a new session to
+ * path. to is NULL for the session's own nominal directions. The error is DATA_ERROR_EXISTS if path
+ * exists, and DATA_ERROR_INCOMPLETE if there is no BTF or if it gets further views meanwhile. Fails
+ * also if the disk has no space for the scratch files. The function needs the memory of some views,
+ * and temporarily 8 bytes on disk for each texel under each pair of view and light, of source and
+ * result. Progress stages are "read", "resample", "import" and "eigenmaps". */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

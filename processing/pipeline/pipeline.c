@@ -36,7 +36,7 @@ struct task {
     struct btf_view *btf;
     struct mdf_job *mdf;
     struct mdf_result *result;
-    int number; /* index in the course */
+    int number; /* index of the task in course_set_tasks() */
     GError *error;
 };
 
@@ -178,8 +178,8 @@ static enum catalogue_state pipeline_state(const struct run *run, enum stage sta
                               : catalogue_mdf(run->catalogue, view, NULL);
 }
 
-/* Counts the views that a stage can make. It cannot make views whose frames the plan leaves out
- * and, after the capture has ended, views whose frames are missing. */
+/* Counts the views that a stage can make. These are all views, except those whose frames the plan
+ * leaves out and, after the capture has ended, those whose frames are missing. */
 static int count_possible(const struct run *run, enum stage stage, gboolean ended) {
     int n = 0;
     for (int view = 0; view < run->n_views; view++) {

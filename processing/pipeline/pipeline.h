@@ -95,10 +95,13 @@ struct pipeline_result {
  * the products of a session (G_IO_ERROR_BUSY). The bytes of the products depend only on the frames,
  * not on threads or order.
  *
- * Views of the BTF and of the MDF are made alternately. The progress stage is "btf" until all views
- * of the BTF are made, then "mdf", then "eigenmaps". The reported time left is for all stages
- * together. With follow, the function ends when the session's value "state" is "done" or "aborted",
- * or when all products are made. It sets the session's values of prediction_product.h,
- * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
+ * Views of the BTF and of the MDF are made alternately. The first progress stage is "verify", which
+ * compares existing products with their checksums. Then the stage is "btf" until all views of the
+ * BTF are made, then "mdf", then "eigenmaps"; the time left that these report is for all of them
+ * together. If pictures were left out and are predicted again, "read" and "prediction" come before
+ * "eigenmaps" (prediction_product.h). With follow, the function ends when the session's value
+ * "state" is "done" or "aborted", or when all products are made. The function sets the session's
+ * values of prediction_product.h, "eigenmaps_error", "mdf_coverage", "processing_s" and
+ * "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

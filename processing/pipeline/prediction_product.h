@@ -16,7 +16,7 @@
 struct prediction_product {
     int n_left_out, n_pictures; /* number of left-out pictures among the n_pictures of the BTF */
     char *inputs;               /* hash; NULL if nothing was left out */
-    gboolean made;              /* FALSE if the files were up to date */
+    gboolean made;              /* FALSE if the files were up to date or nothing was left out */
 };
 void prediction_product_clear(struct prediction_product *product);
 
@@ -34,7 +34,9 @@ void prediction_product_read(Session *session, struct prediction_known *ret);
  * "prediction_left_out_error", "prediction_left_out_share" and "prediction_pictures" (“2700 of
  * 3600”). The texels' values are kept in a scratch file if they take more than
  * PREDICTION_PRODUCT_MEMORY bytes. Predicted values are kept in memory, 12 bytes per texel and
- * picture. The progress stage is "prediction". */
+ * picture. Does nothing if no picture was left out, or if all predictions are up to date. Fails if
+ * a file lacks lights or positions, or if products/btf has other views. The progress stages are
+ * "read", and "prediction" twice: for fitting, then for predicting. */
 #define PREDICTION_PRODUCT_MEMORY ((gint64)1 << 30)
 gboolean prediction_product_make(Session *session, const struct catalogue *catalogue,
                                  const int *views, int n_views, const struct work *work,

@@ -22,7 +22,7 @@ enum time_left_work {
 };
 #define TIME_LEFT_STAGES TIME_LEFT_SETTLE
 
-/* CPU time of a unit, in seconds. */
+/* CPU time in seconds of a unit of each kind of work (enum time_left_work). */
 struct time_left_rates {
     double unit_s[TIME_LEFT_WORKS];
 };
@@ -45,7 +45,7 @@ struct time_left_made { /* measured work of one kind in a run */
 void time_left_rates_learn(struct time_left_rates *rates,
                            const struct time_left_made made[TIME_LEFT_WORKS]);
 
-/* A view of a stage. Tasks are in the order in which threads take them. */
+/* The work of one stage for one view. */
 struct time_left_task {
     enum time_left_work stage;
     double theta_deg; /* views of one elevation take a similar time */
@@ -55,8 +55,9 @@ struct time_left_task {
 };
 
 /* Returns the seconds that n_threads, with a processor each, will need for all tasks that are not
- * made. The time of a view is estimated from the views that are made and from the rate. Views of
- * nearer elevations count more. The rate counts as a fifth of a view. */
+ * made. tasks is in the order in which the threads take them. The time of a view is estimated from
+ * the views that are made and from the rate. Views of nearer elevations count more. The rate counts
+ * as a fifth of a view. */
 double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
                          const struct time_left_rates *rates);
 
