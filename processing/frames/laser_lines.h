@@ -23,14 +23,14 @@ struct laser_reference {
 };
 
 /* Convert a reference without its top_mm to and from a line of text, which is stored as the
- * session's value LASER_REFERENCE_KEY. Free the text with g_free(). Parsing sets top_mm to 0, and
- * returns FALSE if the text is NULL or cannot be parsed. */
+ * session's value LASER_REFERENCE_KEY. Free the text with g_free(). Parsing sets top_mm to 0. It
+ * returns FALSE if the text is NULL or not five numbers of at least 0 with “;” between them. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);
 
 /* The pixels of one view that show the face. Pixels behind the sample or on a fiducial are left
- * out. */
+ * out. There are no pixels if the reference has no face. */
 typedef struct LaserRegion LaserRegion;
 LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *camera,
                               double turntable_rad, const struct laser_reference *reference);
@@ -79,8 +79,9 @@ struct laser_lines {
     gboolean disagrees;
 };
 
-/* Finds the lines of a sweep with n_frames frames. turn_rad is NULL if too few pixels saw the line
- * or if no roll can be fitted. Free the result with laser_lines_clear(). */
+/* Finds the lines of a sweep with n_frames frames. turn_rad is NULL if too few pixels saw the line,
+ * in the whole sweep or in every frame, or if no roll can be fitted. Free the result with
+ * laser_lines_clear(). */
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);

@@ -28,6 +28,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPictures, laser_pictures_free)
 void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
 /* Gives the lines of all frames. turn_rad of a frame without a line is copied from the nearest
- * frame with a line; turn_rad is NULL if no frame has a line. The roll is the mean over all
- * lines, weighted by their number of candidates. disagrees is FALSE. */
+ * frame with a line; turn_rad is NULL if no frame has a line. The roll is the mean over all lines,
+ * weighted by their number of candidates. disagrees is FALSE, and standard errors are 0. */
 void laser_pictures_finish(const LaserPictures *pictures, struct laser_lines *ret);

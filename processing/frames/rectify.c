@@ -136,7 +136,8 @@ static float spline(double t) {
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
 }
 
-/* Computes smooth weights around a texel, for the estimate of the texel's colour. */
+/* Adds to weights the smooth weight (spline()) of each pixel of a colour around the sample points.
+ * apply_all() estimates the colour of the texel's surround with these weights. */
 static void weigh_around(const Rectify *rectify, const struct footprint *footprint, int colour,
                          struct weights *weights) {
     for (int k = 0; k < footprint->n; k++) {

@@ -17,7 +17,8 @@
 
 typedef struct Sweep Sweep;
 
-/* Creates a sweep of at most 32767 frames. Values from saturation (in DN) on are saturated. */
+/* Creates a sweep of n_frames frames, at most 32767. Values from saturation (in DN) on are
+ * saturated. */
 Sweep *sweep_new(int width, int height, int n_frames, int saturation);
 void sweep_free(Sweep *sweep); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)

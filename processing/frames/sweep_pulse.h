@@ -14,7 +14,8 @@ struct sweep_samples {
     int n, first, count; /* number of samples; first frame of the backgrounds; number of frames */
     float full;          /* values from here on are saturated */
     float margin;        /* values up to here do not belong to a line */
-    float pedestal;      /* mean background, in units of value */
+    float pedestal;      /* mean of the samples without a line above the background, which is their
+                            minimum, in DN */
 };
 
 struct sweep_pulse {
