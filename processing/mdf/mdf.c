@@ -23,9 +23,8 @@
  * reference plane, and below the maximum depth of the structure (intersect()). */
 #define ABOVE 5
 #define BELOW 10
-#define SEEN_SHARE                                                                                 \
-    0.75f               /* minimum share, by weight, of the live pixels around a texel that have a \
-                           peak */
+/* minimum share, by weight, of the live pixels around a texel that have a peak */
+#define SEEN_SHARE 0.75f
 #define LIVE_SHARE 0.25 /* minimum number of peaks of a live phase, relative to the best phase */
 /* height of a line, relative to the brightest one at a texel, that halves its weight */
 #define FAINT        0.5

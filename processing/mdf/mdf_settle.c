@@ -8,9 +8,9 @@
 #include <string.h>
 
 #define STEP 0.75 /* in texels; neighbours with a larger step lie on different surfaces */
-#define AGREE                                                                                      \
-    0.25        /* in texels; a distance agrees with a prediction that is this close, and          \
-                   predictions agree within twice this range */
+/* in texels; a distance agrees with a prediction that is this close, and predictions agree
+ * within twice this range */
+#define AGREE 0.25
 #define LEAST 2 /* minimum number of views that must agree on a prediction */
 /* number of views that must confirm a prediction for each view that sees through it */
 #define DENIES  4
