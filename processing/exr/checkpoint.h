@@ -23,14 +23,15 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 /* For tests: sets the time between two saves. The default is 20 s. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
-/* Reads the file if it was written with the same inputs. inputs is a text, such as a hash, that
- * covers everything the result depends on. Only the first call has an effect, so that an outer
- * function describes the inputs of the functions that it calls. */
+/* Reads the arrays of the file, if it exists, is not damaged and was written with the same inputs.
+ * Otherwise the computation starts from the beginning, and checkpoint_note() says why. inputs is a
+ * text, such as a hash, that covers everything the result depends on. Only the first call has an
+ * effect, so that an outer function describes the inputs of the functions that it calls. */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);
 
 /* Returns a message for the user: either that the work continues from the checkpoint, or why an
- * existing file cannot be used. Returns NULL if there is no message. */
+ * existing file cannot be used. Returns NULL if there was no file. */
 const char *checkpoint_note(const Checkpoint *checkpoint);
 
 /* Returns an array from the file, or NULL if the file has no array of that name and size. The
@@ -45,13 +46,16 @@ void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer val
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
 void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL drops all arrays */
 
-/* Writes the file. checkpoint_save() always writes, checkpoint_save_if_due() only if the period has
- * passed. Failures are ignored, because the computation can continue without a checkpoint. */
+/* Writes the file. checkpoint_save() writes at once, checkpoint_save_if_due() only if the period
+ * and twenty times the duration of the last save have passed. Nothing is written before
+ * checkpoint_begin(), or if no array is registered. Failures are ignored, because the computation
+ * can continue without a checkpoint. */
 void checkpoint_save(Checkpoint *checkpoint);
 void checkpoint_save_if_due(Checkpoint *checkpoint);
 
 /* Deletes the file. To be called when the result is on disk. */
 void checkpoint_remove(Checkpoint *checkpoint);
 
-/* Deletes the file after an error, unless it belongs to another computation. */
+/* Deletes the file, unless it belongs to another computation. To be called after an error other
+ * than cancelling. */
 void checkpoint_discard(Checkpoint *checkpoint);

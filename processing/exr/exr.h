@@ -63,7 +63,8 @@ struct exr_part *exr_part_new(const char *name, int width, int height, const cha
                               enum exr_type type);
 void exr_part_free(struct exr_part *part); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
-/* Returns the values of a channel, or NULL if the part has no such channel. */
+/* Returns the values of a channel, or NULL if the part has no such channel or its planes were not
+ * read. */
 float *exr_part_plane(const struct exr_part *part, const char *channel);
 gboolean exr_all_finite(const float *values, gsize n);
 
@@ -90,13 +91,14 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name);
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
-/* Callback that fills the planes of a part. All values are 0 when it is called. Returning FALSE
- * stops the writing. */
+/* Callback that fills the planes of a part. All values are 0 before. If it returns FALSE, it sets
+ * the error with which the writing fails. */
 typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
 
 /* Writes a file as exr_write() does, for parts that do not fit into memory together. If the planes
  * of a part are NULL, they are allocated when the part is written, filled by the callback, and
- * freed afterwards. The callback may be called twice for a part. */
+ * freed afterwards. The callback is called a second time for each part if the compressed file is so
+ * small that exr_read() would refuse it; the file is then written without compression. */
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);

@@ -25,5 +25,6 @@ void exr_scratch_clear(struct exr_scratch *scratch);
 
 GPtrArray *exr_attributes_new(void); /* of struct exr_attribute */
 
-/* Returns TRUE for attributes that EXR itself defines, such as size, channels and compression. */
+/* Returns TRUE for attributes that EXR itself defines, such as size, channels and compression.
+ * Readers skip them, and writers refuse them. */
 gboolean exr_is_standard_attribute(const char *name);

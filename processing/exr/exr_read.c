@@ -33,7 +33,7 @@ struct source {
     char message[256]; /* last error message of the library */
     gint64 reached;    /* the farthest offset that was read */
     gboolean cancelled, failed;
-    gboolean placed; /* TRUE if a part gets the size of its display window (exr_read_picture()) */
+    gboolean placed; /* TRUE for exr_read_picture(): the part gets the size of its display window */
     struct exr_scratch scratch;
 };
 
@@ -489,8 +489,8 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
 }
 
 /* Reads a part's header, and its pixels unless left is NULL. *left is the number of bytes of the
- * file that may hold pixels of parts not yet read. It is reduced by the minimum bytes of this part.
- * Returns NULL on error. */
+ * file that may hold pixels of parts not yet read. The function subtracts the minimum number of
+ * bytes that the pixels of this part take in the file. Returns NULL on error. */
 static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};

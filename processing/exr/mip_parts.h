@@ -4,8 +4,8 @@
 
 #include "exr.h"
 
-/* Moves all parts of `level` to the end of the file as the level with this number: adds the prefix
- * to their names. Frees `level`. */
+/* Moves all parts of `level` to the end of the file as the level with this number, and adds the
+ * prefix of the level to their names. Frees `level`. */
 void mip_parts_add(struct exr_file *file, struct exr_file *level, int number);
 
 /* Returns the number of levels. part is the name of a part that each level has. The file may have
@@ -14,5 +14,6 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number);
 int mip_parts_count(const struct exr_file *file, const char *part, const char *path,
                     GError **error);
 
-/* Moves the parts of a level out of the file. The returned parts have the names of level 0. */
+/* Moves the parts of a level out of the file. The returned parts have the names of level 0; there
+ * are none if the file lacks the level. exr_file_free() */
 struct exr_file *mip_parts_take(struct exr_file *file, int number);
