@@ -7,7 +7,7 @@
 #define RING_GAP_DEG 2.5   /* minimum difference between the polar angles of neighbouring rings */
 #define POLE_DEG     3.0   /* a single direction within this angle of the normal is the pole */
 #define MIN_PHI_DEG  0.1   /* minimum gap between neighbouring azimuths of a ring */
-#define MAX_PHI_DEG  179.0 /* maximum gap */
+#define MAX_PHI_DEG  179.0 /* maximum gap between neighbouring azimuths of a ring */
 #define MAX_FLATNESS 4.0   /* maximum ratio of a step in azimuth to the step between rings */
 #define SKY_CELLS    256   /* size of the square in each dimension over which the sky is summed */
 #define DEG          (G_PI / 180.0)

@@ -35,8 +35,8 @@ struct direction_weights {
 typedef struct Directions Directions;
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
-/* Triangulates the directions even if they form rings, so that at most three of them have a weight
- * for any direction. */
+/* Makes an object whose directions are triangulated even if they form rings, so that at most three
+ * of them have a weight for any direction. */
 Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
                                         GError **error);
 void directions_free(Directions *directions); /* NULL is ignored */
@@ -46,7 +46,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
  * pole, returns NULL and sets *ret_n to 0. The array is owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
-/* direction is a unit vector. A direction below the horizon is clamped to the horizon. */
+/* Gives the weights of the measured directions for a direction (a unit vector). A direction below
+ * the horizon is clamped to the horizon. */
 void directions_weights(const Directions *directions, struct vec3 direction,
                         struct direction_weights *ret);
 
@@ -59,8 +60,8 @@ double directions_fade(const Directions *directions, struct vec3 direction);
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 
-/* Gives the weight that each of the n lights has in the reflectance (1/π) ∫ BTF dω under a sky of
- * uniform radiance. */
+/* The directions are n lights. Gives the weight that each of them has in the reflectance (1/π) ∫
+ * BTF dω under a sky of uniform radiance. */
 void directions_sky(const Directions *directions, float *ret_share);
 
 /* Returns the unit vector at (a, b) of the square. */
