@@ -41,7 +41,7 @@ struct CoverageView {
     GArray *samples; /* of struct sample */
     /* of guint64: for each texel that is not known, the sweeps that saw something there */
     GArray *open;
-    /* of each sweep: one for each sample; NULL if the sweep was not added */
+    /* for each sweep an array of what it saw at each sample; NULL if the sweep was not added */
     struct seen *seen[COVERAGE_MAX_SWEEPS];
     double frame_mm[COVERAGE_MAX_SWEEPS];
 };
@@ -113,8 +113,8 @@ static void phases(const struct exr_part *part, const float *peak, gboolean ret_
 }
 
 /* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns
- * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is outside of the
- * volume. */
+ * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is farther outside of
+ * the sample's volume than OUTSIDE_SHARE. */
 static float distance(const CoverageView *view, const struct laser_sweep *sweep,
                       const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))

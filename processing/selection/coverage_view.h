@@ -28,9 +28,9 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
 void coverage_view_free(CoverageView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageView, coverage_view_free)
 
-/* Adds the view's part of a shot's file under the number sweep, which is less than
- * COVERAGE_MAX_SWEEPS. Replaces the part that was added under that number before. Errors are those
- * of input_read(). */
+/* Adds the sweep of a shot, as the view's camera saw it (the file of input), under the number
+ * sweep, which is less than COVERAGE_MAX_SWEEPS. Replaces the sweep that was added under that
+ * number before. Errors are those of input_read(). */
 gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,
                            const struct input *input, GError **error);
 
@@ -43,6 +43,7 @@ struct coverage_sums {
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
 /* Returns the share of the view's texels that are not known and that a sweep is expected to make
- * known. A texel that no sweep has seen needs two sweeps, and counts half. model is the model of
- * the view's camera, with the same numbering of sweeps. */
+ * known. A texel that no sweep has seen needs two sweeps, and counts half. coverage_view_sum_up()
+ * must have been called after the last sweep was added. model is the model of the view's camera,
+ * with the same numbering of sweeps. */
 double coverage_view_expects(const CoverageView *view, const CoverageModel *model, int sweep);

@@ -62,8 +62,9 @@ typedef struct prediction Prediction;
  * measured. Some hundred texels are enough. at_mm (n_probes) are the positions of the texels in the
  * sample frame; NULL if all are in its centre. A pair is measured if at least half of the rows have
  * it. Rows that lack a value of a measured pair are left out. If nothing is measured, the constants
- * are defaults, and s² = 1. The error is DATA_ERROR_INVALID if no row is left. All arrays are
- * copied. Can be cancelled by work. The progress stage is "prediction". */
+ * are defaults, and s² = 1. The error is DATA_ERROR_INVALID if no row is left, if more than
+ * PREDICTION_MAX_MEASURED pairs are measured, or if K cannot be inverted. All arrays are copied.
+ * Can be cancelled by work. The progress stage is "prediction". */
 Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes,
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error);
@@ -105,9 +106,10 @@ struct prediction_choice {
  * measured pairs and those chosen before, reduce the summed variance of all pairs most for its
  * price (the criterion A of optimal design; Krause et al. 2008). taken (n_shots) marks shots that
  * cannot be chosen; it may be NULL. ret has room for most. Returns the number of chosen shots,
- * which is smaller than most if no others are left. The sums are over at most PREDICTION_TARGETS
- * pairs, spread over all. If more than PREDICTION_CANDIDATES shots are left, only that many, evenly
- * spread, are considered. Returns −1 with an error when cancelled. */
+ * which is smaller than most if no others are left or if no other shot reduces the variance. The
+ * sums are over at most PREDICTION_TARGETS pairs, spread over all. If more than
+ * PREDICTION_CANDIDATES shots are left, only that many, evenly spread, are considered. Returns −1
+ * with an error when cancelled. The progress stage is "choice". */
 #define PREDICTION_TARGETS    900
 #define PREDICTION_CANDIDATES 1200
 int prediction_choose(const Prediction *prediction, const struct prediction_shot *shots,

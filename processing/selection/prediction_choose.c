@@ -28,9 +28,9 @@ struct choice {
     double to_all;   /* ratio of the sum over all missing pairs to that over targets */
 };
 
-/* The block of the pairs of a shot, given the known pairs. */
+/* The pairs of a shot that are not measured, and their conditional covariance C_BB. */
 struct choice_block {
-    int n, *at;   /* number and places of the pairs that are not measured */
+    int n, *at;   /* number of the pairs, and their indices in choice.pairs */
     double *chol; /* n², column by column: Cholesky factor of C_BB */
 };
 

@@ -24,8 +24,8 @@ static double distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));
 }
 
-/* The parts that depend only on two views or on two lights, for all of them. The exponentials are
- * products of these parts. */
+/* The factors of k (prediction.h) that depend only on two views or on two lights, for all pairs of
+ * views and of lights. The terms of k are products of these factors. */
 struct prediction_tables {
     double *view2, *view3, *view4;    /* n_views² */
     double *light1, *light2, *light3; /* n_lights² */

@@ -27,7 +27,7 @@ enum {
 struct prediction {
     int n_views, n_lights, n_pairs;
     struct vec3 *views, *lights;
-    struct vec3 *views_mm, *lights_mm; /* NULL if they are far away */
+    struct vec3 *views_mm, *lights_mm; /* NULL if cameras and lamps are far away */
     int *groups;                       /* n_pairs */
     double mean[PREDICTION_MEAN];      /* parameters of g (prediction_mean.c) */
     /* maximum of the lobes of g at measured pairs, which also limits them between these pairs */
@@ -63,7 +63,8 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
  * errors were 1.1 … 1.6 times as large as predicted. */
 #define PREDICTION_CHOSEN 1.5
 
-/* Returns the expected relative error for a sum of variances over missing pairs. */
+/* Returns the expected relative error PREDICTION_CHOSEN · √(variances / Σ ρ²), where variances is
+ * the sum of the variances of ρ over missing pairs, before they are multiplied by excess_rms. */
 double prediction_relative_error(const Prediction *prediction, double variances);
 
 /* Computes k(p, p') without ε of pairs a[i], b[j]: ret[i + n_a · j]. */
@@ -73,10 +74,11 @@ void prediction_covariance(const Prediction *prediction, const int *a, int n_a, 
  * meant for few pairs. */
 void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
                                  double *ret);
-double prediction_prior_variance(const Prediction *prediction, int pair); /* includes ε */
+double prediction_prior_variance(const Prediction *prediction, int pair); /* k(p, p), with ε */
 
 /* Fits the constants to rows (n_rows × n_measured) of ratios z of measured pairs. Errors are
- * weighted by g (of the same shape). Returns FALSE when cancelled. */
+ * weighted by g (of the same shape). Returns FALSE with an error when cancelled. The progress stage
+ * is "prediction". */
 gboolean prediction_fit(Prediction *prediction, const double *rows, const double *g, int n_rows,
                         const struct work *work, GError **error);
 
