@@ -329,8 +329,8 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Gives the first and the last exposure, as exponents of 2. At the first, the tone curve maps the
- * brightest pixel to 0.85; at the last, the median (2021, sec. 3). */
+/* Gives the first and the last exposure of flip_hdr(), as exponents of 2. At the first, the tone
+ * curve maps the brightest pixel to 0.85; at the last, the median (2021, sec. 3). */
 static void exposures(const float *reference, gsize n, double *ret_first, double *ret_last) {
     const double level = 0.85;
     const double a = above[2] - level * below[2], b = above[1] - level * below[1],

@@ -20,5 +20,5 @@ double psnr_mean_square(const float *reference, const float *test, int width, in
 /* Returns 10 log10 (1 / mean_square), in dB. It is infinite if mean_square is 0. */
 double psnr_decibels(double mean_square);
 
-/* Returns psnr_decibels (psnr_mean_square (…)). */
+/* Returns the PSNR of two pictures in dB: psnr_decibels() of psnr_mean_square(). */
 double psnr(const float *reference, const float *test, int width, int height);
