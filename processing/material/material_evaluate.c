@@ -75,8 +75,9 @@ static void material_evaluate_level(const mesorig_material *m, guint level, doub
     m->codec->evaluate(model, query, &(struct codec_texels){n, index, shares}, ret);
 }
 
-/* Evaluates the mip levels, if there are any, in the same way as the viewer: mixes the two levels
- * nearest to log2 of the footprint in texels of level 0. */
+/* Evaluates the mip levels in the same way as the viewer: mixes the two levels nearest to log2 of
+ * the footprint in texels of level 0. A material without mip levels is averaged over the footprint.
+ * A footprint of at most one texel counts as a point of level 0 if there are mip levels. */
 static void material_evaluate_texels(const mesorig_material *m, double u, double v, double width,
                                      const struct codec_query *query, float ret[COLOURS]) {
     const double texels = width * (double)MAX(m->layout->width, m->layout->height);

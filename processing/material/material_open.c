@@ -33,8 +33,9 @@ static void tell_error(GError *error, struct mesorig_error *ret_error) {
     g_error_free(error);
 }
 
-/* Returns the compressed material with the smallest error among a folder's files. A file whose
- * error is not known is only used if there is no other. Returns NULL if there is none. */
+/* Returns the path of the compressed material with the smallest error among a folder's files;
+ * g_free(). A file whose error is not known is only used if there is no other. Returns NULL if
+ * there is no compressed material. */
 static char *best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;
@@ -75,7 +76,7 @@ static char *material_product(const char *directory, GError **error) {
     return best;
 }
 
-/* Returns the measured MDF of a session, or NULL. */
+/* Returns the path of the measured MDF of a session, or NULL if the session has none; g_free(). */
 static char *mdf_of(const char *directory) {
     g_autofree char *session = btf_matrix_session(directory);
     g_autofree char *mdf = g_build_filename(session, "products", "mdf.exr", NULL);

@@ -6,7 +6,8 @@
 
 struct material_relief;
 
-/* Reads an MDF in any form. Returns NULL with an error if it cannot be used. */
+/* Reads an MDF, measured or compressed. Returns NULL with an error if the file cannot be read or
+ * its views cannot be interpolated. */
 struct material_relief *material_relief_read(const char *path, GError **error);
 void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 

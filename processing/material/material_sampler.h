@@ -4,10 +4,13 @@
  * 1]² by the area-preserving map of Shirley & Chiu 1997. Uniform (a, b) are directions of density z
  * / π. A table g holds CELLS × CELLS densities over (a, b), with mean 1, for a cluster of texels
  * and a measured view. Each density is proportional to the integral over its cell, ∫ value dω, of
- * the cluster's mean luminance. For a view between measured ones the tables are mixed in the same
- * way as the views are interpolated (weights w_i): p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a,
- * b)) + U / 2π      per solid angle C and U are the shares of a cosine lobe and of the uniform
- * hemisphere. They make p > 0 wherever z > 0, and keep value / p bounded.
+ * the cluster's mean luminance. For a view between measured ones, the tables are mixed with the
+ * weights w_i with which the views are interpolated. The density per solid angle is
+ *
+ *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π
+ *
+ * C and U are the shares of a cosine lobe and of the uniform hemisphere. They make p > 0 wherever
+ * z > 0, and keep value / p bounded.
  *
  * If the model is a formula, the value of a cell is evaluated at the cell's middle, in some texels
  * of the cluster. The reason is that formulas need not fall towards the horizon as interpolated
