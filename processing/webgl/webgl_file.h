@@ -21,6 +21,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* Returns the whole file. info is a dictionary with string keys, which becomes the header with
- * "sections" added. If info is floating, the function takes the reference. g_bytes_unref() */
+/* Returns the whole file. To be called once, after all sections are added. info is a dictionary
+ * with string keys, which becomes the header with "sections" added. If info is floating, the
+ * function takes the reference. g_bytes_unref() */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

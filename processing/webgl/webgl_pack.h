@@ -37,7 +37,8 @@ struct webgl_pack {
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
 
 /* Packs with eigen-BRDFs on a grid of n_grid. A local PCA that is already on a grid keeps its grid.
- * The progress stage is "pack". The error is DATA_ERROR_INVALID if values are not finite, or if all
- * levels together have more than 65535 clusters. */
+ * The progress stage is "pack". The error is DATA_ERROR_INVALID if values are not finite, if a
+ * texel has a cluster that does not exist, or if all levels together have more than 65535
+ * clusters. */
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error);
