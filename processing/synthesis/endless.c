@@ -14,7 +14,7 @@
 #define SPREAD 1.3
 #define SEED   0x656e646cu
 
-/* The visible texels of one or several hexagons, as sums over pixels. */
+/* What one or several hexagons show of the pictures, as sums over pixels. */
 struct shown {
     /* of each picture: sums of values and of their squares */
     double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES];

@@ -13,7 +13,8 @@
 int order_period(const struct texel_features *features);
 
 /* Returns the RMS difference between ρ of the sample and of a map, over lags of up to a third of
- * the sample's shorter side. 0 means that the order is kept, 1 that it is lost completely. */
+ * the sample's shorter side, but at most the shorter side of the map. 0 means that the order is
+ * kept, 1 that it is lost completely. */
 double order_difference(const struct texel_features *features, const struct index_map *map);
 
 /* Compares neighbouring texels of a map that are not neighbours in the sample with neighbours in

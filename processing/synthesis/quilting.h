@@ -14,6 +14,7 @@ int quilting_block(const struct texel_features *features);
 
 /* Fills level 0 of the map. The map and the features must have the same sample. block is the result
  * of quilting_block(), or another side. The result depends only on the seed and the features, not
- * on the number of threads. Returns FALSE when cancelled. */
+ * on the number of threads. Returns FALSE with an error when cancelled. The progress stage is
+ * "quilting". */
 gboolean quilting_synthesize(const struct texel_features *features, int block, guint32 seed,
                              const struct work *work, struct index_map *map, GError **error);

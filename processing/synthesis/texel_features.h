@@ -30,8 +30,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TexelFeatures, texel_features_free)
  * A is not held in memory. Y = A Ω is computed for a random matrix of signs Ω, then Q of Y = QR,
  * then one step of subspace iteration and the components of QᵀA (Halko, Martinsson and Tropp 2011,
  * algorithms 4.4 and 5.1). Components with less than a thousandth of the variance are left out. The
- * result does not depend on the number of threads. The error is DATA_ERROR_INVALID if the MDF has
- * another number of texels. */
+ * result does not depend on the number of threads. The progress stage is "components". The error is
+ * DATA_ERROR_INVALID if the MDF has another number of texels than the BTF, or if the sample has
+ * fewer than 20 texels. Fails also if the scratch file of the BTF cannot be read, or if
+ * cancelled. */
 struct texel_features *texel_features_compute(const struct btf_matrix *btf,
                                               const struct mdf_table *mdf, const struct work *work,
                                               GError **error);
@@ -50,5 +52,6 @@ static inline const float *texel_features_at(const struct texel_features *f, int
 }
 
 /* Returns the mean of the features over each square of side × side texels whose first texel is (x,
- * y). The result has the same shape. It is 0 for squares that extend beyond the sample. */
+ * y). The result has the shape of the features. It is 0 for squares that extend beyond the
+ * sample. */
 struct texel_features *texel_features_averaged(const struct texel_features *from, int side);
