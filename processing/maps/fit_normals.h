@@ -41,8 +41,8 @@ gboolean fit_normals_applies(const char *path);
  * all 0 for a texel without a normal. If heights is TRUE, the EXR has instead a part "height" with
  * "Z" in mm and "N", which is 1, or 0 for a hole. Heights have mean 0, because slopes do not give
  * absolute heights. The attributes are mesorig.kind, mesorig.model, texel_mm, reference_mm, holes,
- * clipped and shadowed. The error is in DATA_ERROR if no texel has a normal, or if the file is of
- * another model. */
+ * clipped and shadowed. The progress stage is "normals". The error is in DATA_ERROR if no texel has
+ * a normal, if the file is of another model, or if FIT_NORMALS_MAXIMUM is asked of an HSH. */
 gboolean fit_normals(const char *path, const char *file, gboolean heights,
                      enum fit_normals_method method, const struct work *work,
                      struct fit_normals_result *ret, GError **error);

@@ -7,7 +7,8 @@
 
 struct light_normals_result {
     int width, height, n_lights;
-    int view;                       /* index of the session's view */
+    int view;                       /* position of the view among the views that have a file,
+                                       from 0 */
     int texels, holes;              /* holes is the number of texels without a normal */
     int causes[PHOTOMETRIC_CAUSES]; /* number of holes by cause */
     double sigma_deg[2]; /* median and 95th percentile of the standard errors of the normals */
@@ -22,6 +23,8 @@ gboolean light_normals_applies(const char *path);
  * with "N", the number of lights that agree, or minus the cause of a hole (enum photometric_cause).
  * With heights, the file instead has a part "height" with "Z" in mm, with mean 0, and "N", which is
  * 1, or 0 for a hole. The attributes are mesorig.kind, mesorig.model ("lights"), texel_mm,
- * reference_mm and holes. The error is in DATA_ERROR if no texel has a normal. */
+ * reference_mm and holes. The progress stage is "normals". The error is in DATA_ERROR if no texel
+ * has a normal, if the session has no BTF or fewer than three lights, or if a picture lacks a
+ * colour or differs from the session in size. */
 gboolean light_normals(const char *session, const char *file, gboolean heights,
                        const struct work *work, struct light_normals_result *ret, GError **error);

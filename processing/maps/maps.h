@@ -47,11 +47,12 @@ struct maps {
     float *occlusion;   /* height × width; 1 means not occluded */
     float max_specular; /* maximum of specular_colour, at least 1 */
     enum maps_model model;
-    gboolean anisotropic; /* whether the anisotropy of some texels is visible */
+    gboolean anisotropic; /* whether the mean anisotropy is at least 0.15; otherwise all texels are
+                             isotropic */
     struct maps_errors errors;
     enum maps_kept kept;
-    /* why the fit of a session could not be stored; NULL if it is stored, or if there is no
-     * session */
+    /* why the fit of a session could not be stored; NULL if it is stored, if there is no session,
+     * or if a file of the BTF is not among the session's products */
     char *lost;
 };
 
@@ -77,12 +78,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
  * anisotropy level 1 − αb / αt, as in Blender and standard_surface. The angle is the angle of t
  * from +x, counter-clockwise; 1 is a whole turn. SpecularLevel is half of specular ·
  * specular_colour, so that 0.5 is a reflectance of 4 %. SpecularEdge is the reflectance at grazing
- * directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. Also adds
- * NAME_errors.csv, NAME_errors_directions.png and NAME_errors_texels.png. */
+ * directions, 1 being total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
-/* Adds the errors as a table of views and lights, as a picture with a row for each view and a
- * column for each light, and as a picture of the texels. In the pictures, black is a CIEDE2000 of
- * 0, and white is 10 or more. */
+/* Adds the errors as a table of views and lights (NAME_errors.csv), as a picture with a row for
+ * each view and a column for each light (NAME_errors_directions.png), and as a picture of the
+ * texels (NAME_errors_texels.png). In the pictures, black is a CIEDE2000 of 0, white is 10 or more,
+ * and grey means that nothing was compared. */
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };
@@ -92,9 +93,10 @@ enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };
  * to direct light. file is the name of the first file. */
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,
                        MapsFiles *files, GError **error);
-/* Adds NAME_openpbr.mtlx, NAME_standard_surface.mtlx, and the maps. */
+/* Adds NAME_openpbr.mtlx, NAME_standard_surface.mtlx, the maps of maps_add_maps() as PNG, and the
+ * further maps NAME_OpenPBRRoughness and NAME_SpecularWeight. */
 gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **error);
-/* Adds NAME_blender.py, and the maps. */
+/* Adds NAME_blender.py, and the maps of maps_add_maps() as PNG. */
 gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **error);
 
 /* Returns a texel as it is read from the 8 bits of the maps of a glTF. */

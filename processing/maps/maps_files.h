@@ -16,12 +16,12 @@ void maps_files_take_text(MapsFiles *files, char *name, GString *text);
  * if its folder does not exist. An export calls this before long work. */
 gboolean maps_files_check(const char *path, gboolean replace, GError **error);
 
-/* Makes the folder path with the files. If replace is FALSE, the folder must not exist. Otherwise
- * the files are written into an existing folder, and replace files with the same names. Other files
- * in the folder are kept. */
+/* Makes the folder path with the files. If replace is FALSE, the folder must not exist. If replace
+ * is TRUE and the folder exists, the files are written into it and replace files of the same names;
+ * other files in the folder are kept. */
 gboolean maps_files_write_folder(const MapsFiles *files, const char *path, gboolean replace,
                                  GError **error);
-/* Writes the files into the folder that contains path. None of the files may exist unless replace
- * is set. The first file is written last. */
+/* Writes the files into the folder that contains path. If replace is FALSE, none of the files may
+ * exist. The first file is written last. */
 gboolean maps_files_write_beside(const MapsFiles *files, const char *path, gboolean replace,
                                  GError **error);

@@ -42,8 +42,11 @@ struct maps_fit {
 };
 
 /* Fits the points of the mean surface. If layers is NULL, a layer is used if it lowers the cost of
- * a selection of texels by more than a twentieth. The error is in DATA_ERROR if the BTF has no
- * light at all, or if there is not enough memory. Progress stages are "layers" and "fit". */
+ * a selection of texels by more than a twentieth. The error is in DATA_ERROR if all values of the
+ * BTF are 0 or missing, if no view and light are both 1.2° or more above the plane of the sample,
+ * or if there is not enough memory. Fails also if the scratch file of the BTF cannot be read, or if
+ * cancelled. The progress stages are "layers", only if layers is NULL and the model is
+ * MAPS_MODEL_FULL, and "fit". */
 struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_layers *layers,
                               enum maps_model model, const struct work *work, GError **error);
 void maps_fit_free(struct maps_fit *fit); /* NULL is ignored */

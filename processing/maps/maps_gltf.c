@@ -7,7 +7,8 @@
 #include "maps.h"
 #include "maps_png.h"
 
-#define AROUND  96 /* number of the sphere's quads around its axis, and from pole to pole (DOWN) */
+/* number of the sphere's quads around its axis; DOWN is their number from pole to pole */
+#define AROUND  96
 #define DOWN    48
 #define TILES_U 6 /* repetitions of the material around the sphere, as in mesorig-view */
 #define TILES_V 3

@@ -30,7 +30,7 @@
 /* The parameters of one texel. Vectors are in the sample frame. */
 struct maps_texel {
     float base[3], metallic, roughness;
-    float specular, specular_colour[3]; /* s: 0 … MAPS_MAX_SPECULAR */
+    float specular, specular_colour[3]; /* specular_colour is s of F_d, 0 … MAPS_MAX_SPECULAR */
     /* anisotropy is 0 … 1; direction is the direction of t, a unit vector before t is made
      * orthogonal to n */
     float anisotropy, direction[2];

@@ -1,9 +1,12 @@
-/* These are the parts of maps_new(). */
+/* The steps of maps_new(), which maps_make.c calls. */
 #pragma once
 
 #include "maps.h"
 
-/* Finds heights from the MDF of a session, or from the normals of the fit. */
+/* Sets heights_mm, relief_mm, height_holes and heights_from of maps. The heights come from the MDF
+ * of the session if it has one that gives at least half of the texels a height, otherwise from the
+ * normals of the fit. session may be NULL. Fails if the MDF cannot be read or differs from the BTF
+ * in its texels. */
 gboolean maps_find_heights(struct maps *maps, const char *session, const struct work *work,
                            GError **error);
 
@@ -15,6 +18,7 @@ gboolean maps_find_heights(struct maps *maps, const char *session, const struct 
 gboolean maps_find_occlusion(const float *heights, int width, int height, const struct work *work,
                              float *ret, GError **error);
 
-/* Fills maps->errors: compares the maps, rounded to 8 bits, with the BTF. */
+/* Fills maps->errors: compares the maps, rounded to 8 bits, with the BTF. Fails if the scratch file
+ * of the BTF cannot be read, or if cancelled. The progress stage is "errors". */
 gboolean maps_find_errors(struct maps *maps, const struct maps_register *of,
                           const struct work *work, GError **error);

@@ -15,7 +15,8 @@ const char *maps_store_product(enum maps_model model);
 
 /* Returns the value of mesorig.inputs for the present BTF of a session; g_free(). Returns NULL
  * without an error if a file of the BTF is not among the session's products, because it is then not
- * known whether the file has changed. Returns NULL with an error if the BTF is damaged. */
+ * known whether the file has changed. Returns NULL with an error if the session cannot be read, or
+ * if its BTF is missing or damaged. */
 char *maps_store_inputs(const char *session, enum maps_model model, GError **error);
 
 /* Returns the stored fit and its errors. Returns NULL if none is stored, if the stored fit has

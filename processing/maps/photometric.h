@@ -32,15 +32,17 @@
 enum photometric_cause {
     PHOTOMETRIC_FOUND,
     PHOTOMETRIC_DARK, /* no light shows the texel: no value is above the noise */
-    /* fewer than three lights are left without saturated and missing values */
+    /* fewer than three lights have a known value, or the surface faces fewer than three lights
+       whose value is above the noise */
     PHOTOMETRIC_FEW,
     /* too few of the lights that the surface faces agree with Lambert's law */
     PHOTOMETRIC_CONTRADICT,
-    PHOTOMETRIC_FLAT, /* the lights that agree lie nearly in a plane: error above 20° */
+    PHOTOMETRIC_FLAT, /* the lights that agree lie nearly in a plane: they do not determine the
+                         normal, or its error is at least 20° */
     PHOTOMETRIC_AWAY, /* the normal points away from the camera: n_z ≤ 0 */
     PHOTOMETRIC_CAUSES,
 };
-/* Returns a text for messages: "are dark under all lights", … */
+/* Returns a predicate of “texels” for messages, such as "are dark under all lights". */
 const char *photometric_cause_text(enum photometric_cause cause);
 
 struct photometric_texel {
