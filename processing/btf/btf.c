@@ -12,7 +12,7 @@
 static const struct {
     const char *name;
     enum btf_flag flag;
-    gsize sum; /* offset in struct btf_flag_counts */
+    gsize sum; /* offset of the sum in struct btf_flag_counts */
 } btf_flag_attributes[] = {
     {"mesorig.holes", BTF_FLAG_HOLE, G_STRUCT_OFFSET(struct btf_flag_counts, holes)},
     {"mesorig.bounds", BTF_FLAG_BOUND, G_STRUCT_OFFSET(struct btf_flag_counts, bounds)},

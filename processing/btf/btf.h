@@ -35,7 +35,7 @@ enum btf_flag {
 struct btf_light {
     int index; /* position in the session's list of lights, from 0 */
     double theta_deg, phi_deg;
-    const struct rig_arc *arc; /* borrowed, like the lamp */
+    const struct rig_arc *arc; /* borrowed, as is lamp */
     const struct rig_lamp *lamp;
     /* NULL or not `known` if the lamp is not calibrated */
     const struct radiometry_lamp *radiometry;

@@ -83,7 +83,7 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
 
 /* The picture of a light. All members are 0 if the light is missing. */
 struct mosaic {
-    guint16 *half; /* n_values half floats */
+    guint16 *half; /* n_values half floats: the picture, without the glare */
     guint8 *bound; /* n_pixels: whether a pixel is saturated; NULL without such a channel */
     /* DN/ms from which a value comes from shorter exposures; 0 if no shorter exposures were used */
     float shorter;

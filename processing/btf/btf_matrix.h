@@ -15,7 +15,7 @@ struct btf_scratch;
 /* The matrix has n_texels rows (row by row of the picture, row 0 first) of n_views × n_lights ×
  * 3 (R, G, B). */
 struct btf_matrix {
-    char *name; /* name of the session */
+    char *name; /* name of the session, for messages and for models made from the BTF */
     struct btf_layout layout;
     float *values; /* height · width rows; NULL if the values are in scratch */
     /* numbers of texels, summed over the pictures, with each flag of btf.h; holes of imported

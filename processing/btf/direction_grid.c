@@ -72,7 +72,7 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
  * b₀ + b·ω with Σ a_i (1, ω_i) = 0 (a biharmonic spline and a linear part). */
 struct smooth {
     int n;
-    float *directions; /* n × 3 */
+    float *directions; /* n × 3: x, y, z of the measured directions */
     double lowest;     /* z = cos θ of the lowest direction, but at least 0.001 */
     double *inverse;   /* (n + LINEAR) × n: maps values to the coefficients (a, b₀, b) */
     gboolean lights;

@@ -25,7 +25,7 @@ struct triangle {
     int corner[3]; /* counter-clockwise */
 };
 
-struct slope { /* gradient at one direction */
+struct slope { /* the weights with which the gradient at one direction is computed */
     int n, index[AROUND];
     /* weights s of (neighbour − own value); n is 0 if there is no fit */
     float x[AROUND], y[AROUND];

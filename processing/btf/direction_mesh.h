@@ -43,7 +43,7 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
 /* An interpolated value: Σ_k weight_k × (value_k + along_k · gradient_k) over three corners. */
 struct direction_share {
     int corner[3];
-    float weight[3], along[3][2]; /* along: in units of the plane */
+    float weight[3], along[3][2]; /* along: x and y in the stereographic plane */
     /* TRUE beyond the limit of extrapolation, or if there are no triangles */
     gboolean clamped;
 };

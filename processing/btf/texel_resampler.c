@@ -152,8 +152,8 @@ struct texel_work {
     const struct resampler *r;
     int texel;
     struct vec3 *views;   /* n_views */
-    double *view_points;  /* n_views × 2 */
-    double *light_points; /* lights of one view: n_lights × 2 */
+    double *view_points;  /* n_views × 2: points of views in the stereographic plane */
+    double *light_points; /* n_lights × 2: points of the lights of the view lights_of */
     int lights_of;        /* index of the view of the lights' arrays; −1 before the first view */
     /* corners and weights of each target view among the measured views */
     struct direction_share *view_shares;
