@@ -47,7 +47,7 @@
 
 /* What one sweep saw at a texel. */
 struct seen {
-    float mm, dn; /* mm < 0 if the sweep saw nothing */
+    float mm, dn; /* distance and height of the pulse; mm < 0 if the sweep saw nothing */
     float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };

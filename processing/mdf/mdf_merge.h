@@ -29,7 +29,7 @@ struct mdf_spread {
 
 struct mdf_merged {
     float mm; /* distance; −1 if unknown */
-    int n;    /* number of sweeps averaged */
+    int n;    /* number of sweeps that were averaged; 0 if the distance is unknown */
     struct mdf_spread spread;
 };
 

@@ -21,7 +21,8 @@
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
-    float column, row, mm; /* mm < 0 if the point is not visible */
+    float column, row, mm; /* mm: distance behind the reference plane along this view's ray; < 0 if
+                              not visible */
 };
 
 struct settling {

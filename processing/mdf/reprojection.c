@@ -260,7 +260,7 @@ static void cubic(float u, float ret[4]) {
 
 /* The texels of a view that show a point. */
 struct look {
-    double q; /* INFINITY if the view shows nothing */
+    double q; /* q_i of reprojection.h; INFINITY if the view shows nothing there */
     struct place at;
     float distance; /* of the nearest texel */
     int texel[4];

@@ -94,7 +94,8 @@ void reprojection_weigh(const Reprojection *reprojection, const double at_mm[2],
 struct reprojection_hit {
     gboolean seen; /* FALSE if no view sees anything on the ray */
     double mm;     /* d(x, v); −1 if not seen */
-    struct vec3 p; /* x if not seen */
+    struct vec3 p; /* the point of the surface; the texel's point x on the reference plane if not
+                      seen */
     double weight; /* Σ_i w_i s(q_i); if not seen, Σ_i b_i = 1 */
 };
 void reprojection_trace(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
