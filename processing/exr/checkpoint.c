@@ -26,7 +26,7 @@ struct array {
 
 struct Checkpoint {
     char *path, *inputs, *note;
-    GPtrArray *kept;   /* arrays to be saved, of struct array */
+    GPtrArray *kept;   /* of struct array: the arrays to be saved */
     GHashTable *found; /* arrays of the file: name → GBytes */
     gint64 period_us, saved_us, took_us;
     gboolean own; /* whether the existing file belongs to this computation */

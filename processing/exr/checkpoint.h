@@ -44,7 +44,8 @@ gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsi
  * after it has written the values. A save copies the flags before it copies any array. */
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size);
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
-void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL drops all arrays */
+void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* forgets an array, or all arrays
+                                                                   if name is NULL */
 
 /* Writes the file. checkpoint_save() writes at once, checkpoint_save_if_due() only if the period
  * and twenty times the duration of the last save have passed. Nothing is written before

@@ -69,7 +69,7 @@ struct content {
     enum exr_compression compression;
     ExrFill fill; /* NULL if all planes are in memory */
     gpointer data;
-    GError *failed; /* error of fill */
+    GError *failed; /* the error that fill set, or NULL */
     struct exr_scratch scratch;
 };
 
@@ -211,7 +211,8 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
 
 struct encoding {
     const struct exr_part *part;
-    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function */
+    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function, which
+                                                                exr_write_compress() calls */
 };
 
 /* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed one, a
