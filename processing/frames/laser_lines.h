@@ -53,7 +53,7 @@ struct laser_sweep {
     double arc_rad;
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
-    const struct rig_arc *arc;                   /* NULL for an ideal arc */
+    const struct rig_arc *arc;                   /* NULL means an ideal arc (rig.h) */
     const float *second_peak, *second_intensity; /* maps of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
     /* standard errors of the sheet's calibration; NULL if it is known exactly */
@@ -72,7 +72,8 @@ struct laser_lines {
     /* Measured from the lines only, without the calibration: */
     int pixels, frames;                  /* numbers of pixels on lines and of frames with a line */
     double offset_rad, offset_error_rad; /* mean deviation over the sweep, and its standard error */
-    double roll_seen_rad, roll_error_rad; /* roll, and its standard error */
+    double roll_seen_rad, roll_error_rad; /* roll of the sheets about the beam, and its standard
+                                             error */
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */
     int frames_off;    /* number of frames whose level contradicts the calibration */
     /* whether offset, roll, or more than a quarter of the frames contradict the calibration */

@@ -22,14 +22,14 @@ struct window {
 };
 
 struct rows {
-    struct window *window; /* one for each texel */
+    struct window *window; /* for each texel, the rectangle of its weights */
     GArray *weight;        /* of float; 0 outside of the footprint */
 };
 
 struct Rectify {
     /* number of texels, number of texels per row, and number of texels outside of the picture */
     int n_texels, columns, n_outside;
-    int width, height; /* size of the mosaic */
+    int width, height; /* size of the mosaic in pixels */
     gsize stride;      /* length of padded rows; windows may reach beyond the border */
     gsize n_pixels;
     guint8 *colour;     /* colour of each pixel, as in demosaic.h */

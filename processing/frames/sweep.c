@@ -55,7 +55,7 @@ struct Sweep {
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
-    const Sweep *shorter; /* may be NULL */
+    const Sweep *shorter; /* the sweep of sweep_set_shorter(); NULL if there is none */
     float ratio;
 };
 
