@@ -15,8 +15,9 @@
 struct pictures {
     const struct near_field *near_field;
     int view;
-    const float **planes; /* n_lights × 3: R, G, B */
-    const float **marks;  /* n_lights; NULL if no texel has a flag */
+    const float **planes; /* n_lights × 3: the channels R, G, B of the view's pictures */
+    const float **marks;  /* n_lights: the channel "mark" of each picture; NULL if no texel of it
+                             has a flag */
 };
 
 gboolean light_normals_applies(const char *path) {

@@ -10,7 +10,7 @@ struct light_normals_result {
     int view;                       /* position of the view among the views that have a file,
                                        from 0 */
     int texels, holes;              /* holes is the number of texels without a normal */
-    int causes[PHOTOMETRIC_CAUSES]; /* number of holes by cause */
+    int causes[PHOTOMETRIC_CAUSES]; /* number of texels by cause (enum photometric_cause) */
     double sigma_deg[2]; /* median and 95th percentile of the standard errors of the normals */
     double used; /* median, over the texels with a normal, of the number of lights that agree */
 };

@@ -40,8 +40,8 @@ struct maps {
     double depth_mm;
     struct maps_fit *fit;
     enum maps_heights heights_from;
-    float *heights_mm; /* height × width, from 0 upwards */
-    double relief_mm;  /* the maximum height */
+    float *heights_mm; /* height × width; the lowest is 0 */
+    double relief_mm;  /* the maximum of heights_mm */
     /* number of texels without a height, which have the height of neighbouring texels */
     int height_holes;
     float *occlusion;   /* height × width; 1 means not occluded */

@@ -82,7 +82,7 @@ struct maps_gltf {
     GByteArray *bytes;
     GString *views, *accessors, *meshes, *nodes, *images, *textures;
     int n_views, n_accessors, n_meshes, n_textures;
-    MapsFiles *beside; /* textures, if the file is text */
+    MapsFiles *beside; /* the export's files; receives the textures if text is TRUE */
 };
 
 static void comma(GString *list) {

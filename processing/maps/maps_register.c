@@ -23,7 +23,7 @@
 
 struct maps_register_search {
     int width, height, n; /* of the window; n is the number of views */
-    float *pictures;      /* n × height × width × 3 */
+    float *pictures;      /* n × height × width × 3: R, G, B of the window in each view */
     float *tangents;      /* n × 2: v_x / v_z, −v_y / v_z */
 };
 
