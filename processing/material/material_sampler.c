@@ -30,7 +30,7 @@ struct MaterialSampler {
     int n_clusters;    /* the table of all texels comes after the tables of the clusters */
     /* number of measured views; the mean of the views around the pole has the index n_views */
     int n_views;
-    int n_grid; /* as in the source */
+    int n_grid; /* as in struct material_sampler_source */
     const Directions *views;
     struct table *tables; /* (clusters + 1) × (views + 1) */
 };
@@ -43,7 +43,7 @@ struct making {
     gsize n_views, n_lights;
     float *texel;  /* one reconstructed texel */
     double *sums;  /* (clusters + 1) × (views + 1) × lights: sums of luminance */
-    float *shapes; /* grid × PAIRS */
+    float *shapes; /* for each texel of the grid, PAIRS luminances (sampler_take_shape()) */
     /* Texels that represent each cluster, and (last) all texels together. */
     int n_picked[CLUSTERS + 1], picked[CLUSTERS + 1][PICKED];
 };
