@@ -37,11 +37,11 @@ struct along {
     int view;
     struct reprojection_tap (*taps)[REPROJECTION_MAX_TAPS]; /* taps of each texel */
     int *n_taps;
-    guint8 *marks;     /* flags of each texel */
+    guint8 *marks;     /* flags (enum btf_flag) of each texel */
     const float *from; /* the measured view that is being added */
     gsize stride;
     int from_view;
-    float *sums; /* n_texels × measured lights × 3 */
+    float *sums; /* n_texels × measured lights × 3: mixed values (mix()) */
 };
 
 static struct vec3 direction(const struct along *a, int view) {

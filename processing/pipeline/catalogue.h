@@ -17,9 +17,11 @@ struct catalogue {
     GHashTable *rigs;
     struct session_grid grid;
     struct laser_reference reference;           /* radius_mm is 0 if there is none */
-    char *calibration;                          /* text of the calibration */
-    struct outputs *outputs;                    /* output of the lamps */
-    GPtrArray *views, *lights, *lasers, *shots; /* arrays of the session's structs */
+    char *calibration;                          /* text of the calibration `known` */
+    struct outputs *outputs;                    /* output of the lamp in each shot, relative to the
+                                                   calibration `known` */
+    GPtrArray *views, *lights, *lasers, *shots; /* of struct session_direction; shots: of struct
+                                                   session_shot */
     GHashTable *frames;                         /* shot and camera → struct session_frame */
     GPtrArray *frame_rows;
     GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
@@ -54,7 +56,8 @@ struct mdf_input {
     double arc_rad, from_rad, to_rad;
     int steps, position; /* position: index of the laser position */
     struct laser_known known;
-    const struct rig_sheet_errors *errors; /* NULL if unknown */
+    const struct rig_sheet_errors *errors; /* errors of the laser's sheet; NULL if the calibration
+                                              does not have them */
     /* standard deviation of the line's profile on plates, as a sweep angle; 0 if unknown */
     double line_rad;
     struct input input;

@@ -22,7 +22,8 @@ struct Course {
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
-    struct time_left_made made[TIME_LEFT_WORKS]; /* work measured by this run */
+    struct time_left_made made[TIME_LEFT_WORKS]; /* work that this run has finished, without the
+                                                    present tasks */
     double expected[TIME_LEFT_WORKS];
     int working;     /* enum time_left_work of the present work after the views; −1 if none */
     double worked_s; /* CPU time of the process when the present work began */

@@ -23,7 +23,8 @@ struct job {
     const struct near_field *near;
     const struct btf_directions *to;
     struct resampler resampler;
-    struct btf_scratch *measured, *made; /* n_views × texels × lights × lanes */
+    struct btf_scratch *measured, *made; /* of the source and of the result: n_views × texels ×
+                                            lights × lanes */
     int n_texels;
     struct resampler_sums **sums; /* sums of each block */
     struct resampler_sums *all;
@@ -33,8 +34,8 @@ struct job {
     const char *source;        /* the session's path */
     const struct near_field_correction_result *result;
     float *rgb;     /* of the view being written: n_lights × texels × 3 */
-    guint8 *marks;  /* flags, n_lights × texels */
-    gboolean *some; /* whether each light has flags */
+    guint8 *marks;  /* n_lights × texels: flags of the view being written (enum btf_flag) */
+    gboolean *some; /* n_lights: whether any texel of the view being written has a flag */
 };
 
 void near_field_correction_result_clear(struct near_field_correction_result *result) {

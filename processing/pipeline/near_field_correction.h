@@ -37,10 +37,11 @@ struct near_field_correction_band {
     double theta_deg;
     int n_views;
     double left_out_view, left_out_light,
-        back; /* relative errors, see above; of measured views only */
+        back; /* relative errors, explained above; only for measured views */
     /* target views: mean and maximum over texels of the angle to the nearest measured view */
     double moved_deg, max_moved_deg;
-    double nominal; /* see above; −1 if the targets are not the nominal directions */
+    double nominal; /* relative error, explained above; −1 if the targets are not the nominal
+                       directions */
     /* share of values beyond the limit of extrapolation, which are kept at that limit */
     double held;
 };
@@ -51,7 +52,8 @@ struct near_field_correction_result {
     gboolean mdf;                    /* whether there was an MDF, which was copied */
     int n_views, n_lights;           /* numbers of views and lights of the source */
     int sampled;                     /* number of texels of the leave-one-out test */
-    gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
+    gint64 holes, bounds, predicted; /* numbers of texels of the source, summed over its pictures
+                                        (btf_matrix.h) */
     GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */
     struct near_field_correction_band all; /* of all views; theta_deg is −1 */
     /* mean and maximum, over lights and texels, of the angle to the nearest measured light */

@@ -60,7 +60,7 @@ struct run {
     gboolean eigenmaps_made;
     Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
-    GAsyncQueue *finished;     /* queue of struct task */
+    GAsyncQueue *finished;     /* of struct task: tasks that have ended and are not stored yet */
 };
 
 static char *btf_relative(int view) {
@@ -363,9 +363,9 @@ static gboolean make_views(struct run *run, GError **error) {
 
 struct columns {
     struct run *run;
-    int *views; /* indices of complete views */
+    int *views; /* positions in catalogue->views of the views whose BTF is made */
     int n_views;
-    int *lights; /* indices of all lights */
+    int *lights; /* index of each light of the session */
     int n_lights;
     /* number of calls of get_column() so far, and in total (an estimate if there are several
      * passes) */
