@@ -94,7 +94,7 @@ static void prediction_means(const Prediction *prediction, struct vec3 at_mm, do
 struct prediction_rows {
     int n;
     double *z, *g; /* n × n_measured: ratios ρ / g, and g */
-    int *probes;   /* n: 3 × probe + colour */
+    int *probes;   /* n: which row of the probes it is, 3 × probe + colour */
 };
 
 static void rows_clear(struct prediction_rows *rows) {

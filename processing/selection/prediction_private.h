@@ -32,7 +32,8 @@ struct prediction {
     double mean[PREDICTION_MEAN];      /* parameters of g (prediction_mean.c) */
     /* maximum of the lobes of g at measured pairs, which also limits them between these pairs */
     double max_gloss;
-    double constants[PREDICTION_CONSTANTS]; /* constants of the covariance */
+    double constants[PREDICTION_CONSTANTS]; /* the constants of the covariance, in the order of the
+                                               enum above */
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
     double *factor;   /* n_measured²: Cholesky factor L of K, lower, columns one after another */
