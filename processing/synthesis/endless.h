@@ -37,7 +37,7 @@
 struct endless {
     int width, height;                 /* texels of the sample */
     float edge[2];                     /* half a texel, in tiles: minimum coordinate of a lookup */
-    float centres[ENDLESS_CENTRES][2]; /* positions in the sample, in tiles */
+    float centres[ENDLESS_CENTRES][2]; /* centres of hexagons in the sample, in tiles */
 };
 typedef struct endless Endless;
 

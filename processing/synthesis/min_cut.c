@@ -6,7 +6,7 @@
 struct min_cut {
     const float *costs, *turns;
     int length, width;
-    float *sums; /* length × width */
+    float *sums; /* length × width: cost of the cheapest path from the first row to each place */
     /* for each column of a row, the offset (−1, 0 or +1) of the column of the row before from which
      * the path comes */
     gint8 *before;

@@ -12,7 +12,7 @@
 struct texel_features {
     int width, height, n;
     double texel_mm;
-    float *values;    /* height × width × n */
+    float *values;    /* height × width × n: the components of each texel */
     double explained; /* share of the variance that the components explain, 0 … 1 */
     double relief;    /* share of the MDF in the variance, 0 … 1; 0 if there is no MDF */
 };
