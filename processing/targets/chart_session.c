@@ -54,7 +54,7 @@ struct chart {
     struct rig rig;
     GPtrArray *views, *lights;
     GArray *near; /* of int: indices of the lights that are used */
-    float *rgb;   /* near->len × texels × 3 */
+    float *rgb;   /* near->len × texels × 3: BTF values of the view nearest to the normal */
 };
 
 /* Returns the absolute difference between a light's θ and 45°. */

@@ -13,7 +13,7 @@
 struct tile_options {
     double reflectance[3];      /* reflectance of the tile for the cameras' red, green and blue */
     double width_mm, height_mm; /* size of the tile; 0 means the size of the session's sample */
-    const struct work *work;    /* NULL is allowed */
+    const struct work *work;    /* threads, progress and cancelling; may be NULL */
 };
 
 struct tile_result {
