@@ -88,7 +88,7 @@ struct volumes {
     gsize components, block;
     guint16 *means;
     gint8 *brdfs;
-    float *scales, *values; /* values: buffer for one block */
+    float *scales, *values; /* scales: clusters × components; values: buffer for one block */
 };
 
 /* Converts the tables of one cluster of a level, and stores them as cluster `at` of all levels. */
