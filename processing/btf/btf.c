@@ -8,7 +8,7 @@
 
 #define AGAIN "; delete the file and process again"
 
-/* For each flag, the attribute with the number of texels that have it. */
+/* For each flag, the attribute that counts the texels with this flag. */
 static const struct {
     const char *name;
     enum btf_flag flag;
@@ -30,7 +30,8 @@ void btf_view_free(struct btf_view *view) {
     g_free(view);
 }
 
-/* Compares the hash of the inputs in every part. Only headers are read. */
+/* Compares the number of parts with that of the view's lights, and the hash of the inputs in every
+ * part. Only headers are read. */
 gboolean btf_is_made(const struct btf_view *view, const char *path) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;

@@ -12,7 +12,8 @@
 struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
                             GPtrArray **ret_paths, GError **error);
 
-/* Sets the lights from the headers of the first view's file. */
+/* Sets the directions of the lights from the headers of the first view's file. Fails if the file
+ * has no lights, or if an angle is missing or not finite. */
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error);
 

@@ -31,7 +31,7 @@ static int by_distance(gconstpointer a, gconstpointer b) {
     return p->d < q->d ? -1 : p->d > q->d ? 1 : (p->light > q->light) - (p->light < q->light);
 }
 
-/* Returns the captured lights, sorted by their distance from light i. */
+/* Returns the captured lights (struct disc_point), sorted by their distance from light i. */
 static GArray *around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     const struct btf_light *centre = &g_array_index(view->lights, struct btf_light, i);
     const double b = sin(radians(centre->theta_deg));

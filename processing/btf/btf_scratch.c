@@ -10,7 +10,8 @@
 #include "btf_matrix_private.h"
 #include "exr/exr_half.h"
 
-#define PIECE 16384 /* values converted at a time; they fit into the cache */
+/* number of values that are converted at a time, so that they fit into the cache */
+#define PIECE 16384
 
 struct btf_scratch {
     int fd;

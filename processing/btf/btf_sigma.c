@@ -124,8 +124,8 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
 }
 
 /* ρ_c ∝ 1 / (response · camera colour_c · intensity · output · lamp colour_c). The relative
- * variances of the factors are added. The output has two errors: it differs from shot to shot, and
- * between the pictures of the cameras in a shot. */
+ * variances of the factors are added. The output has two errors: the lamp's output differs from
+ * shot to shot, and between the pictures of the cameras in a shot. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double output_error, double ret[3]) {
     const double output =

@@ -35,8 +35,8 @@
  *       are correlated.
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
- * only the error bars of their prediction. Parts without the channel have unknown errors. These are
- * other predicted lights, and pictures of cameras whose noise is not calibrated. Any thread.
+ * only the error bars of their prediction. Parts without the channel have unknown errors. Such
+ * parts belong to other predicted lights, and to cameras whose noise is not calibrated. Any thread.
  */
 #pragma once
 

@@ -14,11 +14,11 @@
  *
  * The samples are linear in the measured values. First, the measured values are interpolated
  * smoothly over the hemisphere (with the kernel |ω − ω_i| and a linear part). Below the lowest
- * measured direction, the value at its elevation is used; for lights it is multiplied by the ratio
- * of the cosines, because reflectances contain n·l. Then the samples are chosen so that their
- * bilinear interpolant is close to the smooth function everywhere, and to the measured values in
- * their directions. The second condition is weakened where it would make samples oscillate. Pure
- * functions, any thread.
+ * measured direction, the value at the elevation of that lowest direction is used; for lights this
+ * value is multiplied by the ratio of the cosines, because reflectances contain n·l. Then the
+ * samples are chosen so that their bilinear interpolant is close to the smooth function everywhere,
+ * and to the measured values in their directions. The second condition is weakened where it would
+ * make samples oscillate. Pure functions, any thread.
  */
 #pragma once
 

@@ -11,14 +11,15 @@
 /* points of the plane closer than this (¼° at the plane's centre) count as one direction */
 #define TOGETHER (0.25 * G_PI / 180 / 2)
 /* triangles whose height over the longest side is at most this share of that side are dropped */
-#define FLAT     0.02
-#define MAX_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
+#define FLAT 0.02
+/* maximum distance of extrapolation from a triangle, relative to its height */
+#define MAX_AWAY 0.5
 #define AROUND   20   /* maximum number of neighbours in the fit of a slope */
 #define TERMS    5    /* number of terms of a quadric without its constant */
 #define RANK     0.02 /* singular values below this share of the largest one count as 0 */
 #define ROUNDING 1e-9
 
-/* Four values that are added or multiplied together. They need not be aligned. */
+/* Four values that one instruction adds or multiplies. The values need not be aligned. */
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
 struct triangle {
@@ -184,8 +185,8 @@ void direction_mesh_free(DirectionMesh *mesh) {
     g_free(mesh);
 }
 
-/* Computes barycentric weights of a point. Returns the smallest one. It is negative outside of the
- * triangle, and −G_MAXDOUBLE for a triangle that the moved corners have turned over. */
+/* Computes barycentric weights of a point. Returns the smallest weight, which is negative outside
+ * of the triangle. Returns −G_MAXDOUBLE for a triangle that the moved corners have turned over. */
 static double weigh(const DirectionMesh *mesh, const double *points, int triangle,
                     const double at[2], double ret[3]) {
     const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;

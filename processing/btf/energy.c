@@ -8,10 +8,11 @@
 
 #include <math.h>
 
-#define SAME_DEG      1.0
-#define SAMPLES_ASIDE 200  /* grid over the unit disc for the cosine-weighted integral */
+#define SAME_DEG 1.0
+/* number of points of weigh_views() over the unit disc, in each dimension */
+#define SAMPLES_ASIDE 200
 #define MIN_COSINE    0.05 /* lights and views whose cos θ is at most this are left out */
-#define ROWS          256  /* texels read at a time */
+#define ROWS          256  /* number of texels that are read at a time */
 
 static struct vec3 *directions(const struct direction_list *list) {
     struct vec3 *all = g_new(struct vec3, list->n);

@@ -47,7 +47,8 @@ static gboolean take_position(const struct near_field *near_field, const struct 
     return TRUE;
 }
 
-/* Takes directions and positions from a view's headers. */
+/* Takes the directions and positions of a view and of its lamps from the headers of its file. The
+ * camera's position is the mean over the parts. */
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
                           const char *path, GError **error) {
     if (file->parts->len != to->lights.n)
