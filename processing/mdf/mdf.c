@@ -52,7 +52,7 @@ struct seen {
     float bend_mm[MDF_BENDS];
 };
 
-/* The calibration's knowledge of a sweep's sheet. */
+/* A sweep's laser, and the errors with which its sheet is known (take_known()). */
 struct known {
     /* identifies the laser; all sweeps of a laser have the same errors */
     const struct rig_laser *laser;
@@ -332,7 +332,8 @@ static int next_to(const MdfView *view, const struct near *near, float mm) {
     return next;
 }
 
-/* One surface that some of the near pixels see. */
+/* One surface that some of the near pixels see: its distance, the height of its pulse, and the sum
+ * of the weights of these pixels. */
 struct side {
     float mm, dn, share;
 };

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define AROUND 2  /* texels on each side whose scatter is used */
+#define AROUND 2  /* number of texels on each side of a texel whose scatter is used */
 #define CELLS  16 /* number of points of a cell in each dimension, for q(p) */
 
 /* Returns ū: the mean of u over the texels around, weighted by degrees of freedom. If no texel

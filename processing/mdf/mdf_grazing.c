@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define DEG          (G_PI / 180.0)
-#define N_PHI        36   /* views in an added ring */
+#define N_PHI        36   /* number of views in an added ring */
 #define GAP_DEG      2.5  /* degrees of θ between rings */
 #define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
 #define MAX_RAISED   2.0  /* maximum of raised (make_relief()), in standard deviations */

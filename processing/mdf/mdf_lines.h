@@ -31,5 +31,5 @@ gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret);
  * unknown. g_free() */
 char *mdf_lines_warning(double width, double scatter);
 
-/* Adds the statistics of further views. */
+/* Adds the statistics `more` of further views to `to`. */
 void mdf_lines_add(struct mdf_lines *to, const struct mdf_lines *more);

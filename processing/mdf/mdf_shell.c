@@ -28,7 +28,8 @@
 #define POWER_ROUNDS  4
 #define STEP          0.5  /* step along a ray, in voxels */
 #define MIN_LENGTH    1e-3 /* in texels; voxels with a smaller length of rays in them are opaque */
-#define MIN_VALUE     1e-3 /* smallest g, so that it can grow again */
+/* smallest g of a voxel that rays have reached, so that the value can grow again */
+#define MIN_VALUE 1e-3
 
 struct grid {
     int width, height, depth;
@@ -36,7 +37,8 @@ struct grid {
     gsize n;
 };
 
-/* The indices of the eight voxels around a point, and the value of each one's φ at the point. */
+/* The indices of the eight voxels around a point, and the value of the φ_k of each voxel at the
+ * point. */
 struct corners {
     gsize at[8];
     float share[8];

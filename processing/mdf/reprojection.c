@@ -258,7 +258,7 @@ static void cubic(float u, float ret[4]) {
     }
 }
 
-/* The texels of a view that show a point. */
+/* What a view shows along the ray from its camera to a point p (examine()). */
 struct look {
     double q; /* q_i of reprojection.h; INFINITY if the view shows nothing there */
     struct place at;

@@ -119,5 +119,5 @@ int reprojection_taps(const Reprojection *reprojection, const double at_mm[2], s
                       struct reprojection_hit *ret_hit,
                       struct reprojection_tap ret[REPROJECTION_MAX_TAPS]);
 
-/* Gives the centre of a texel; row 0 is at +y. */
+/* Gives x and y of a texel's centre in the sample frame; row 0 is at +y. */
 void reprojection_texel_mm(const Reprojection *reprojection, int texel, double ret_mm[2]);
