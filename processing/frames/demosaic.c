@@ -7,7 +7,8 @@
 #define RADIUS      3     /* pixels: half the width of the window */
 #define SIGMA_PX    1.2f  /* pixels: standard deviation of the Gaussian weight of the distance */
 #define LEVEL_SCALE 0.12f /* difference of ln(green) that halves the weight of a pixel */
-#define MIN_WEIGHT  1e-3f /* added to this weight, so that it is never 0 */
+/* added to the weight of LEVEL_SCALE, so that no pixel has the weight 0 */
+#define MIN_WEIGHT 1e-3f
 /* relative to the mean of a colour: lower bound of green, and number added to both terms of a
  * ratio */
 #define DARK      0.002f

@@ -11,7 +11,7 @@
 #define MIN_PIXELS  64   /* minimum number of pixels with a peak in a sweep */
 #define MIN_FRAME   6    /* minimum number of pixels with a peak in a frame */
 #define ROUNDS      6
-#define BEND_ROUNDS 4   /* rounds in the intersection of a ray with a bent sheet */
+#define BEND_ROUNDS 4   /* number of rounds in the intersection of a ray with a bent sheet */
 #define MANY        4.0 /* in standard errors: larger differences are significant */
 #define OFF_SHARE                                                                                  \
     0.25 /* a sweep disagrees with the calibration if a larger share of its frames does */

@@ -534,7 +534,8 @@ static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int 
     return TRUE;
 }
 
-/* Returns whether all pixels that contribute to a texel are finite, in all planes. */
+/* Returns whether all pixels with a weight in a texel, or in its smooth weights, are finite, in all
+ * planes. */
 static gboolean is_finite(const Rectify *rectify, int texel, const float *mosaic) {
     gboolean finite = TRUE;
     for (gsize c = 0; c < rectify->planes; c++) {

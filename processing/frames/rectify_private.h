@@ -9,7 +9,7 @@
 #define MAX_EXCESS 10.0f /* maximum ratio of measured to predicted colour */
 #define CHROMA_PX  4.0   /* see rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Number of adjacent pixels that one vector instruction sums. */
+/* number of adjacent pixels that one vector instruction multiplies and adds */
 #define LANES 8
 typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 

@@ -10,7 +10,7 @@
 /* minimum number of pixels for measuring noise; in a smaller picture a line may light all of
  * them */
 #define FEW_PIXELS   256
-#define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
+#define NOISE_PIXELS 1024 /* number of pixels from which the noise is measured */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
 #define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
 #define DARKEST      2.5 /* expected distance of the minimum of many samples from their mean, in σ */
@@ -25,10 +25,11 @@
 /* Pixels per SIMD vector. If one of them is lit, all are recorded. Comparisons of GCC vectors
  * give −1 or 0. */
 #define LANES   16
-#define GROUP   4 /* vectors tested together */
+#define GROUP   4 /* number of vectors that are tested together */
 #define NOTHING G_MAXUINT32
 
-#define TOGETHER 4    /* frames per pass over the backgrounds */
+/* number of frames that absorb_dark() takes in one pass over the backgrounds */
+#define TOGETHER 4
 #define AHEAD    2048 /* pixels of one page, at whose end hardware prefetching stops */
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));

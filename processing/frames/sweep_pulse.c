@@ -6,7 +6,7 @@
 #define WINGS  0.12f /* share of the maximum; fainter samples may belong to another line */
 /* assumed mean of the samples next to a pulse that are below the margin, relative to the margin */
 #define FAINT   0.6f
-#define READ_DN 5.0f /* level at which shot noise equals read noise */
+#define READ_DN 5.0f /* value in DN at which shot noise equals read noise */
 #define MAX_LOG 20   /* upper bound of ln(height in DN) */
 /* the fit leaves out samples whose fitted value is below this multiple of the margin */
 #define DOUBT 1.3
