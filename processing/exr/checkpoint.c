@@ -13,7 +13,7 @@
 #define PERIOD_US (20 * G_USEC_PER_SEC)
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
-#define WIDTH     4096 /* pixels per line */
+#define WIDTH     4096 /* number of pixels in a line of an array's part */
 /* A save is due only when this many times the duration of the last save have passed since then. */
 #define SHARE 20
 

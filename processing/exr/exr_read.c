@@ -391,7 +391,8 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
     return EXR_ERR_SUCCESS;
 }
 
-/* Checks the assumptions of exr_read_unpack(), independently of the library. */
+/* Checks what exr_read_unpack() assumes about a chunk: its channels, position and sizes. The
+ * library may not have checked them. */
 static gboolean chunk_is_sound(const struct source *source, const struct unpack *unpack,
                                const exr_decode_pipeline_t *decode, int y, int lines) {
     const struct exr_part *part = unpack->part;

@@ -120,7 +120,7 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
     return TRUE;
 }
 
-/* Checks everything before the file is created. */
+/* Checks names, sizes, channels and attributes of all parts, before the file is created. */
 static gboolean check(const char *path, const struct content *content, GError **error) {
     const struct exr_file *file = content->file;
     g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
@@ -375,8 +375,9 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
 
 #define MAX_LINES 32 /* maximum number of lines in a chunk */
 
-/* Returns whether exr_read() will accept the file. exr_read() limits the memory according to the
- * size of the file, and uniform pixels may compress so well that the pixels exceed this limit. */
+/* Returns whether exr_read() will accept the file; TRUE if the size of the file cannot be found.
+ * exr_read() limits the memory according to the size of the file, and uniform pixels may compress
+ * so well that the pixels exceed this limit. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;
