@@ -58,7 +58,7 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
     return TRUE;
 }
 
-/* Adds a shot to the table for lookups. */
+/* Checks a shot, and adds it to catalogue->by_source if it has a source. */
 static gboolean add_shot(struct catalogue *catalogue, struct session_shot *shot, GError **error) {
     const int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
                   : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
@@ -240,7 +240,6 @@ static enum catalogue_state find_input(const struct catalogue *catalogue,
     return CATALOGUE_READY;
 }
 
-/* Hashes versions, calibration and grid. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind) {
     const struct session_grid *grid = &catalogue->grid;
     GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256);

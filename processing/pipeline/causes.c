@@ -10,7 +10,8 @@
 #include <math.h>
 #include <string.h>
 
-#define MIN_SEEN 0.3 /* minimum share of the texels that lasers saw */
+/* minimum share of the texels that lasers must see, so that nothing is explained */
+#define MIN_SEEN 0.3
 /* minimum share of all pixels of the examined sweeps that must show a line */
 #define MIN_LINES  0.02
 #define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */

@@ -1,4 +1,4 @@
-/* Explains why a session's products contain few values. */
+/* Finds likely reasons why a session's products contain few or implausible values. */
 #pragma once
 
 #include "session/session.h"

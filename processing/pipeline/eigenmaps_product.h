@@ -1,4 +1,4 @@
-/* The content of products/eigenmaps.exr. Any thread. */
+/* Prepares the content of products/eigenmaps.exr. Any thread. */
 #pragma once
 
 #include "catalogue.h"

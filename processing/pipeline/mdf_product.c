@@ -139,7 +139,6 @@ static gboolean add_sweep(MdfView *view, const LaserRegion *region, const struct
     return TRUE;
 }
 
-/* Makes one view: adds all its sweeps, then merges them. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error) {
     g_autoptr(MdfView) view = mdf_view_new(job->camera, job->turntable_rad, grid);

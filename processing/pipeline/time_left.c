@@ -127,7 +127,8 @@ static void time_left_costs(const struct time_left_task *tasks, int n,
     }
 }
 
-/* Each task goes to the thread that is free first, as in the pool. */
+/* Simulates the pool: each task goes to the thread that is free first. The result is the time at
+ * which the last thread is free. */
 double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
                          const struct time_left_rates *rates) {
     struct unit_costs costs;
