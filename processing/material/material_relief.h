@@ -13,7 +13,7 @@ void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 
 double material_relief_deepest_mm(const struct material_relief *relief);
 
-/* Gives the size of a tile. */
+/* Gives the size of a tile of the material in mm. */
 void material_relief_size_mm(const struct material_relief *relief, double *ret_width,
                              double *ret_height);
 

@@ -83,7 +83,7 @@ static gboolean finite_numbers(const float *values, int n) {
     return TRUE;
 }
 
-/* Normalises a vector. Returns FALSE if it has no length or is not finite. */
+/* Normalises a vector. Returns FALSE if the vector has no length or is not finite. */
 static gboolean normalised(const float from[3], float ret[3]) {
     const double length =
         sqrt((double)from[0] * (double)from[0] + (double)from[1] * (double)from[1] +

@@ -83,7 +83,7 @@ static void sampler_cell(double x, double y, int *ret_row, int *ret_cell) {
     *ret_cell = CLAMP((int)((a + 1.0) / 2.0 * CELLS), 0, CELLS - 1);
 }
 
-/* Returns g of a cell; its mean is 1. */
+/* Returns the density g of a cell (material_sampler.h). The mean of g over all cells is 1. */
 static double table_density(const struct table *t, int row, int cell) {
     return (double)(t->rows[row + 1] - t->rows[row]) *
            (double)(t->cells[row][cell + 1] - t->cells[row][cell]) * CELLS * CELLS;
