@@ -79,7 +79,8 @@ static gboolean read_pairs(const char *folder, const struct rig_camera *camera, 
     return TRUE;
 }
 
-/* Finds the pairs of the brightest shot of a kind. */
+/* Finds the pairs of exposures of camera c in the brightest shot of a kind. ret->n is 0 if no shot
+ * of this kind has kept exposures. */
 static gboolean find_pairs(Session *session, const GPtrArray *shots, enum session_shot_kind kind,
                            int c, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {

@@ -22,7 +22,7 @@
 /* if there are more lamps, only neighbours are tested for an exchange */
 #define MAX_PAIRED 16
 
-/* A frame under a lamp. */
+/* A frame that was captured under a lamp. */
 struct lit_frame {
     struct input input;
     int camera, shot; /* camera: index in the rig; shot: index into tile_shots */
@@ -335,7 +335,8 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
     return TRUE;
 }
 
-/* Fits the cells of all frames and stores the result. */
+/* Fits the cells of all frames, checks the lamps, corrects the glare, and stores the results in the
+ * calibration and in run->ret. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
