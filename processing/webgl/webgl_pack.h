@@ -24,7 +24,7 @@
 #define WEBGL_PACK_GRID_MIN 4
 #define WEBGL_PACK_GRID_MAX 16
 
-/* The parts that are packed. They are borrowed. */
+/* The parts of a material that are packed; all are borrowed. */
 struct webgl_pack {
     const char *name;
     /* LPCA_RGB; a level from a packed file has been regrouped (lpca_regroup()) */
