@@ -1,7 +1,7 @@
-/* The calibration that the products of a session were made with. It is the session's own
- * calibration, unless “mesorig process -c” was given another one. It is stored as the session's
- * values "products_calibration" and "products_mixed", and its text as "products_calibration.conf".
- * One thread at a time. */
+/* The calibration that the products of a session were made with. This is the session's own
+ * calibration, unless “mesorig process -c” was given another one. Another calibration is stored as
+ * the session's value "products_calibration" (where) and text "products_calibration.conf". The
+ * value "products_mixed" is set while mixed is TRUE. One thread at a time. */
 #pragma once
 
 #include "session.h"

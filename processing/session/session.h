@@ -7,7 +7,7 @@
  *     products/…         results of processing
  *
  * The row of a frame is committed after its file is on disk, so that every row has its file. One
- * process writes the plan, shots and frames; it holds an exclusive lock, see SESSION_CAPTURE. Any
+ * process writes the plan, shots and frames, and holds an exclusive lock (SESSION_CAPTURE). Any
  * number of processes may read the session, or write products, at the same time. A Session belongs
  * to one thread at a time. */
 #pragma once
@@ -33,6 +33,9 @@ enum session_error {
 
 typedef struct Session Session;
 
+/* What a Session may write. SESSION_READ: nothing. SESSION_PRODUCTS: values, events and products.
+ * SESSION_CAPTURE: also the state and the frames of shots; it holds the lock capture.lock, so that
+ * only one process captures into the session. */
 enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
 
 /* The texts that describe the session. They never change. */
@@ -66,8 +69,8 @@ struct session_direction {
 enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
 enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 
-/* A turn of the turntable during which shots of a lamp are taken ([capture] motion = continuous).
- * It is not stored, because it follows from the session file and the shots
+/* A turn of the turntable during which shots of a lamp are taken ([capture] motion = continuous). A
+ * pass is not stored, because it follows from the session file and the shots
  * (daemon/plan/passes.h). */
 struct session_pass {
     /* number of the pass; the shots of a pass follow each other; 0 if the turntable stands still */
@@ -150,6 +153,9 @@ struct session_plan {
  * that is killed leaves at most a folder ".NAME.session.XXXXXX" next to the session. */
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
+/* Opens an existing session. The error is SESSION_ERROR_FORMAT if there is no session, or if it is
+ * damaged or of another version, and SESSION_ERROR_LOCKED if the mode is SESSION_CAPTURE and
+ * another process captures into it. */
 Session *session_open(const char *path, enum session_mode mode, GError **error);
 void session_close(Session *session); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Session, session_close)
@@ -212,8 +218,8 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
  * moment. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
-/* The same as session_add_product() for a file by its path. Files outside of a session's products
- * are ignored. made_by is "compress …" or "export …". */
+/* Does the same as session_add_product() for a file by its path. Files outside of a session's
+ * products are ignored. made_by is "compress …" or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
 /* Returns the set of the paths of all products, relative to the session directory. NULL on
  * error. */
@@ -228,7 +234,7 @@ struct session_product {
  * function set. */
 GPtrArray *session_list_products(Session *session, GError **error);
 
-/* A committed file that differs from its row in the database. */
+/* A committed file that is missing, cannot be read, or differs from its row in the database. */
 struct session_damage {
     char *path; /* relative to the session directory */
     char *what; /* a clause such as "it is gone" or "its SHA-256 is …, but the session has …" */

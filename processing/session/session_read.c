@@ -120,7 +120,7 @@ static int column_int(sqlite3_stmt *statement, int column) {
     return value < G_MININT || value > G_MAXINT ? G_MININT : (int)value;
 }
 
-/* Returns NAN if the text is not a number. */
+/* Returns the number in a column of text, or NAN if the text is not a number. */
 static double column_number(sqlite3_stmt *statement, int column) {
     g_autofree char *text = session_db_text(statement, column);
     char *end = text;
