@@ -12,7 +12,7 @@
 #define TOLERANCE 0.1F
 /* maximum number of texels of an overlap that are compared for the choice of a block */
 #define COMPARED 600
-#define OVERLAPS 4 /* a block's side over the width of its overlap */
+#define OVERLAPS 4 /* ratio of a block's side to the width of its overlap */
 #define LEAST    8 /* minimum number of texels of a block in each dimension */
 
 struct quilt {
@@ -63,7 +63,8 @@ static void quilt_compare_row(int row, gpointer data) {
     }
 }
 
-/* Gathers the texels that the block overlaps, thinned out evenly. */
+/* Sets n_compared, compared and wanted: gathers the filled texels that the block overlaps, evenly
+ * reduced to about COMPARED. */
 static void quilt_gather(struct quilt *quilt) {
     const int n = quilt->sample->n;
     int n_filled = 0;

@@ -120,7 +120,7 @@ static void columns_times_omega(int block, gpointer data) {
                     c->omega + (gsize)c->n_views * wide * WIDE, WIDE, 1, y, WIDE);
 }
 
-/* Computes Ω = Aᵀ Y, the rows of a block of columns. */
+/* Computes Ω = Aᵀ Y for a block of columns of A, which are rows of Ω. */
 static void columns_transposed(int block, gpointer data) {
     struct columns *c = data;
     const gsize wide = (gsize)c->a_view;

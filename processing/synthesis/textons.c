@@ -284,7 +284,7 @@ static gboolean texton_passes(const struct texton_level *level, struct texton_pi
     return TRUE;
 }
 
-/* Splits each place into four places that show the same part of the sample. */
+/* Splits each place into four places, which together show what the place showed. */
 static void texton_refine(struct texton_picture *picture, int step) {
     const int width = 2 * picture->width, height = 2 * picture->height;
     int *at = g_new(int, 2 * (gsize)width * (gsize)height);
