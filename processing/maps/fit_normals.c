@@ -18,7 +18,7 @@
 /* minimum z of the lights under which the fit is evaluated; fits are least certain under lower
  * lights */
 #define MIN_Z 0.15
-#define FACES 0.15 /* minimum cosine between normal and light */
+#define FACES 0.15 /* minimum cosine between normal and light of a light that counts */
 /* largest difference |f(l) − b·l| of a light that counts, relative to |b| */
 #define TOLERANCE   0.1
 #define ROUNDS      8

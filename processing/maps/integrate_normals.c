@@ -13,9 +13,10 @@
 
 #define STEEPEST 0.1 /* minimum z of a normal whose slope is integrated */
 
-#define COARSEST   8    /* number of texels across below which a coarser grid is of no use */
-#define ITERATIONS 400  /* maximum number of iterations on each grid */
-#define PRECISION  1e-7 /* maximum residual, relative to the residual of heights of 0 */
+#define COARSEST   8   /* number of texels across below which a coarser grid is of no use */
+#define ITERATIONS 400 /* maximum number of iterations on each grid */
+/* largest residual at which the iteration ends, relative to the residual when all heights are 0 */
+#define PRECISION 1e-7
 
 struct grid {
     const float *p, *q;

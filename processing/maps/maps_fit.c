@@ -14,7 +14,7 @@
 #define BETTER 0.95 /* a layer is used if it reduces the cost to at most this share */
 /* minimum decrease of the mean cost of a texel by a layer; the cost is relative to Σ u² Y² */
 #define WORTH         3e-4
-#define STARTS        5   /* number of starts of a texel */
+#define STARTS        5   /* number of shapes with which the fit of a texel begins */
 #define LAMBERT_LIMIT 0.7 /* minimum z of a normal from lambert() with which a fit begins */
 
 struct maps_fit_run {

@@ -40,7 +40,8 @@ struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_mod
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
 void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
 
-/* The state of the fit of one texel. One thread at a time. */
+/* The buffers and weights with which texels are fitted, one after the other. One thread at a
+ * time. */
 struct maps_solver;
 struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
 void maps_solver_free(struct maps_solver *solver);
@@ -56,7 +57,8 @@ struct maps_solution {
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);
-/* Computes the colours of the texel that maps_solver_run() has just solved. */
+/* Computes all members of ret from the solution of maps_solver_run(). rgb is that of the last call
+ * of maps_solver_run() with this solver. */
 void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret);

@@ -11,7 +11,8 @@
 
 #define ISOTROPIC 0.15F /* mean anisotropy below which the maps have no anisotropy */
 
-/* Converts a name to characters that are valid in files, XML and Python. */
+/* Returns a name with only letters, digits, “-” and “_”, which are valid in names of files, in XML
+ * and in Python, and at most 64 of them; g_free(). */
 static char *plain_name(const char *name) {
     char *ret = g_strdup(name && *name ? name : "material");
     g_strcanon(ret, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", '_');
@@ -45,7 +46,7 @@ static void summarise(struct maps *maps) {
     }
 }
 
-/* Fits the maps and computes their errors. */
+/* Fits the maps and computes their errors. Heights and occlusion follow later (shape()). */
 static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
                             const struct work *work, GError **error) {
     const gsize n = btf_layout_texels(&btf->layout);

@@ -15,7 +15,7 @@
 #define STEEPEST 0.45F  /* minimum z of a view that is compared */
 #define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */
 #define MOST     4.0
-#define STEP     0.125 /* distance of two depths that are tried, in texels */
+#define STEP     0.125 /* step between the depths that are tried, in texels */
 #define BETTER   0.9   /* a depth must reduce the difference of the views to this part */
 /* standard deviation of a pattern, relative to the mean, below which it gives no depth */
 #define FAINT   0.005

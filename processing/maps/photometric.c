@@ -15,9 +15,10 @@
 #define SHADOW    0.35 /* share of the expected value below which a light is in shadow */
 /* weight of a light that is dimmer than expected but not in shadow, relative to other lights */
 #define IMPLAUSIBLE 3.0
-#define AGREES      3.5 /* in σ: maximum difference of a light that agrees */
-#define ROUNDS      12
-/* iterations of least squares over the lights that the surface faces */
+/* in σ: maximum difference of a light's value from b · l_i if the light agrees */
+#define AGREES 3.5
+#define ROUNDS 12
+/* number of iterations of least squares over the lights that the surface faces */
 #define TURNS 3
 /* number of degrees of freedom with which σ counts in the scale of a texel's own residuals */
 #define PRIOR    4.0
