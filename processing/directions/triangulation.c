@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Maximum random displacement of a point. It makes sure that no four points lie on a circle. */
+/* Maximum random displacement of a point. Displaced points have no four on one circle. */
 #define JITTER 1e-7
 /* If no point is farther than this from a line, the points count as collinear. Triangles of such
  * points would be so thin that their shape depended on the random displacements. */
