@@ -18,7 +18,7 @@
 /* in texels: points higher above the reference plane, or deeper below the deepest structure, do not
  * belong to the sample */
 #define OUTSIDE_SHARE 2.0
-#define AGREE         2 /* number of agreeing sweeps that make a distance known */
+#define AGREE         2 /* minimum number of agreeing sweeps that make a distance known */
 
 struct sample { /* a texel that is examined */
     /* the pixel above and left of the texel's centre; with the next column and row, all four phases

@@ -94,7 +94,7 @@ double prediction_left_out_share(const Prediction *prediction);
 struct prediction_shot {
     const int *pairs;
     int n_pairs;
-    double price_s; /* the time that it takes, above 0 */
+    double price_s; /* time that the shot takes, above 0 */
 };
 struct prediction_choice {
     int shot;

@@ -10,7 +10,7 @@
 #define FIT_PAIRS 400 /* maximum number of measured pairs that are used */
 #define STARTS    3   /* number of initial widths of lobes */
 #define MIN_COS   0.05
-#define MIN_RMS   1e-4 /* minimum of ρ: darker values count as this */
+#define MIN_RMS   1e-4 /* minimum of ρ and of g; darker values count as this value */
 #define TOLERANCE 1e-6
 
 /* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
