@@ -72,8 +72,8 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout);
  * hole. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
-/* Functions of the scratch file of btf_matrix_read_within(). It holds n_views × n_texels × row half
- * floats, row being n_lights × 3. */
+/* Functions of the scratch file of btf_matrix_read_within(). The file holds n_views × n_texels ×
+ * row half floats, row being n_lights × 3. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */
