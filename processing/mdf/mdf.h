@@ -3,8 +3,8 @@
  * Each sweep gives a displacement image; the images of all laser positions are merged. The peak
  * time of a pixel is a sweep angle, and hence a sheet of light. The surface lies where the pixel's
  * ray intersects that sheet. The sheets are those of the calibration, corrected by the lines that
- * were found in the sweep (laser_lines.h). They diverge from the laser; parallel sheets are not
- * assumed. One thread per MdfView.
+ * were found in the sweep (laser_lines.h). The sheets of a sweep diverge from the laser; parallel
+ * sheets are not assumed. One thread per MdfView.
  */
 #pragma once
 

@@ -1,5 +1,6 @@
-/* Adds views at grazing angles. No camera of a rig has such views, but silhouettes need them. The
- * points of the steep views form a height field (relief), which is traced along flat rays. */
+/* Adds views at grazing angles. No camera of a rig has such views, but renderers need such views
+ * for silhouettes. The points of the steep views form a height field (relief), which is traced
+ * along flat rays. */
 #include "mdf_table.h"
 
 #include <math.h>
@@ -198,8 +199,8 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
 }
 
 /* The path of a ray through the structure is proportional to tan θ. The ray meets the highest of
- * the points along this path, and their number is also proportional to tan θ. Therefore raised is
- * extrapolated over tan θ through the two flattest rings. */
+ * the points along this path, and the number of these points is also proportional to tan θ.
+ * Therefore raised is extrapolated over tan θ through the two flattest rings. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

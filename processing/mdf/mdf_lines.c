@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-/* Limits of the width and of the scatter. Rough samples that no light enters stay below them, see
- * docs/research/accuracy.md. */
+/* Limits of the width and of the scatter. Rough samples that no light enters stay below these
+ * limits, see docs/research/accuracy.md. */
 #define WIDE    1.1
 #define SCATTER 0.07
 

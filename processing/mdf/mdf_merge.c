@@ -43,8 +43,8 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
     return samples[n - 1].mm;
 }
 
-/* Computes the mean of a bend over the samples that have it, and the variance of the mean from
- * their scatter. If no sample has the bend, the mean is NAN. */
+/* Computes the mean of a bend over the samples that have it, and the variance of the mean from the
+ * scatter of these samples. If no sample has the bend, the mean is NAN. */
 static void bend_of(const struct mdf_candidate *samples, int n, int bend, double *ret_mm,
                     double *ret_noise_mm2) {
     double weights = 0, sum = 0, scatter = 0;

@@ -18,9 +18,9 @@
 struct net {
     const struct mdf_shell *shell;
     int n[3];       /* number of samples along u, v and the depth, with the base */
-    double size[3]; /* of the solid, mm; it goes one layer below the shell */
+    double size[3]; /* size of the solid in mm; the solid extends one layer below the shell */
     double level;
-    guint32 *vertex; /* index + 1 of the vertex of each cell; 0 if it has none */
+    guint32 *vertex; /* for each cell, the index of its vertex plus 1; 0 if the cell has none */
     GArray *vertices, *indices;
 };
 

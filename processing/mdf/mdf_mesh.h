@@ -1,4 +1,5 @@
-/* A closed mesh of triangles around the opaque part of a shell. It holds overhangs and holes. */
+/* A closed mesh of triangles around the opaque part of a shell. The mesh has the overhangs and
+ * holes of the shell. */
 #pragma once
 
 #include "mdf_shell.h"

@@ -1,9 +1,9 @@
 /*
  * A shell: the opacity of the space between the reference plane and the deepest structure, as a
- * volume. It is measured, because it is made from the MDF. It holds overhangs and holes, which no
- * height field does. Renderers march rays through it in directions that no camera had. It is a
- * generalised displacement map (Wang, X. et al. 2004, “Generalized Displacement Maps”), for which
- * Wang, J. et al. 2005 knew no way of capture.
+ * volume. A shell is made from the MDF, and is therefore measured. A shell can represent overhangs
+ * and holes, unlike a height field. Renderers march rays through it in directions that no camera
+ * had. A shell is a generalised displacement map (Wang, X. et al. 2004, “Generalized Displacement
+ * Maps”), for which Wang, J. et al. 2005 knew no way of capture.
  *
  * A ray that has gone ds further meets the structure there with the probability σ ds, where
  *

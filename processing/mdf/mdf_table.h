@@ -38,8 +38,8 @@ struct mdf_table *mdf_table_copy_measured(const struct mdf_table *table);
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). Other errors than
  * MDF_TABLE_ERROR_FORMAT are those of exr_read() and exr_get_double(). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
-/* Adds views at grazing angles, which were not measured. They are traced over the relief of the
- * steep views (mdf_grazing.c). */
+/* Adds views at grazing angles, which were not measured. The added views are traced over the relief
+ * of the steep views (mdf_grazing.c). */
 void mdf_table_add_grazing(struct mdf_table *table);
 /* For tests and benches. Returns by how many standard deviations of the depths within a texel the
  * relief must be raised (0 … 2), so that views traced in the flattest measured directions have the

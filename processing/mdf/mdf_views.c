@@ -22,7 +22,7 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
 }
 
 /* The ray c + t (p − c) from the camera c to the point p meets the plane at t = (z_ref − c_z) /
- * (p_z − c_z). It meets the plane at the distance (1 − t) |p − c| before p. */
+ * (p_z − c_z). The distance from that intersection to p is (1 − t) |p − c|. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;

@@ -65,11 +65,13 @@ void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct
 struct mdf_views_sums {
     int n_views;
     gint64 texels, seen; /* number of texels of all views, and number of texels with a distance */
-    gint64 confirmed;    /* at least one other view confirms the texel, and it is not refuted */
-    /* refuted: more other views deny than confirm the texel; unknown: it has a distance, but no
-     * other view confirms or denies it */
+    gint64 confirmed;    /* number of texels that at least one other view confirms, and that are not
+                            refuted */
+    /* refuted: number of texels that more other views deny than confirm; unknown: number of texels
+     * with a distance that no other view confirms or denies */
     gint64 refuted, unknown;
-    /* texels without a distance whose surface the laser shows above the reference plane */
+    /* number of texels without a distance whose surface the laser shows above the reference
+       plane */
     gint64 above;
     double denied_share; /* share of denials among all answers of other views */
     struct mdf_lines lines;

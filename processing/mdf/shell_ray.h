@@ -28,7 +28,7 @@ struct shell_hit {
  * frame of tangent, bitangent and normal there, above the horizon. limit is the distance at which
  * the ray ends, in the unit of the surface; INFINITY if there is none. Returns whether the ray
  * meets the structure before limit. A ray that goes below all structure counts as meeting the
- * structure at its base. Any thread may call it. */
+ * structure at its base. Any thread. */
 gboolean shell_ray_march(const struct mdf_shell *shell, const struct shell_surface *surface,
                          double u, double v, const double view[3], double limit,
                          struct shell_hit *ret);
