@@ -5,7 +5,9 @@
 
 #include "base/robust.h"
 
-#define AROUND 21  /* frames of the running median; it follows a slip of more than half of them */
+/* number of frames of the running median, which follows a slip that lasts more than half as many
+ * frames */
+#define AROUND 21
 #define MANY   4.0 /* in standard errors: larger differences are significant */
 #define ROUNDS 6
 /* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */

@@ -13,8 +13,8 @@ struct laser_frames {
     double *middle;
     double *error; /* standard error of middle, rad */
     /* Results, n values each: */
-    /* rad: robust mean of middle over all frames, or over the nearest frames if their median
-     * differs significantly from that of all frames */
+    /* rad: robust mean of middle over all frames, or over the nearest frames if the median of these
+     * differs significantly from the median of all frames */
     double *level;
     /* rad: deviation of middle from level, shrunk according to its error; 0 for outliers and for
      * frames without a line */

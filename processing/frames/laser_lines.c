@@ -15,8 +15,8 @@
 #define MANY        4.0 /* in standard errors: larger differences are significant */
 #define OFF_SHARE                                                                                  \
     0.25 /* a sweep disagrees with the calibration if a larger share of its frames does */
-/* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre)
- * and for single frames. They are needed because a sheet is not exactly a plane, and because
+/* Lower bounds of the calibration's standard errors for the whole sweep (15 µm at half a metre) and
+ * for single frames. These bounds are needed because a sheet is not exactly a plane, and because
  * axes step unevenly. */
 #define MIN_KNOWN_RAD 3e-5
 #define MIN_FRAME_RAD 2e-4

@@ -6,8 +6,8 @@
  * each pixel's peak is known. The candidates of frame k are the pixels of the region whose peak
  * time rounds to k. A robust fit in sweep angle gives the deviation of the sheet from the
  * calibration, and the roll of the sheet about the beam. The plane is the mean of lines and
- * calibration, weighted by their inverse variances. If they differ significantly, only the line is
- * used, because it was seen in this very sweep. Any thread, one at a time.
+ * calibration, weighted by their inverse variances. If lines and calibration differ significantly,
+ * only the lines are used, because they were seen in this very sweep. Any thread, one at a time.
  */
 #pragma once
 
@@ -56,7 +56,7 @@ struct laser_sweep {
     const struct rig_arc *arc;                   /* NULL means an ideal arc (rig.h) */
     const float *second_peak, *second_intensity; /* maps of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: only the calibration is used */
-    /* standard errors of the sheet's calibration; NULL if it is known exactly */
+    /* standard errors of the sheet's calibration; NULL if the sheet is known exactly */
     const struct rig_sheet_errors *errors;
     /* standard deviation of the line's profile on plates, as a sweep angle; 0 if unknown */
     double line_rad;

@@ -6,9 +6,10 @@
 #include "base/data_error.h"
 #include "demosaic.h"
 
-#define SPACING_PX  0.25  /* pixels: maximum distance between the points that sample a texel */
-#define MIN_WEIGHT  0.3f  /* minimum sum of a texel's weights, see weigh_texel() */
-#define FLAG_WEIGHT 0.02f /* a pixel passes its flags to a texel if it has this share of it */
+#define SPACING_PX 0.25 /* pixels: maximum distance between the points that sample a texel */
+#define MIN_WEIGHT 0.3f /* minimum sum of a texel's weights, see weigh_texel() */
+/* minimum share of a pixel in a texel with which its flags are passed to the texel */
+#define FLAG_WEIGHT 0.02f
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
     return vec3(grid->width_mm * (column / grid->width - 0.5),
@@ -453,8 +454,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
 
 /* Computes value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others
  * in the texel's surround. The excess is the measured colour of the surround over the colour that
- * the guide's ratios predict. It corrects the ratios where the colour of this picture differs from
- * that of the guide: for example, gloss is white even on blue cloth. */
+ * the guide's ratios predict. The excess corrects the ratios where the colour of this picture
+ * differs from the colour of the guide: for example, gloss is white even on blue cloth. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {

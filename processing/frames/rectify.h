@@ -28,8 +28,9 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
 /* Makes a rectification like rectify_new(), but for a list of n_texels texels (row · width +
- * column), in the order of the list. If the list is NULL, all texels of the grid are used. With a
- * list, rectify_errors() cannot be used, because it needs the neighbours of a texel in the grid. */
+ * column), in the order of the list. If the list is NULL, all texels of the grid are used.
+ * rectify_errors() cannot be used on the result if there is a list, because that function needs the
+ * neighbours of a texel in the grid. */
 Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                         const char *cfa, double turntable_rad, const struct session_grid *grid,
                         const int *texels, int n_texels, GError **error);

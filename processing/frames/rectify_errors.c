@@ -7,8 +7,8 @@
 #define MAX_RATIO   100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/lab/accuracy.md */
 
-/* Copies a texel's area weights into the window of its smooth weights, which contains all of
- * them. Without smooth weights (mono), the window of the area is used. Returns the window. */
+/* Copies a texel's area weights into the window of its smooth weights, which contains the window of
+ * the area. Without smooth weights (mono), the window of the area is used. Returns the window. */
 static const struct window *widen(const Rectify *rectify, int texel, float *ret_area) {
     const struct window *area = &rectify->area.window[texel];
     const struct window *window = &rectify->around.window[texel];
@@ -180,7 +180,7 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
 }
 
 /* Returns a texel's area weights with 0 in the picture's first and last column. copy has room for
- * them, and is used only if the window may touch these columns. */
+ * the weights, and is used only if the window may touch these columns. */
 static const float *inner_weights(const Rectify *rectify, int texel, float *copy) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);

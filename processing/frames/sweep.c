@@ -22,8 +22,8 @@
 #define ODD_DN    2 /* see ODD_RATIO */
 #define CROWDED   8 /* maximum number of records per vector is this plus ¾ of the frames */
 
-/* Pixels per SIMD vector. If one of them is lit, all are recorded. Comparisons of GCC vectors
- * give −1 or 0. */
+/* Number of pixels of a SIMD vector. If one pixel of a vector is lit, all pixels of the vector are
+ * recorded. Comparisons of GCC vectors give −1 or 0. */
 #define LANES   16
 #define GROUP   4 /* number of vectors that are tested together */
 #define NOTHING G_MAXUINT32

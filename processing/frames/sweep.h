@@ -1,7 +1,7 @@
 /*
- * A laser sweep seen by one camera. It is analysed while the frames arrive (space-time analysis,
- * Wang et al. 2005 §3.2). The result is the time of the peak of every pixel, to a fraction of a
- * frame.
+ * A laser sweep seen by one camera. The sweep is analysed while the frames arrive (space-time
+ * analysis, Wang et al. 2005 §3.2). The result is the time of the peak of every pixel, to a
+ * fraction of a frame.
  *
  * A line lights each pixel in a few frames only. Those samples are kept, together with the samples
  * just before and after them. Otherwise only the minimum of each pixel's samples is kept, as its
@@ -26,8 +26,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 /* Adds the next frame, width × height values. */
 void sweep_add(Sweep *sweep, const guint16 *pixels);
 
-/* Adds the next n frames in order. The result is the same as adding them one by one, but this is
- * faster. */
+/* Adds the next n frames in order. The result is the same as that of n calls of sweep_add(), which
+ * are slower. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 
 /* Sets a second sweep over the same steps with a shorter exposure; the exposure of the first sweep
