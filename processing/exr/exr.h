@@ -102,7 +102,7 @@ typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);
-/* Frees the planes of a part. exr_write_filled() allocates them again. */
+/* Frees the planes of a part, which exr_write_filled() allocates again. */
 void exr_part_drop_planes(struct exr_part *part);
 
 /* Writes a file below a directory as exr_write() does. Symbolic links among the folders of the

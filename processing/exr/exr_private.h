@@ -10,8 +10,8 @@ guint64 exr_plane_bytes(const struct exr_part *part);
  * written in chunks of this many lines. */
 guint64 exr_chunk_bytes(const struct exr_part *part, int lines);
 
-/* OpenEXR's buffers for one chunk, several megabytes with PIZ. They are reused for all parts of a
- * file, since a file may have thousands of parts. */
+/* OpenEXR's buffers for one chunk, several megabytes with PIZ. The buffers are reused for all parts
+ * of a file, because a file may have thousands of parts. */
 struct exr_scratch {
     void *buffers[2];
     size_t bytes[2];

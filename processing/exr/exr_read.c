@@ -340,8 +340,8 @@ static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
 struct unpack {
     struct exr_part *part;
     const struct windows *windows;
-    float
-        *line; /* buffer for a line of the data window; NULL if it lies within the display window */
+    float *line; /* buffer for a line of the data window; NULL if the data window lies within the
+                    display window */
 };
 
 /* Converts a line of a channel to floats. Returns a pointer behind the bytes of the line. */

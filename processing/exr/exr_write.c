@@ -216,8 +216,9 @@ struct encoding {
 };
 
 /* Compresses a chunk. If the compressed chunk has exactly the size of the uncompressed one, a
- * reader cannot tell which of them the file has. OpenEXRCore 3.1 writes the compressed one and
- * reads it as uncompressed. Therefore this function replaces it by the uncompressed one. */
+ * reader cannot tell which of them the file has. OpenEXRCore 3.1 writes the compressed chunk, but
+ * reads it as an uncompressed one. Therefore this function replaces the compressed bytes by the
+ * uncompressed bytes. */
 static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const exr_result_t rc = encoding->compress(encode);
