@@ -5,8 +5,8 @@
  * far away: each texel is seen from the same direction.
  *
  * Values under a new light are mixed linearly from those of up to four measured lights
- * (directions.h). Beyond the measured lights they fall with the cosine. Lights are assumed to have
- * their nominal directions for all texels.
+ * (directions.h). Beyond the measured lights, values fall with the cosine. Lights are assumed to
+ * have their nominal directions for all texels.
  *
  * The MDF's channels (pipeline.h) are as follows. D is the predicted distance, −1 where no view
  * sees anything. M, O and S are −1 and N is 0, because nothing was measured. P is 3 or 0. If no

@@ -365,8 +365,8 @@ void mdf_job_free(struct mdf_job *job) {
     g_free(job);
 }
 
-/* Standard error of turn and roll of a laser that was not calibrated. It is large because units are
- * mounted by hand. */
+/* Standard error of turn and roll of a laser that was not calibrated. The error is large because
+ * lasers are mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
 static gboolean has_sheet(const struct calibration_laser *known) {

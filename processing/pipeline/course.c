@@ -150,7 +150,7 @@ static void look(Course *course, int n_busy) {
     course->n_busy = n_busy;
 }
 
-/* The CPU time that work took, and the time that the rates say for it. */
+/* The CPU time that some work took, and the CPU time that the rates predict for this work. */
 struct course_pace {
     double cpu_s, said_s;
 };

@@ -1,6 +1,6 @@
-/* The progress of a run of the pipeline, and its remaining time. It measures the CPU time of views
- * and of the work after them, and the share of the processors that the process gets. One thread
- * uses it, except for course_task_begin() and course_task_end(). */
+/* The progress of a run of the pipeline, and its remaining time. A course measures the CPU time of
+ * views and of the work after the views, and the share of the processors that the process gets. One
+ * thread calls these functions, except course_task_begin() and course_task_end(). */
 #pragma once
 
 #include "time_left.h"

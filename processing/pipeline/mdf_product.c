@@ -36,7 +36,7 @@ static struct mdf_result *new_result(const struct session_direction *view, const
     return result;
 }
 
-/* Compares the sweep in the file with the sweep of the plan. If they differ, depths would be
+/* Compares the sweep in the file with the sweep of the plan. If the two differed, depths would be
  * wrong. */
 static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
                             GError **error) {

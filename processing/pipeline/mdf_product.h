@@ -10,7 +10,8 @@ struct mdf_result {
     int index;    /* position in the session's list of views, from 0 */
     double theta_deg, phi_deg;
     double centre_mm[3]; /* position of the camera in the sample frame */
-    /* hash of all views from which D and P were set; empty if they are not set */
+    /* hash of all views from which D and P were set; empty if D and P are those of the view
+       alone */
     char *agreed;
     float *planes[6]; /* D, M, N, O, P, S of each texel: pipeline.h */
     struct mdf_lines lines;

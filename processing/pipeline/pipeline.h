@@ -38,7 +38,8 @@
  * radiance of a white diffuser in that plane that is lit along its normal by the same lamp at the
  * same distance, L·π / E_⊥. It contains n·l. A view shows the surface as seen through the reference
  * plane: the value at p belongs to the ray from the camera through p. MDF values are lengths along
- * that ray from p to the surface. Both use the true (near-field) ray of each texel.
+ * that ray from p to the surface. BTF values and MDF values belong to the true (near-field) ray of
+ * each texel.
  */
 #pragma once
 
@@ -49,9 +50,9 @@ struct pipeline_options {
     gboolean follow; /* wait for missing inputs until the capture has ended */
     int n_eigenmaps; /* number of eigen-maps; 4 in Wang et al. 2005 §5 */
     /* calibration_to_text() of another calibration of the same rig, or NULL for the session's own.
-     * For a lamp that it does not calibrate, the output that was measured during the capture on the
-     * turntable's fiducials is not used. calibration_path is its origin, or "nominal"; it is
-     * recorded with the products (session/made_with.h). */
+     * For a lamp that this calibration does not know, the output that was measured during the
+     * capture on the turntable's fiducials is not used. calibration_path is its origin, or
+     * "nominal"; it is recorded with the products (session/made_with.h). */
     const char *calibration, *calibration_path;
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */

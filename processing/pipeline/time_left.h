@@ -38,10 +38,10 @@ struct time_left_made { /* measured work of one kind in a run */
     double cpu_s, units;
 };
 /* Updates the rates from the measurements of a run. If a rate differs from the measured one by a
- * factor of less than 1.5, as between runs of the same session, it moves halfway to the measured
- * one. Otherwise it is replaced. A run of less than 10 s of CPU time counts less, because a small
- * session says little about a large one. All kinds of work of a run count equally, so that a
- * wrongly measured rate is corrected by the next run. */
+ * factor of less than 1.5, as between runs of the same session, the stored rate moves halfway to
+ * the measured one. Otherwise the stored rate is replaced. A run of less than 10 s of CPU time
+ * counts less, because a small session says little about a large one. All kinds of work of a run
+ * count equally, so that a wrongly measured rate is corrected by the next run. */
 void time_left_rates_learn(struct time_left_rates *rates,
                            const struct time_left_made made[TIME_LEFT_WORKS]);
 
