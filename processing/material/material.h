@@ -84,10 +84,10 @@ int mesorig_material_directions(const mesorig_material *material, float *ret_vie
  * pixel's footprint in tiles, 0 for a point; NULL means all 0. ret_rgb is n × 3 (R, G, B), not
  * negative.
  *
- * Between texels, values are interpolated bilinearly. Over a footprint they are averaged over a
- * square of that width, in which at most 16 × 16 points count. If the file has mip levels, the two
- * nearest levels are mixed instead. Between measured directions, values are interpolated (bilinear
- * in θ and φ, or in a triangle). For lights below the lowest measured one, values fall in
+ * Between texels, values are interpolated bilinearly. If there is a footprint, values are averaged
+ * over a square of its width, in which at most 16 × 16 points count. If the file has mip levels,
+ * the two nearest levels are mixed instead. Between measured directions, values are interpolated
+ * (bilinear in θ and φ, or in a triangle). For lights below the lowest measured one, values fall in
  * proportion to cos θ. Models with a formula evaluate it. The result is 0 if a view or light is
  * below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
@@ -132,10 +132,10 @@ struct mesorig_surface {
  * (n) is the distance at which a ray ends, in the unit of the caller; NULL means that no ray ends.
  * ret_distance (n) is the distance from the mesh to the structure, in the unit of the caller. It is
  * −1 if an argument is not valid, or if the ray does not meet the structure before its limit. A ray
- * that meets no structure leaves the mesh again through a back face. It can also be marched from
- * there. If each half of the ray is marched from its own end, both stay nearer to the mesh. Without
- * relief all distances are 0. The first call prepares the volume of mesorig_material_intersect().
- */
+ * that meets no structure leaves the mesh again through a back face. Such a ray can also be marched
+ * from that back face. If each half of the ray is marched from its own end, both halves stay nearer
+ * to the mesh. Without relief all distances are 0. The first call prepares the volume of
+ * mesorig_material_intersect(). */
 int mesorig_material_march(const mesorig_material *material, size_t n, const float *uv,
                            const float *view, const struct mesorig_surface *surface,
                            const float *limit, float *ret_distance);

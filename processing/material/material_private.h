@@ -16,9 +16,9 @@ struct mesorig_material {
     struct codec_tables tables;      /* tables of level 0 */
     double error;                    /* relative error of the codec; −1 if not known */
     struct material_relief *relief;  /* NULL if there is none */
-    /* The sampler. material_sample.c makes it at the first call, under the lock, and reads the
-     * pointer atomically. It is freed with the material. The lock is of a kind that ThreadSanitizer
-     * knows, unlike GLib's locks. */
+    /* The sampler. material_sample.c makes the sampler at the first call, under the lock, and reads
+     * the pointer atomically. The sampler is freed with the material. The lock is of a kind that
+     * ThreadSanitizer knows, unlike GLib's locks. */
     pthread_mutex_t sampling_lock;
     gpointer sampling;
     GDestroyNotify sampling_free;

@@ -9,8 +9,8 @@
  *
  *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π
  *
- * C and U are the shares of a cosine lobe and of the uniform hemisphere. They make p > 0 wherever
- * z > 0, and keep value / p bounded.
+ * C and U are the shares of a cosine lobe and of the uniform hemisphere. These two terms make p > 0
+ * wherever z > 0, and keep value / p bounded.
  *
  * If the model is a formula, the value of a cell is evaluated at the cell's middle, in some texels
  * of the cluster. The reason is that formulas need not fall towards the horizon as interpolated
@@ -50,8 +50,8 @@ MaterialSampler *material_sampler_new(const struct material_sampler_source *sour
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
 /* Draws a direction. uv is in tiles, v downwards; footprint is in tiles; random is two numbers in
- * [0, 1). Any thread may call it. Returns the density of ret_light per solid angle. If the view is
- * below the horizon, returns 0 and sets ret_light to 0. */
+ * [0, 1). Any thread. Returns the density of ret_light per solid angle. If the view is below the
+ * horizon, returns 0 and sets ret_light to 0. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
 /* Returns the density with which material_sampler_draw() draws this light. Returns 0 if the light
