@@ -1,7 +1,7 @@
 /* An index map, which is a larger picture of a material. Each of its texels contains the position
  * of a texel of the sample, which is shown there (the index texture of Meseth et al. 2003 §6, after
- * Tong et al. 2002). It contains no values, so that every codec of the sample, and its MDF, is
- * drawn through the same map.
+ * Tong et al. 2002). The map contains no values, so that every codec of the sample, and the
+ * sample's MDF, is drawn through the same map.
  *
  * On disk, one EXR:
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
