@@ -130,8 +130,8 @@ static void accessor(struct maps_gltf *to, int view, gsize offset, int type, gui
     to->n_accessors++;
 }
 
-/* Adds a mesh. glTF requires little-endian numbers. They are written in the byte order of this
- * machine, which must be little-endian. */
+/* Adds a mesh. glTF requires little-endian numbers. The numbers are written in the byte order of
+ * this machine, which must therefore be little-endian. */
 static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};

@@ -9,8 +9,8 @@
 
 /* number of texels in each dimension, in the middle of the BTF, that are compared */
 #define WINDOW 96
-/* number of texels at each side of the window that are not compared, because shifted pictures
- * may lack them */
+/* number of texels at each side of the window that are not compared, because shifted pictures may
+ * not have these texels */
 #define MARGIN   4
 #define STEEPEST 0.45F  /* minimum z of a view that is compared */
 #define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */

@@ -13,11 +13,11 @@
  * is the best of the solutions of triples of lights (RANSAC, Fischler and Bolles 1981), scored by Σ
  * min((r_i / σ)², 9). This sum also counts unlit lights, for which r_i = I_i.
  *
- * σ is the noise as a function of |b|. It is found from many texels, because few lights do not
- * determine the noise of one texel. σ is the lower quartile of the scales of the texels' residuals,
- * divided by the lower quartile for simulated texels of σ = 1; texels with highlights or shadows
- * have larger scales. If too few lights agree within σ, the surface is not quite matt, and σ is
- * doubled until enough lights agree.
+ * σ is the noise as a function of |b|. This function is found from many texels, because few lights
+ * do not determine the noise of one texel. σ is the lower quartile of the scales of the texels'
+ * residuals, divided by the lower quartile for simulated texels of σ = 1; texels with highlights or
+ * shadows have larger scales. If too few lights agree within σ, the surface is not quite matt, and
+ * σ is doubled until enough lights agree.
  *
  * The covariance of b is s² (Σ w_i l_i l_iᵀ)⁻¹, where s² combines σ² and the texel's own residuals.
  * The error of the normal is an RMS angle: √(trace of the covariance across n) / |b|. */
