@@ -242,8 +242,9 @@ Triangulation *triangulation_new(const double *points, int n) {
     g_array_append_val(t->triangles, first);
     for (int k = 3; k < n; k++)
         add_point(t, order[k]);
-    /* Lawson's algorithm (1977) flips edges until all are locally Delaunay. In exact arithmetic it
-     * always ends; the limit of passes ends it in spite of rounding errors. */
+    /* Lawson's algorithm (1977) flips edges until all are locally Delaunay. In exact arithmetic the
+     * algorithm always ends. The limit of passes ends the loop also if rounding errors prevent
+     * that. */
     gboolean flipped = TRUE;
     for (int pass = 0; flipped && pass < 200; pass++) {
         flipped = FALSE;
