@@ -1,7 +1,7 @@
-/* What is known about one view from the laser sweeps taken so far. For a sample of its texels,
- * the object stores which sweeps saw something there, and whether they agree. The distances are
- * computed as for the MDF (mdf/mdf.h), but for a few texels and from single pixels. This is fast
- * enough to be done for every sweep while a session is captured.
+/* What is known about one view from the laser sweeps taken so far. For a sample of its texels, the
+ * object stores which sweeps saw something there, and at which distance. The distances are computed
+ * as for the MDF (mdf/mdf.h), but for a few texels and from single pixels. This is fast enough to
+ * be done for every sweep while a session is captured.
  *
  * A texel is known if two sweeps agree on its distance, and if those that agree are at least
  * half of those that saw something there. Light reflected by the surroundings does not agree.

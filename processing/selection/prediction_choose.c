@@ -1,6 +1,6 @@
-/* The choice of shots. It is greedy and minimises the sum of the conditional variances of some
- * pairs (targets). Let S be the pairs that are measured or chosen. C = k − k_·S K_S⁻¹ k_S· is the
- * conditional covariance. A shot of pairs B reduces the sum by tr (C_BB⁻¹ C_BT C_TB). Then C
+/* The choice of shots. The algorithm is greedy and minimises the sum of the conditional variances
+ * of some pairs (targets). Let S be the pairs that are measured or chosen. C = k − k_·S K_S⁻¹ k_S·
+ * is the conditional covariance. A shot of pairs B reduces the sum by tr (C_BB⁻¹ C_BT C_TB). Then C
  * becomes C − C_·B C_BB⁻¹ C_B·.
  *
  * Memory holds C of pairs against targets, and a factor F with F Fᵀ = k − C of all pairs, from

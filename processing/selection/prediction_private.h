@@ -71,8 +71,8 @@ double prediction_relative_error(const Prediction *prediction, double variances)
 /* Computes k(p, p') without ε of pairs a[i], b[j]: ret[i + n_a · j]. */
 void prediction_covariance(const Prediction *prediction, const int *a, int n_a, const int *b,
                            int n_b, double *ret);
-/* Computes k(p, p') with ε of n pairs among themselves: ret is n × n. It uses no threads and is
- * meant for few pairs. */
+/* Computes k(p, p') with ε of n pairs among themselves: ret is n × n. The function uses no threads
+ * and is meant for few pairs. */
 void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
                                  double *ret);
 double prediction_prior_variance(const Prediction *prediction, int pair); /* k(p, p), with ε */
