@@ -6,14 +6,14 @@
  *
  * 1. Errors of the times of pulses. In frames, these errors are about equal in all sweeps. One
  * frame of a sweep corresponds to a depth g along the ray. Therefore m has the variance u V with V
- * = Σ w² g². u, in frames², follows from the scatter of the sweeps: S = Σ a (x − m)², a = w² / (1 −
- * w), E = Σ a (g² (1 − 2 w) + V), u = S / E, ν = max(1, (Σ a g²)² / Σ (a g²)² − 1) degrees of
- * freedom. If only u were used, the errors of two sweeps in units of σ would follow Student's t
- * with one degree of freedom, whose variance is infinite. Therefore u is mixed with ū, the mean
- * over the 5 × 5 texels around, which counts as k further degrees of freedom: û = (ν u + k ū) / (ν
- * + k). This is the expectation of u if true values follow an inverse χ² distribution with k + 2
- * degrees of freedom about ū. k is the most likely value for the view (Smyth 2004; here ū is
- * local).
+ * = Σ w² g². u, in frames², follows from the scatter of the sweeps:
+ *   S = Σ a (x − m)²,  a = w² / (1 − w),  E = Σ a (g² (1 − 2 w) + V),  u = S / E,
+ *   ν = max(1, (Σ a g²)² / Σ (a g²)² − 1) degrees of freedom.
+ * If only u were used, the errors of two sweeps in units of σ would follow Student's t with one
+ * degree of freedom, whose variance is infinite. Therefore u is mixed with ū, the mean over the 5 ×
+ * 5 texels around, which counts as k further degrees of freedom: û = (ν u + k ū) / (ν + k). This is
+ * the expectation of u if true values follow an inverse χ² distribution with k + 2 degrees of
+ * freedom about ū. k is the most likely value for the view (Smyth 2004; here ū is local).
  *
  * 2. An error that all sweeps have in common, because they sample the surface at the same pixels
  * and interpolate. The bend of the surface over the spacing h of the pixels is b = (z(−h) + z(h)) /
