@@ -135,12 +135,10 @@ void program_camera_disarm(Camera *camera) {
 
 gboolean program_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct program_camera *priv = camera->device.priv;
-    const struct camera_format *format = &camera->format;
-    const gint64 wait_us =
-        format->trigger_us + priv->settings.exposure_us + READOUTS * format->readout_us;
+    const gint64 wait_us = program_camera_wait_us(&camera->format, priv->settings.exposure_us);
     struct program_request request = {.method = "trigger",
                                       .params = json_object_new(),
-                                      .timeout_ms = (int)(wait_us / 1000) + PROGRAM_ANSWER_MS,
+                                      .timeout_ms = (int)(wait_us / 1000),
                                       .tag = ++priv->n_triggers};
     json_object_set_int_member(request.params, "shot", (gint64)shot);
     json_object_set_int_member(request.params, "exposure_us", priv->settings.exposure_us);
@@ -159,19 +157,6 @@ static gboolean read_time(JsonObject *values, const char *name, gint64 *ret_us, 
         !message_number(values, name, 0, MAX_MS, &ms, error))
         return FALSE;
     *ret_us = (gint64)(ms * 1000);
-    return TRUE;
-}
-
-/* Reads the list of exposure times, which may be missing. */
-static gboolean read_exposures(struct program_camera *priv, JsonObject *values,
-                               struct camera_format *format, GError **error) {
-    g_clear_pointer(&priv->exposures_us, g_free);
-    if (!json_object_has_member(values, "exposures_us"))
-        return TRUE;
-    if (!message_integers(values, "exposures_us", 1, (gint64)MAX_US, &priv->exposures_us,
-                          &format->n_exposures, error))
-        return FALSE;
-    format->exposures_us = priv->exposures_us;
     return TRUE;
 }
 
@@ -198,6 +183,24 @@ static gboolean read_format(JsonObject *values, struct camera_format *ret, GErro
     g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
                 "answered cfa = “%s”, which is not mono, rggb, bggr, grbg or gbrg", cfa);
     return FALSE;
+}
+
+gboolean program_camera_read_format(JsonObject *values, struct camera_format *ret,
+                                    gint64 **ret_exposures_us, GError **error) {
+    *ret_exposures_us = NULL;
+    if (!read_format(values, ret, error))
+        return FALSE;
+    if (json_object_has_member(values, "exposures_us") &&
+        !message_integers(values, "exposures_us", 1, (gint64)MAX_US, ret_exposures_us,
+                          &ret->n_exposures, error))
+        return FALSE;
+    ret->exposures_us = *ret_exposures_us;
+    return TRUE;
+}
+
+gint64 program_camera_wait_us(const struct camera_format *format, gint64 exposure_us) {
+    return format->trigger_us + exposure_us + READOUTS * format->readout_us +
+           PROGRAM_ANSWER_MS * (gint64)1000;
 }
 
 void program_camera_close(Camera *camera) {
@@ -232,8 +235,8 @@ gboolean program_camera_opened(Camera *camera, GError **error) {
     JsonObject *values = program_await(priv->program, error);
     if (!values)
         return FALSE;
-    if (!read_format(values, &camera->format, error) ||
-        !read_exposures(priv, values, &camera->format, error)) {
+    g_clear_pointer(&priv->exposures_us, g_free);
+    if (!program_camera_read_format(values, &camera->format, &priv->exposures_us, error)) {
         program_name_error(priv->program, error);
         return FALSE;
     }

@@ -22,6 +22,14 @@ struct program_camera {
     gboolean is_asked; /* the last trigger is not answered */
 };
 
+/* Reads the answer to "open". *ret_exposures_us is the list to which ret points, or NULL; free it
+ * with g_free(). */
+gboolean program_camera_read_format(JsonObject *values, struct camera_format *ret,
+                                    gint64 **ret_exposures_us, GError **error);
+
+/* Returns the time in which "trigger" must be answered. */
+gint64 program_camera_wait_us(const struct camera_format *format, gint64 exposure_us);
+
 gboolean program_camera_open(Camera *camera, GError **error);
 gboolean program_camera_opened(Camera *camera, GError **error);
 void program_camera_close(Camera *camera);

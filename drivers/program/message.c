@@ -45,21 +45,24 @@ char *message_text(JsonObject *values, const char *name) {
 /* Fills *ret from the JSON object of a message. */
 static gboolean take(JsonObject *object, struct message *ret, GError **error) {
     JsonNode *id = member(object, "id", G_TYPE_INT64);
-    JsonObject *failure = object_member(object, "error");
+    const gboolean is_event = !id && member(object, "method", G_TYPE_STRING);
+    JsonObject *failure = is_event ? NULL : object_member(object, "error");
     const char *values = id ? "result" : "params";
     if (id && json_node_get_int(id) < 1)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "answered a request that does not exist");
-    if (!id && !member(object, "method", G_TYPE_STRING))
+    if (!id && !is_event && !failure)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "sent a message that is neither an answer nor an event");
     if (id && !failure && !json_object_has_member(object, "result"))
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "sent an answer without a result and without an error");
-    *ret = (struct message){.id = id ? (guint64)json_node_get_int(id) : 0};
-    if (!id)
+    g_autofree char *version = message_text(object, "jsonrpc");
+    *ret = (struct message){.id = id ? (guint64)json_node_get_int(id) : 0,
+                            .is_2_0 = g_str_equal(version, "2.0")};
+    if (is_event)
         ret->event = message_text(object, "method");
-    if (id && failure) {
+    if (failure) {
         ret->failure = message_text(failure, "message");
         return TRUE;
     }

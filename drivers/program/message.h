@@ -20,11 +20,14 @@
 
 /* An answer or an event. Strings are valid UTF-8 without control characters. */
 struct message {
-    guint64 id;    /* id of the request that this answers; 0 for an event */
+    /* id of the request that this answers; 0 for an event, and for the error of a program that
+     * could not read a request */
+    guint64 id;
     char *event;   /* name of the event; NULL for an answer */
     char *failure; /* the reason why the request failed; NULL if it did not fail */
     /* values of the answer or the event; empty if there are none, NULL with a failure */
     JsonObject *values;
+    gboolean is_2_0; /* "jsonrpc" is "2.0" */
 };
 
 /* Reads a line without its end. Clear ret with message_clear(). On failure ret need not be

@@ -3,23 +3,15 @@
 #include "drivers/lock.h"
 #include "message.h"
 
-#include "base/program.h"
-
 #include <errno.h>
-#include <fcntl.h>
 #include <glib-unix.h>
 #include <poll.h>
-#include <signal.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#define RUNNER        "mesorig-run-program"
-#define RUNNER_SOCKET 3
-#define PING_US       G_USEC_PER_SEC
-#define END_MS        1000 /* time that a program has to end after "close", or after it was killed */
-#define READ_SIZE     16384
+#define PING_US   G_USEC_PER_SEC
+#define END_MS    1000 /* time that a program has to end after "close", or after it was killed */
+#define READ_SIZE 16384
 
 enum state {
     DOWN,     /* there is no process */
@@ -58,8 +50,7 @@ struct Program {
     Lock *lock;
     struct program_listener listener;
     enum state state;
-    pid_t pid;
-    int in, out, socket; /* −1 if closed */
+    struct program_process process;
     guint out_source, socket_source;
     GByteArray *line;     /* output that was read and not taken yet */
     GQueue starting;      /* of struct call: "hello" and "open" */
@@ -205,7 +196,7 @@ static void send_call(struct call *call) {
     g_queue_push_tail(&program->sent, call);
     set_deadline(call);
     const gssize length = (gssize)strlen(line);
-    if (write(program->in, line, (gsize)length) != length && errno != EPIPE)
+    if (write(program->process.in, line, (gsize)length) != length && errno != EPIPE)
         fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
                                        "%s does not read its requests; it was ended" ERROR_ADVICE
                                        "see what it has printed",
@@ -268,16 +259,7 @@ static void drop_process(Program *program) {
     g_clear_handle_id(&program->out_source, g_source_remove);
     clock_cancel(program->clock, &program->ping);
     clock_cancel(program->clock, &program->start);
-    for (int i = 0; i < 2; i++) {
-        int *fd = i ? &program->in : &program->out;
-        if (*fd >= 0)
-            close(*fd);
-        *fd = -1;
-    }
-}
-
-static gboolean kill_process(const Program *program) {
-    return program->socket >= 0 && send(program->socket, "k", 1, MSG_NOSIGNAL) == 1;
+    program_process_close_pipes(&program->process);
 }
 
 /* Ends the program because of an error, of which it takes ownership. Call it last. */
@@ -287,29 +269,16 @@ static void fail(Program *program, GError *error) {
     program->failure = error;
     if (program->state == STARTING || program->state == READY) {
         drop_process(program);
-        kill_process(program);
+        program_process_kill(&program->process);
         program->state = ENDING;
     }
     tell_failure(program, was_ready);
 }
 
-/* Waits for the end of the process. Returns a text that says how it has ended, or NULL if that
- * is not known. */
+/* Waits for the end of the process (program_process_reap()). */
 static char *reap(Program *program) {
-    int status = 0;
-    pid_t pid;
-    while ((pid = waitpid(program->pid, &status, 0)) < 0 && errno == EINTR)
-        ;
-    program->pid = 0;
     g_clear_handle_id(&program->socket_source, g_source_remove);
-    close(program->socket);
-    program->socket = -1;
-    if (pid < 0 || !WIFEXITED(status))
-        return NULL;
-    const int code = WEXITSTATUS(status);
-    return code > 128
-               ? g_strdup_printf("was ended by signal %d (%s)", code - 128, g_strsignal(code - 128))
-               : g_strdup_printf("has ended with exit code %d", code);
+    return program_process_reap(&program->process);
 }
 
 /* Takes note that the process and everything that it has started have ended. Call it last. */
@@ -341,7 +310,7 @@ static gboolean on_socket(gint fd, GIOCondition condition, gpointer data) {
 static void on_ending(gpointer data) {
     Program *program = data;
     program->ending = 0;
-    kill_process(program);
+    program_process_kill(&program->process);
 }
 
 static void on_ping(gpointer data);
@@ -411,6 +380,10 @@ static void take_line(Program *program, const char *line, gsize length) {
     }
     if (message.event)
         take_event(program, &message);
+    else if (message.id == 0)
+        fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
+                                       "%s could not read a request: %s", name_of(program),
+                                       message.failure));
     else
         take_answer(program, &message);
     message_clear(&message);
@@ -420,16 +393,16 @@ static void take_line(Program *program, const char *line, gsize length) {
  * or started it again. */
 static void take_lines(Program *program) {
     GByteArray *bytes = program->line;
-    const pid_t pid = program->pid;
+    const pid_t pid = program->process.pid;
     const char *end;
-    while (!program->closed && program->pid == pid && program->state != ENDING &&
+    while (!program->closed && program->process.pid == pid && program->state != ENDING &&
            (end = memchr(bytes->data, '\n', bytes->len))) {
         const gsize length = (gsize)(end - (const char *)bytes->data);
         g_autofree char *line = g_strndup((const char *)bytes->data, length);
         g_byte_array_remove_range(bytes, 0, (guint)length + 1);
         take_line(program, line, length);
     }
-    if (!program->closed && program->pid == pid && program->state != ENDING &&
+    if (!program->closed && program->process.pid == pid && program->state != ENDING &&
         bytes->len > MESSAGE_MAX)
         fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
                                        "%s sent a line of more than %d bytes; it was ended",
@@ -441,7 +414,7 @@ static void take_lines(Program *program) {
 static void read_output(Program *program) {
     g_autoptr(Program) guard = ref(program);
     guint8 bytes[READ_SIZE];
-    const gssize n = read(program->out, bytes, sizeof bytes);
+    const gssize n = read(program->process.out, bytes, sizeof bytes);
     if (n < 0 && (errno == EAGAIN || errno == EINTR))
         return;
     if (n > 0) {
@@ -452,43 +425,14 @@ static void read_output(Program *program) {
     /* The program has closed its output. Its process should end next, and on_end() then reports
      * how it has ended. */
     g_clear_handle_id(&program->out_source, g_source_remove);
-    close(program->out);
-    program->out = -1;
+    close(program->process.out);
+    program->process.out = -1;
     program->ending = clock_call_in(program->clock, END_MS * 1000, on_ending, program);
 }
 
 static gboolean on_output(gint fd, GIOCondition condition, gpointer data) {
     read_output(data);
     return G_SOURCE_CONTINUE;
-}
-
-/* Returns the environment of a program: a few variables of this process, without those of
- * systemd. */
-static char **environment(void) {
-    static const char *const names[] = {"PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TZ", NULL};
-    char **env = NULL;
-    for (int i = 0; names[i]; i++)
-        if (g_getenv(names[i]))
-            env = g_environ_setenv(env, names[i], g_getenv(names[i]), TRUE);
-    return env ? env : g_new0(char *, 1);
-}
-
-static gboolean spawn(Program *program, int socket, GError **error) {
-    static const int target = RUNNER_SOCKET;
-    g_autofree char *runner = program_find(RUNNER, error);
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_auto(GStrv) env = environment();
-    if (!runner)
-        return FALSE;
-    g_ptr_array_add(argv, runner);
-    g_ptr_array_add(argv, program->command->path);
-    for (char **argument = program->command->arguments; argument && *argument; argument++)
-        g_ptr_array_add(argv, *argument);
-    g_ptr_array_add(argv, NULL);
-    return g_spawn_async_with_pipes_and_fds(
-        NULL, (const char *const *)argv->pdata, (const char *const *)env, G_SPAWN_DO_NOT_REAP_CHILD,
-        NULL, NULL, -1, -1, -1, &socket, &target, 1, &program->pid, &program->in, &program->out,
-        NULL, error);
 }
 
 static void on_hello(struct call *call, JsonObject *values, const GError *error);
@@ -513,28 +457,16 @@ static void on_start(gpointer data) {
 }
 
 static gboolean start_process(Program *program, GError **error) {
-    int ends[2];
-    /* Ignore SIGPIPE, because a write to a program that has ended must not end this process. GIO
-     * does the same as soon as it has made a socket. */
-    signal(SIGPIPE, SIG_IGN);
-    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
-        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
-                                "%s cannot be started: %s", name_of(program), g_strerror(errno));
     g_autoptr(GError) why = NULL;
-    const gboolean spawned = spawn(program, ends[1], &why);
-    close(ends[1]);
-    if (!spawned) {
-        close(ends[0]);
+    if (!program_process_start(program->command, &program->process, &why))
         return device_error_set(error, DEVICE_ERROR_DISCONNECTED, program->device->who,
                                 "%s cannot be started: %s", name_of(program), why->message);
-    }
-    program->socket = ends[0];
-    g_unix_set_fd_nonblocking(program->in, TRUE, NULL);
-    g_unix_set_fd_nonblocking(program->out, TRUE, NULL);
     g_byte_array_set_size(program->line, 0);
     program->state = STARTING;
-    program->out_source = g_unix_fd_add(program->out, G_IO_IN | G_IO_HUP, on_output, program);
-    program->socket_source = g_unix_fd_add(program->socket, G_IO_IN | G_IO_HUP, on_socket, program);
+    program->out_source =
+        g_unix_fd_add(program->process.out, G_IO_IN | G_IO_HUP, on_output, program);
+    program->socket_source =
+        g_unix_fd_add(program->process.socket, G_IO_IN | G_IO_HUP, on_socket, program);
     program->start =
         clock_call_in(program->clock, (gint64)(program->command->start_s * 1e6), on_start, program);
     JsonObject *hello = json_object_new();
@@ -629,9 +561,7 @@ Program *program_new(const struct program_command *command, struct device *devic
                                 .command = command,
                                 .folder = g_strdup(folder),
                                 .lock = lock,
-                                .in = -1,
-                                .out = -1,
-                                .socket = -1,
+                                .process = {.in = -1, .out = -1, .socket = -1},
                                 .line = g_byte_array_new()};
     if (start_process(program, error))
         return program;
@@ -686,7 +616,8 @@ static gboolean await(Program *program, const gboolean *done, gint64 deadline_us
             pump(program);
             continue;
         }
-        struct pollfd ready[] = {{program->out, POLLIN, 0}, {program->socket, POLLIN, 0}};
+        struct pollfd ready[] = {{program->process.out, POLLIN, 0},
+                                 {program->process.socket, POLLIN, 0}};
         if (poll(ready, 2, (int)(left_us / 1000) + 1) < 0 && errno != EINTR)
             return FALSE;
         if (ready[0].revents)
@@ -755,12 +686,12 @@ JsonObject *program_await(Program *program, GError **error) {
 
 static gboolean await_end(Program *program, int wait_ms) {
     const gint64 limit_us = clock_now_us(program->clock) + wait_ms * (gint64)1000;
-    while (program->socket >= 0 && clock_now_us(program->clock) < limit_us) {
-        struct pollfd ready = {program->socket, POLLIN, 0};
+    while (program->process.socket >= 0 && clock_now_us(program->clock) < limit_us) {
+        struct pollfd ready = {program->process.socket, POLLIN, 0};
         if (poll(&ready, 1, (int)((limit_us - clock_now_us(program->clock)) / 1000) + 1) > 0)
             g_free(reap(program));
     }
-    return program->socket < 0;
+    return program->process.socket < 0;
 }
 
 static void clear(GQueue *queue) {
@@ -779,12 +710,12 @@ void program_close(Program *program) {
     program->closed = TRUE;
     drop_process(program); /* at the end of its input, the program makes its device safe and ends */
     if (!await_end(program, program->state == ENDING ? 0 : END_MS)) {
-        kill_process(program);
+        program_process_kill(&program->process);
         await_end(program, END_MS);
     }
     g_clear_handle_id(&program->socket_source, g_source_remove);
-    if (program->socket >= 0)
-        close(program->socket);
+    if (program->process.socket >= 0)
+        close(program->process.socket);
     clear(&program->starting);
     clear(&program->waiting);
     clear(&program->sent);

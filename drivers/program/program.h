@@ -16,18 +16,13 @@
  */
 #pragma once
 
+#include "process.h"
+
 #include "drivers/device.h"
 
 #include <json-glib/json-glib.h>
 
 typedef struct Program Program;
-
-/* What a section says about its program. */
-struct program_command {
-    char *path;
-    char **arguments;
-    double start_s;
-};
 
 /* The options of a struct program_command at an offset, for a driver's table. */
 /* clang-format off */

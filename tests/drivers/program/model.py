@@ -304,6 +304,11 @@ class Program:
         if fault == "garbage":
             self.send('{"jsonrpc": "2.0", "id": 1, "resu')
             return True
+        if fault == "cannot-read":
+            self.send(
+                '{"jsonrpc":"2.0","id":null,"error":{"code":-32700,"message":"this is not JSON"}}'
+            )
+            return True
         if fault == "deep":
             self.send('{"a":' + "[" * 60000)
             return True

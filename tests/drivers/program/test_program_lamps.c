@@ -130,6 +130,7 @@ static const struct fault {
     {"dies", DEVICE_ERROR_DISCONNECTED, "has ended with exit code 3; see what it has printed"},
     {"crashes", DEVICE_ERROR_DISCONNECTED, "was ended by signal 6"},
     {"garbage", DEVICE_ERROR_PROTOCOL, "sent a line that is not a JSON object: “{"},
+    {"cannot-read", DEVICE_ERROR_PROTOCOL, "could not read a request: this is not JSON"},
     {"deep", DEVICE_ERROR_PROTOCOL, "sent a line of more than 64 arrays and objects"},
     {"huge", DEVICE_ERROR_PROTOCOL, "sent a line of more than 65536 bytes"},
     {"closes-output", DEVICE_ERROR_DISCONNECTED, "was ended by signal 9"},
