@@ -9,6 +9,7 @@
 #include "exchange/exchange.h"
 #include "hands/hands.h"
 #include "materials/materials.h"
+#include "programs/programs.h"
 
 #include <string.h>
 
@@ -31,6 +32,7 @@ static const struct command *const commands[] = {
     &cli_devices,
     &cli_new_rig,
     &hands_test,
+    &programs_conformance,
     &hands_snap,
     &hands_live,
     &hands_lamp,
@@ -80,7 +82,7 @@ static void print_help(void) {
                 g_print("\n%s:\n", groups[k].head);
         const char *end = strstr(commands[i]->help, ". ");
         const int length = end ? (int)(end + 1 - commands[i]->help) : -1;
-        g_print("  %-10s %.*s\n", commands[i]->name, length, commands[i]->help);
+        g_print("  %-11s %.*s\n", commands[i]->name, length, commands[i]->help);
     }
     g_print("\n“mesorig COMMAND --help” describes a command. Every command takes --json.\nExit "
             "codes: 0 done, 1 failed, 2 bad usage.\n");

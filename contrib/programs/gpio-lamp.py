@@ -35,17 +35,22 @@ def answer(method, params):
     if method == "get":
         with open(path, encoding="ascii") as file:
             return {"on": [file.read().strip() == "1"]}
+    if method not in ("set", "stop", "ping", "close"):
+        raise ValueError(f"there is no method {method}")
     return {}
 
 
 signal.signal(signal.SIGALRM, make_safe)
 for line in sys.stdin:
     signal.alarm(10)  # no request for ten seconds: the lamp goes off
-    request = json.loads(line)
-    reply = {"jsonrpc": "2.0", "id": request["id"]}
+    reply = {"jsonrpc": "2.0", "id": None}
     try:
+        request = json.loads(line)
+        reply["id"] = request["id"]
         reply["result"] = answer(request["method"], request["params"])
-    except OSError as error:
+    except (OSError, LookupError, TypeError, ValueError) as error:
         reply["error"] = {"code": 1, "message": str(error)}
     print(json.dumps(reply), flush=True)
+    if "result" in reply and request["method"] == "close":
+        break
 make_safe()  # the end of the input: mesorigd has closed the lamp, or has ended

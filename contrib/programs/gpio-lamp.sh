@@ -7,11 +7,12 @@ value=$1
 trap 'echo 0 >"$value"' EXIT # switches the lamp off, whatever ends this program
 
 reply() {
-    printf '{"jsonrpc":"2.0","id":%d,"result":%s}\n' "$id" "$1"
+    printf '{"jsonrpc":"2.0","id":%s,"%s":%s}\n' "$id" "${2:-result}" "$1"
 }
 
 # No request for ten seconds, or the end of the input: the lamp goes off.
 while IFS= read -r -t 10 request; do
+    id=null method=
     [[ $request =~ \"id\":([0-9]+) ]] && id=${BASH_REMATCH[1]}
     [[ $request =~ \"method\":\"([a-z]+)\" ]] && method=${BASH_REMATCH[1]}
     case $method in
@@ -19,7 +20,9 @@ while IFS= read -r -t 10 request; do
     open) reply '{"lamps":1}' ;;
     set) [[ $request =~ \"on\":true ]] && echo 1 >"$value" || echo 0 >"$value" && reply '{}' ;;
     get) [[ $(<"$value") == 1 ]] && reply '{"on":[true]}' || reply '{"on":[false]}' ;;
-    stop | close) echo 0 >"$value" && reply '{}' ;;
-    *) reply '{}' ;;
+    stop) echo 0 >"$value" && reply '{}' ;;
+    close) echo 0 >"$value" && reply '{}' && exit ;;
+    ping) reply '{}' ;;
+    *) reply '{"code":1,"message":"this is no request"}' error ;;
     esac
 done

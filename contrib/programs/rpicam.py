@@ -29,20 +29,25 @@ def trigger(params):
 
 
 for line in sys.stdin:
-    request = json.loads(line)
-    method, params, result = request["method"], request["params"], {}
-    reply = {"jsonrpc": "2.0", "id": request["id"], "result": result}
+    reply = {"jsonrpc": "2.0", "id": None}
     try:
+        request = json.loads(line)
+        reply["id"], result = request["id"], {}
+        method, params = request["method"], request["params"]
         if method == "hello":
             folder = params["folder"]
             result |= {"version": 1, "class": "camera", "capabilities": ["gain"]}
-        if method == "open":
+        elif method == "open":
             result |= {"width": width, "height": height, "cfa": cfa, "bits": bits}
             result |= {"black_level": black_level, "trigger_ms": 1500, "readout_ms": 1500}
             result |= {"min_exposure_us": 100, "max_exposure_us": 10000000}
-        if method == "trigger":
+        elif method == "trigger":
             result |= trigger(params)
-    except (OSError, subprocess.CalledProcessError) as error:
-        del reply["result"]
+        elif method not in ("ping", "close"):
+            raise ValueError(f"there is no method {method}")
+        reply["result"] = result
+    except (OSError, LookupError, TypeError, ValueError, subprocess.CalledProcessError) as error:
         reply["error"] = {"code": 1, "message": str(error)}
     print(json.dumps(reply), flush=True)
+    if "result" in reply and method == "close":
+        break

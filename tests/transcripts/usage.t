@@ -73,51 +73,52 @@ Without a command all commands are listed.
   Usage: mesorig COMMAND …
   
   Capture a session:
-    plan       Check a session file, and predict order and time of its capture.
-    capture    Capture a session and show its progress.
-    resume     Continue a session: capture the frames that are missing.
-    status     Show what the rig does.
-    watch      Follow a capture until it ends.
-    pause      Pause after the shot under way.
-    continue   Continue after a pause or a fault.
-    abort      End a capture now; it can be resumed.
-    safe       Switch lamps and lasers off and stop all axes, until “release”.
-    release    Allow light and movement again after “safe”.
-    close      Make the daemon close its rig, so that another may be opened.
-    queue      Capture sessions one after the other, without an operator.
+    plan        Check a session file, and predict order and time of its capture.
+    capture     Capture a session and show its progress.
+    resume      Continue a session: capture the frames that are missing.
+    status      Show what the rig does.
+    watch       Follow a capture until it ends.
+    pause       Pause after the shot under way.
+    continue    Continue after a pause or a fault.
+    abort       End a capture now; it can be resumed.
+    safe        Switch lamps and lasers off and stop all axes, until “release”.
+    release     Allow light and movement again after “safe”.
+    close       Make the daemon close its rig, so that another may be opened.
+    queue       Capture sessions one after the other, without an operator.
   
   Devices:
-    drivers    List the drivers and their options in a rig file.
-    devices    List the devices on the buses, with sections for a rig file.
-    new-rig    Write a first rig file for the devices that are plugged in.
-    test       Test every device.
-    snap       Take a picture, and measure it.
-    live       Take and show pictures until Ctrl-C, to point and focus a camera.
-    lamp       Switch a lamp on until Ctrl-C.
-    laser      Switch a laser on until Ctrl-C or until an interlock opens.
-    move       Move an axis to an angle.
-    home       Move an axis to its reference position.
+    drivers     List the drivers and their options in a rig file.
+    devices     List the devices on the buses, with sections for a rig file.
+    new-rig     Write a first rig file for the devices that are plugged in.
+    test        Test every device.
+    conformance Test a program that is a device.
+    snap        Take a picture, and measure it.
+    live        Take and show pictures until Ctrl-C, to point and focus a camera.
+    lamp        Switch a lamp on until Ctrl-C.
+    laser       Switch a laser on until Ctrl-C or until an interlock opens.
+    move        Move an axis to an angle.
+    home        Move an axis to its reference position.
   
   Calibrate:
-    board      Draw a calibration board to print.
-    calibrate  Calibrate cameras, lamps and lasers from pictures.
+    board       Draw a calibration board to print.
+    calibrate   Calibrate cameras, lamps and lasers from pictures.
   
   Process a session:
-    process    Compute the BTF, the MDF and eigen-maps of a session.
-    compress   Compress the BTF or the MDF of a session.
-    resample   Make a session whose BTF has the same directions for all texels.
-    synthesize Make a larger material from a sample, as a map of its texels.
+    process     Compute the BTF, the MDF and eigen-maps of a session.
+    compress    Compress the BTF or the MDF of a session.
+    resample    Make a session whose BTF has the same directions for all texels.
+    synthesize  Make a larger material from a sample, as a map of its texels.
   
   Look at results:
-    info       Show the contents of a session or of an EXR file.
-    verify     Compare every file of a session with its checksum.
-    check      Check whether the BTF and MDF of a session are plausible.
-    compare    Compare two materials or pictures, or all methods of compression.
-    report     Write a report of a session, and metadata for archives of data.
+    info        Show the contents of a session or of an EXR file.
+    verify      Compare every file of a session with its checksum.
+    check       Check whether the BTF and MDF of a session are plausible.
+    compare     Compare two materials or pictures, or all methods of compression.
+    report      Write a report of a session, and metadata for archives of data.
   
   Exchange data with other programs:
-    import     Make a session of data that others have measured.
-    export     Write the products of a session for other programs.
+    import      Make a session of data that others have measured.
+    export      Write the products of a session for other programs.
   
   “mesorig COMMAND --help” describes a command. Every command takes --json.
   Exit codes: 0 done, 1 failed, 2 bad usage.

@@ -1,0 +1,122 @@
+/*
+ * A program under test by “mesorig conformance”: it is started, gets requests, and is killed at the
+ * end. Every function that waits has a deadline. A check is a function that returns TRUE if the
+ * program keeps its promise. Otherwise it calls bench_fail() or bench_skip(), both of which return
+ * FALSE.
+ */
+#pragma once
+
+#include "program/camera.h"
+#include "program/process.h"
+
+#include <json-glib/json-glib.h>
+
+#define BENCH_ENDS_MS   1000 /* time to end after "close" and after the end of standard input */
+#define BENCH_MAX_LAMPS 1024
+
+/* The part of an axis' way that the checks may use, and how it moves. */
+struct bench_motion {
+    double min_deg, max_deg, speed_deg_s, accel_deg_s2, tolerance_deg;
+};
+
+/* The reason why a check has failed, or was skipped. */
+struct bench_verdict {
+    char *expected, *came; /* NULL unless the check has failed */
+    const char *advice;
+    char *skipped; /* NULL unless the check was skipped */
+};
+
+struct bench {
+    const struct program_command *command;
+    const char *class_name;
+    struct bench_motion motion;
+    char *folder; /* for pictures */
+
+    struct program_process process;
+    char *ended; /* how the program has ended; NULL while it runs */
+    GByteArray *line;
+    GPtrArray *answers; /* of struct bench_answer, since the start */
+    guint64 last_id;
+    JsonObject *hello, *opened;  /* the answers of the program */
+    gint64 written_us;           /* time of the last request */
+    int n_lamps;                 /* from the answer to "open" */
+    struct camera_format format; /* the same */
+    gint64 *exposures_us;        /* list to which format points */
+    guint64 shot;                /* number of the last trigger */
+    gint64 picture_id;           /* id of the last picture; −1 if there was none */
+    guint64 trigger_id;          /* id of the last trigger */
+    gint64 exposure_us;          /* of the trigger that runs; 0 if none runs */
+
+    const char *check; /* name of the check that runs */
+    struct bench_verdict verdict;
+
+    /* Faults that are no matter of a single check, with the check in which they were seen first.
+     * They are NULL if there was none. */
+    char *strange_line, *strange_event;
+    int n_events; /* events with a known name */
+};
+
+struct bench_answer {
+    guint64 id;         /* 0: the error of a program that could not read a request */
+    char *failure;      /* NULL if the request did not fail */
+    JsonObject *values; /* NULL if it did */
+    gint64 at_us;
+    gboolean taken;
+};
+
+/* Fills a bench. command must live until bench_clear(). Makes a temporary folder. */
+gboolean bench_init(struct bench *bench, const struct program_command *command, GError **error);
+void bench_clear(struct bench *bench);
+void bench_clear_verdict(struct bench *bench);
+
+/* Both return FALSE. advice is a literal: what the author of the program is to do. */
+gboolean bench_fail(struct bench *bench, const char *advice, const char *expected,
+                    const char *came_format, ...) G_GNUC_PRINTF(4, 5);
+gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* Starts the program and sends "hello". bench_open() also sends "open", and reads its answer. */
+gboolean bench_hello(struct bench *bench);
+gboolean bench_open(struct bench *bench);
+
+/* The same as bench_open(), and leaves the device at rest: lamps off, an axis stopped. */
+gboolean bench_ready(struct bench *bench);
+
+/* Closes the input of the program, and kills the program if it does not end in time. */
+void bench_end(struct bench *bench);
+
+void bench_close_input(struct bench *bench);
+void bench_kill(struct bench *bench);
+
+/* Waits until the program has ended. Returns FALSE at the deadline. Takes what the program still
+ * writes. */
+gboolean bench_await_end(struct bench *bench, int wait_ms);
+
+/* Writes text to the program. What a program does not read is an error of the next answer. */
+void bench_write(struct bench *bench, const char *text);
+
+/* Returns the line of a request. Takes ownership of params, which may be NULL. g_free() */
+char *bench_line(struct bench *bench, const char *method, JsonObject *params, guint64 *ret_id);
+
+/* Waits for an answer. With ret_values, only a result passes (json_object_unref(); may be NULL).
+ * method is for the verdict. */
+gboolean bench_await(struct bench *bench, guint64 id, const char *method, int wait_ms,
+                     JsonObject **ret_values);
+
+/* The same for an answer of any kind, which is owned by the bench. Returns NULL with a verdict. id
+ * may be 0. */
+const struct bench_answer *bench_await_any(struct bench *bench, guint64 id, const char *method,
+                                           int wait_ms);
+
+/* Sends a request, and waits PROGRAM_ANSWER_MS for its result. */
+gboolean bench_ask(struct bench *bench, const char *method, JsonObject *params,
+                   JsonObject **ret_values);
+gboolean bench_do(struct bench *bench, const char *method, JsonObject *params);
+
+/* Takes answers and events for some time. */
+void bench_pass(struct bench *bench, int wait_ms);
+
+/* Returns whether the program has a capability. */
+gboolean bench_can(const struct bench *bench, const char *what);
+
+/* Returns params with one value; the value is a boolean, a number or a text. */
+JsonObject *bench_params(const char *name, JsonNode *value);

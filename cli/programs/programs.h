@@ -1,0 +1,6 @@
+/* The command for programs that are devices: conformance. */
+#pragma once
+
+#include "common/cli.h"
+
+extern const struct command programs_conformance;
