@@ -13,6 +13,10 @@
 
 #define MAX_PROFILE (16 << 20)    /* largest number of bytes of an ICC profile */
 #define ADOBE_GAMMA (563 / 256.0) /* gamma of Adobe RGB (1998) */
+#define FILM_MM     43.2666       /* diagonal of 35 mm film, 36 × 24 mm */
+/* A focal length outside of this range of the longer side is a mistake of the file. */
+#define SHORTEST 0.1
+#define LONGEST  200.0
 
 enum {
     TAG_DATE = 306,
@@ -20,8 +24,14 @@ enum {
     TAG_ICC = 34675,
     TAG_EXIF = 34665,
     TAG_TAKEN = 36867,
+    TAG_FOCAL_LENGTH = 37386,
     TAG_TAKEN_FRACTION = 37521,
     TAG_COLOUR_SPACE = 40961,
+    TAG_WIDTH = 40962,
+    TAG_HEIGHT = 40963,
+    TAG_FOCAL_PLANE_RESOLUTION = 41486,
+    TAG_FOCAL_PLANE_UNIT = 41488,
+    TAG_FOCAL_LENGTH_FILM = 41989,
     TAG_GAMMA = 42240,
 };
 
@@ -113,6 +123,46 @@ static gint64 parse_time(const struct tiff_value *time, const struct tiff_value 
     return g_date_time_to_unix(date) * G_USEC_PER_SEC + (gint64)(seconds * G_USEC_PER_SEC);
 }
 
+/* Returns the first rational number of a tag, or 0 if there is none. */
+static double find_rational(const struct tiff *tiff, guint64 directory, guint tag) {
+    struct tiff_value value;
+    if (!tiff_find(tiff, directory, tag, &value) || value.type != TIFF_RATIONAL)
+        return 0;
+    const double down = (double)tiff_number(value.at + 4, 4, tiff->big_endian);
+    return down > 0 ? (double)tiff_number(value.at, 4, tiff->big_endian) / down : 0;
+}
+
+/* Reads the focal length. The unit of the resolution is an inch unless the file gives another. */
+static void read_focal(const struct tiff *tiff, guint64 exif, struct picture_says *ret) {
+    static const double mm[] = {25.4, 25.4, 25.4, 10, 1, 0.001};
+    const guint64 unit = tiff_find_number(tiff, exif, TAG_FOCAL_PLANE_UNIT);
+    ret->focal_mm = find_rational(tiff, exif, TAG_FOCAL_LENGTH);
+    ret->pixels_per_mm = find_rational(tiff, exif, TAG_FOCAL_PLANE_RESOLUTION) /
+                         mm[unit < G_N_ELEMENTS(mm) ? unit : 0];
+    ret->full_px = (double)MAX(tiff_find_number(tiff, exif, TAG_WIDTH),
+                               tiff_find_number(tiff, exif, TAG_HEIGHT));
+    ret->film_mm = (double)tiff_find_number(tiff, exif, TAG_FOCAL_LENGTH_FILM);
+}
+
+double picture_says_focal_px(const struct picture_says *says, int width, int height,
+                             char **ret_said) {
+    const double longer_px = MAX(width, height);
+    const double scale = says->full_px > 0 ? longer_px / says->full_px : 1;
+    const double focal_px = says->focal_mm * says->pixels_per_mm * scale;
+    const double film_px = says->film_mm / FILM_MM * hypot(width, height);
+    *ret_said = NULL;
+    if (focal_px > SHORTEST * longer_px && focal_px < LONGEST * longer_px) {
+        *ret_said = g_strdup_printf("EXIF: %.4g mm, %.4g pixels per mm", says->focal_mm,
+                                    says->pixels_per_mm * scale);
+        return focal_px;
+    }
+    if (film_px > SHORTEST * longer_px && film_px < LONGEST * longer_px) {
+        *ret_said = g_strdup_printf("EXIF: as %.0f mm on 35 mm film", says->film_mm);
+        return film_px;
+    }
+    return 0;
+}
+
 /* Reads EXIF data (file is FALSE), a TIFF file, or a camera raw file of the same form. */
 static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct picture_says *ret) {
     struct tiff tiff;
@@ -129,6 +179,8 @@ static void read_tiff(const guint8 *bytes, gsize length, gboolean file, struct p
                                                : NULL);
     else if (tiff_find(&tiff, first, TAG_DATE, &value) && value.type == TIFF_ASCII)
         ret->taken_us = parse_time(&value, NULL);
+    if (exif)
+        read_focal(&tiff, exif, ret);
     if (file) {
         for (guint64 i = 0; tiff_find(&tiff, first, TAG_EXTRA_SAMPLES, &value) && i < value.n; i++)
             ret->alpha |=
@@ -232,10 +284,12 @@ static void read_png(const guint8 *bytes, gsize length, struct picture_says *ret
             break;
         ret->alpha |= memcmp(type, "tRNS", 4) == 0;
         if (memcmp(type, "eXIf", 4) == 0) {
-            struct picture_says exif = {0};
+            /* The tone curve of EXIF does not count in a PNG. */
+            struct picture_says exif = {.alpha = ret->alpha};
             read_tiff(data, n, FALSE, &exif);
-            ret->taken_us = exif.taken_us;
             picture_says_clear(&exif);
+            exif.tone = *tone;
+            *ret = exif;
         } else if (memcmp(type, "cICP", 4) == 0 && n >= 4 && rank < 4) {
             read_cicp(data[1], tone);
             rank = 4;

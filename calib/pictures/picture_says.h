@@ -1,8 +1,8 @@
 /*
  * This module reads what a file says about its picture: the tone curve, whether pixels may be
- * transparent, and when the picture was taken. It reads PNG (cICP, iCCP, sRGB, gAMA, tRNS, eXIf),
- * JPEG (ICC profile, EXIF), and TIFF and camera raw of the same form (ICC profile, EXIF). Any
- * thread may call the functions.
+ * transparent, when the picture was taken, and with which focal length. It reads PNG (cICP, iCCP,
+ * sRGB, gAMA, tRNS, eXIf), JPEG (ICC profile, EXIF), and TIFF and camera raw of the same form (ICC
+ * profile, EXIF). Any thread may call the functions.
  */
 #pragma once
 
@@ -37,12 +37,23 @@ struct picture_says {
     struct picture_tone tone;
     gboolean alpha;  /* pixels may be transparent */
     gint64 taken_us; /* time when the shutter opened, by the camera's clock; 0 if not given */
+    /* The focal length of the lens, and the pixels per mm of the sensor in a picture whose longer
+     * side has full_px pixels. 0 if not given. full_px may be 0 although pixels_per_mm is given. */
+    double focal_mm, pixels_per_mm, full_px;
+    double film_mm; /* focal length that gives the same picture on 35 mm film; 0 if not given */
 };
 
 /* Reads what the bytes of a file say. Statements that are damaged count as missing. Call
  * picture_says_clear() afterwards. */
 void picture_says_read(const guint8 *bytes, gsize length, struct picture_says *ret);
 void picture_says_clear(struct picture_says *says);
+
+/* Returns the focal length in pixels of a picture of this size, or 0 if the file does not say it.
+ * EXIF gives the focal length of a lens that is focused at infinity. A lens that is focused on a
+ * near object may be several per cent off. *ret_said is then a text such as "EXIF: 50 mm, 115.2
+ * pixels per mm"; g_free(). */
+double picture_says_focal_px(const struct picture_says *says, int width, int height,
+                             char **ret_said);
 
 /* Reads what the file at path says, in the same way. If the file cannot be read, all statements
  * count as missing. */

@@ -40,8 +40,8 @@ static const GOptionEntry entries[] = {
     {"radius", 0, 0, G_OPTION_ARG_DOUBLE, &photos_radius_mm,
      "With --images: the balls' radius in mm", "MM"},
     {"focal", 0, 0, G_OPTION_ARG_DOUBLE, &photos_focal_px,
-     "With --images: the camera's focal length in pixels; without it, the camera is assumed to be "
-     "far away",
+     "With --images: the camera's focal length in pixels; default: that of the first photograph's "
+     "EXIF; without either, the camera is assumed to be far away",
      "PX"},
     {"within", 0, 0, G_OPTION_ARG_DOUBLE, &photos_within_deg,
      "With --images: leave out directions with a larger standard error (0.5)", "DEG"},

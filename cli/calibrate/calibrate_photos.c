@@ -5,6 +5,7 @@
 #include "common/work.h"
 #include "lamps/ball_outline.h"
 #include "lamps/highlights.h"
+#include "pictures/picture_says.h"
 
 #include <math.h>
 #include <string.h>
@@ -40,6 +41,8 @@ struct job {
     gboolean outlined[BALL_LIGHT_MAX]; /* whether the circle in balls was found in the pictures */
     BallEdges *edges[BALL_LIGHT_MAX];  /* NULL if the ball is too small */
     int n_balls;
+    double focal_px;  /* 0 if not known */
+    char *focal_said; /* where a focal length of a photograph is from; NULL if it was given */
     GPtrArray *names; /* paths */
     /* Mean of the square roots of light, over the pictures that are not overexposed. */
     Picture *mean;
@@ -225,7 +228,7 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
         job->outlined[i] ? NULL : look_around(job, picture, ball, max_px, found.energy);
     if (outside || why)
         return outside ? g_steal_pointer(&outside) : g_steal_pointer(&why);
-    const struct ball_camera camera = {photos_focal_px, 0.5 * (picture->width - 1),
+    const struct ball_camera camera = {job->focal_px, 0.5 * (picture->width - 1),
                                        0.5 * (picture->height - 1)};
     double shift_rad;
     if (!ball_light_mean_direction(&camera, ball, found.x_px, found.y_px, found.xx_px2,
@@ -233,7 +236,7 @@ static char *measure_ball(const struct job *job, const struct picture *picture, 
                                    &shift_rad))
         return g_strdup("has its highlight outside of its outline");
     /* A ball that appears larger than another of the same size is nearer. This is neglected. */
-    if (photos_focal_px == 0)
+    if (job->focal_px == 0)
         ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
                                              (first->y_px - ball->y_px) / ball->radius_px, 0));
     /* The true direction lies between the mean direction and that at the highlight's centroid,
@@ -328,6 +331,18 @@ static gboolean write_lights(const struct job *job, GError **error) {
     return output_file_put(job->to, text->str, text->len, error);
 }
 
+/* Takes the focal length that was given, or that of the first photograph. */
+static void find_focal(struct job *job) {
+    struct picture_says says;
+    job->focal_px = photos_focal_px;
+    if (job->focal_px != 0)
+        return;
+    picture_says_read_file(job->names->pdata[0], &says);
+    job->focal_px =
+        picture_says_focal_px(&says, job->mean->width, job->mean->height, &job->focal_said);
+    picture_says_clear(&says);
+}
+
 static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     g_autoptr(GPtrArray) hidden = g_ptr_array_new_with_free_func(g_free);
@@ -335,6 +350,7 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
         !leave_out_sizes(job, work, error) || !find_outlines(job, work, error))
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
+    find_focal(job);
     for (guint i = 0; i < job->names->len; i++) {
         g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
         if (!picture || !measure(job, picture, error) ||
@@ -378,6 +394,9 @@ static void tell_light(Record *to, const struct light *light) {
 static void tell(Record *to, const struct job *job) {
     record_say(to, "%s{file}: %u of %u photographs\n", calibrate_output, job->lights->len,
                job->names->len);
+    if (job->focal_said)
+        record_say(to, "  focal length %.0f{focal_px} px (%s{focal_from}); --focal sets another\n",
+                   job->focal_px, job->focal_said);
     record_begin_list(to, "balls");
     for (int i = 0; i < job->n_balls; i++) {
         const struct ball_outline *ball = &job->balls[i];
@@ -426,6 +445,7 @@ int photos_calibrate(const struct call *call, GError **error) {
         cli_tell_output(call->record, job.to);
     }
     output_file_free(job.to);
+    g_free(job.focal_said);
     g_clear_pointer(&job.names, g_ptr_array_unref);
     g_clear_pointer(&job.mean, picture_free);
     for (int i = 0; i < job.n_balls; i++)

@@ -296,20 +296,35 @@ struct calibration *nominal_read(const char *path, GError **error) {
     return config ? from_config(config, error) : NULL;
 }
 
+/* Returns a value that is known from a picture of the camera, or NULL. *ret_said gets a text that
+ * says where the value is from, or NULL. Free both with g_free(). */
+static char *value_of(const struct nominal_key *key, const struct import_picture *picture,
+                      const struct picture_says *says, char **ret_said) {
+    if (key->offset == PLACE(width) || key->offset == PLACE(height))
+        return g_strdup_printf("%d",
+                               key->offset == PLACE(width) ? picture->width : picture->height);
+    if (key->offset != PLACE(focal_px))
+        return NULL;
+    const double focal_px = picture_says_focal_px(says, picture->width, picture->height, ret_said);
+    return focal_px > 0 ? g_strdup_printf("%.1f", focal_px) : NULL;
+}
+
 /* Appends a section with all keys of a device. A key has its default value, or UNFILLED if it is
  * required. picture is a picture of the camera, or NULL for lamps and lasers. */
 static void append(GString *text, const struct nominal_kind *kind, const char *name,
-                   const struct import_picture *picture) {
+                   const struct import_picture *picture, const struct picture_says *says) {
     g_string_append_printf(text, "\n[%s %s]\n", kind->class_name, name);
     for (const struct nominal_key *key = kind->keys; key->name; key++) {
-        g_autofree char *value = g_strdup(key->otherwise ? key->otherwise : UNFILLED);
-        if (picture && (key->offset == PLACE(width) || key->offset == PLACE(height))) {
-            g_free(value);
-            value = g_strdup_printf("%d",
-                                    key->offset == PLACE(width) ? picture->width : picture->height);
-        }
+        g_autofree char *said = NULL;
+        g_autofree char *found = picture ? value_of(key, picture, says, &said) : NULL;
+        const char *value = found ? found : key->otherwise ? key->otherwise : UNFILLED;
         if (*key->help)
             g_string_append_printf(text, "# %s\n", key->help);
+        if (said)
+            g_string_append_printf(text,
+                                   "# CHECK: from the picture (%s). A lens that is focused on a "
+                                   "near object may be several per cent off\n",
+                                   said);
         if (strcmp(value, "nan") == 0)
             g_string_append_printf(text, "# %s =\n", key->name);
         else
@@ -333,19 +348,22 @@ char *nominal_template(const char *path, GError **error) {
             g_autofree char *key = g_strdup_printf("%s %s", kinds[k].class_name, name);
             g_autoptr(ImportPicture) picture = NULL;
             g_autoptr(GError) found = NULL;
+            struct picture_says says = {0};
             if (!*name || !g_hash_table_add(known, g_steal_pointer(&key)))
                 continue;
             if (k == 0) {
                 g_autofree char *file = g_canonicalize_filename(
                     text_table_text(table, i, text_table_column(table, "file")), folder);
                 picture = import_picture_read_codes(file, &found);
+                picture_says_read_file(file, &says);
+                picture_says_clear(&says); /* the numbers stay */
             }
             if (found) {
                 data_error_set(path, text_table_line(table, i), error, "%s", found->message);
                 g_string_free(text, TRUE);
                 return NULL;
             }
-            append(text, &kinds[k], name, picture);
+            append(text, &kinds[k], name, picture, &says);
         }
     return g_string_free(text, FALSE);
 }

@@ -5,6 +5,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
+#include "lib/told_pictures.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -396,6 +397,36 @@ TEST(photographs) {
                       RAD(1));
     g_assert_cmpfloat_with_epsilon(distance, vec3_length(vec3_sub(lamp, vec3(150, -160, 0))) / 2,
                                    75);
+}
+
+/* Photographs of 600 pixels, made smaller from 1200: 36 mm · 500 / 10 mm · 1/2 = 900 pixels. */
+TEST(photographs_focal) {
+    static const struct told told = {
+        .focal = {36, 1}, .plane = {500, 1}, .plane_unit = 3, .full_px = 1200};
+    static const struct ball_outline ball = {150, 160, 60};
+    const int size = 600;
+    g_autofree guint8 *pixels = g_new0(guint8, size * size);
+    g_autofree guint16 *values = g_new0(guint16, size * size);
+    g_autofree char *folder = in_folder("exif"), *path = in_folder("exif/a.png");
+    g_mkdir(folder, 0700);
+    paint(pixels, size, &ball, rig_direction(RAD(35), RAD(110)), FALSE, 0.8);
+    for (int i = 0; i < size * size; i++)
+        values[i] = pixels[i];
+    told_png(path, size, size, 1, 8, values, &told);
+    g_free(RUN(0, "focal length 900 px (EXIF: 36 mm, 25 pixels per mm)", "calibrate", "lights",
+               "--images", "exif", "--ball", "150,160,60", "-o", "exif.lp"));
+    g_autofree char *given = RUN(0, NULL, "calibrate", "lights", "--images", "exif", "--ball",
+                                 "150,160,60", "--focal=900", "-o", "given.lp");
+    g_assert_null(strstr(given, "EXIF"));
+    told_png(path, size, size, 1, 8, values, NULL);
+    g_autofree char *without = RUN(0, NULL, "calibrate", "lights", "--images", "exif", "--ball",
+                                   "150,160,60", "-o", "far.lp");
+    g_assert_null(strstr(without, "EXIF"));
+    const struct vec3 found = light_in("exif.lp", "a.png"), near = light_in("given.lp", "a.png"),
+                      far = light_in("far.lp", "a.png");
+    g_assert_cmpfloat(vec3_length(vec3_sub(found, near)), <, 1e-5);
+    /* The ball is seen about 11° away from the axis. */
+    g_assert_cmpfloat(vec3_length(vec3_sub(found, far)), >, RAD(5));
 }
 
 AFTER_TESTS {

@@ -37,8 +37,11 @@ static void entry(GByteArray *to, int tag, int type, guint32 n, guint32 value) {
 /* Returns a TIFF whose first directory refers to an EXIF directory. */
 static GByteArray *exif(const struct told *told) {
     GByteArray *to = g_byte_array_new();
-    const int n = (told->taken != NULL) + (told->fraction != NULL) + (told->colour_space != 0);
+    const int n = (told->taken != NULL) + (told->fraction != NULL) + (told->colour_space != 0) +
+                  (told->focal[1] != 0) + (told->plane[1] != 0) + (told->plane_unit != 0) +
+                  (told->full_px != 0) + (told->film_mm != 0);
     const guint32 texts = 26 + 2 + 12 * (guint32)n + 4;
+    const guint32 focal = texts + (told->taken ? 20 : 0), plane = focal + (told->focal[1] ? 8 : 0);
     g_byte_array_append(to, (const guint8 *)"II\x2a\0\x08\0\0\0", 8);
     put(to, 1, 2);
     entry(to, 34665, 4, 1, 26);
@@ -46,18 +49,31 @@ static GByteArray *exif(const struct told *told) {
     put(to, (guint32)n, 2);
     if (told->taken)
         entry(to, 36867, 2, 20, texts);
+    if (told->focal[1])
+        entry(to, 37386, 5, 1, focal);
     if (told->fraction)
         entry(to, 37521, 2, 3, (guint32)told->fraction[0] | (guint32)told->fraction[1] << 8);
     if (told->colour_space)
         entry(to, 40961, 3, 1, (guint32)told->colour_space);
+    if (told->full_px)
+        entry(to, 40962, 4, 1, (guint32)told->full_px);
+    if (told->plane[1])
+        entry(to, 41486, 5, 1, plane);
+    if (told->plane_unit)
+        entry(to, 41488, 3, 1, (guint32)told->plane_unit);
+    if (told->film_mm)
+        entry(to, 41989, 3, 1, (guint32)told->film_mm);
     put(to, 0, 4);
     if (told->taken)
         g_byte_array_append(to, (const guint8 *)told->taken, 20);
+    for (int i = 0; i < 4; i++)
+        if ((i < 2 ? told->focal : told->plane)[1])
+            put(to, (i < 2 ? told->focal : told->plane)[i % 2], 4);
     return to;
 }
 
 static gboolean has_exif(const struct told *told) {
-    return told->taken || told->colour_space;
+    return told->taken || told->colour_space || told->focal[1] || told->film_mm;
 }
 
 void told_png(const char *path, int width, int height, int channels, int bits,

@@ -13,6 +13,11 @@ struct told {
     const char *taken; /* time in EXIF, "2026:11:27 18:57:13" */
     const char *fraction;
     int colour_space; /* EXIF */
+    /* EXIF: focal length, and resolution of the focal plane, each as numerator and denominator */
+    guint32 focal[2], plane[2];
+    int plane_unit; /* 2: inch; 3: cm */
+    int full_px;    /* width in EXIF */
+    int film_mm;    /* focal length on 35 mm film */
 };
 
 /* Writes a PNG. channels is 1 for grey, 3 for RGB and 4 for RGB with opacity. bits is 8 or 16.

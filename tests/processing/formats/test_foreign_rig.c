@@ -11,6 +11,7 @@
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"
+#include "lib/told_pictures.h"
 #include "lib/write_dng.h"
 
 #define TEXELS   24
@@ -632,6 +633,43 @@ TEST(nominal__template) {
     g_assert_true(g_file_set_contents(path, filled->str, -1, NULL));
     g_free(process_mesorig(0, "import poses %s -c %s -s 36x36 --reference 4 -o %s", table, path,
                            path_out));
+}
+
+/* A photograph of a Canon EOS 5D, whose sensor is 35.8 mm wide with 4368 pixels, reduced to a
+ * quarter: a lens of 50 mm is 50 / 35.8 · 1092 = 1525 pixels long. */
+TEST(nominal__exif) {
+    static const struct told canon = {
+        .focal = {50, 1}, .plane = {4368000, 1415}, .plane_unit = 2, .full_px = 4368};
+    static const struct told phone = {.focal = {42, 10}, .film_mm = 28};
+    static const struct told adapter = {.focal = {0, 1}, .plane = {4368000, 1415}, .plane_unit = 2};
+    static const struct told *const told[] = {&canon, &phone, &adapter};
+    g_autofree char *dir = session_fixture_new_folder(),
+                    *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autofree guint8 *rgb = g_new0(guint8, 3 * 1092 * 728);
+    for (gsize i = 0; i < G_N_ELEMENTS(told); i++) {
+        g_autofree char *name = g_strdup_printf("%d.jpg", (int)i);
+        g_autofree char *path = g_build_filename(dir, name, NULL);
+        told_jpeg(path, 1092, 728, rgb, told[i]);
+    }
+    g_assert_true(g_file_set_contents(
+        table, "file,camera,lamp\n0.jpg,canon,l\n1.jpg,phone,l\n2.jpg,adapter,l\n", -1, NULL));
+    g_autoptr(GError) error = NULL;
+    g_autofree char *text = nominal_template(table, &error);
+    g_assert_no_error(error);
+    double focal_px[2];
+    const char *at = text;
+    for (int i = 0; i < 2; i++) {
+        at = strstr(at, "\nfocal_px = ");
+        g_assert_nonnull(at);
+        at += strlen("\nfocal_px = ");
+        focal_px[i] = g_ascii_strtod(at, NULL);
+    }
+    g_assert_cmpfloat_with_epsilon(focal_px[0], 1525, 0.005 * 1525);
+    /* 28 mm on film of 43.27 mm across */
+    g_assert_cmpfloat_with_epsilon(focal_px[1], 28 / 43.27 * hypot(1092, 728), 0.5);
+    assert_has(text, "(EXIF: 50 mm, 30.38 pixels per mm)");
+    assert_has(text, "(EXIF: as 28 mm on 35 mm film)");
+    assert_has(strstr(text, "[camera adapter]"), "\nfocal_px = ?\n");
 }
 
 static double check_print(double x_mm, double y_mm, int c) {
