@@ -1,0 +1,6 @@
+/* Drivers of lamps that are reached by UDP. */
+#pragma once
+
+#include "drivers/lamps.h"
+
+extern const struct lamps_driver artnet_lamps_driver;
