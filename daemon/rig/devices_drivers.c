@@ -30,6 +30,7 @@ static const struct lamps_driver *const lamps_drivers[] = {
     &program_lamps_driver,
     &serial_lamps_driver,
     &artnet_lamps_driver,
+    &sacn_lamps_driver,
     NULL,
 };
 static const struct camera_driver *const camera_drivers[] = {

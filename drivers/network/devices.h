@@ -4,3 +4,4 @@
 #include "drivers/lamps.h"
 
 extern const struct lamps_driver artnet_lamps_driver;
+extern const struct lamps_driver sacn_lamps_driver;

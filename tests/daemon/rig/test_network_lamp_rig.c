@@ -112,7 +112,7 @@ static void alone(const char *driver, const struct virtual_dmx_options *options,
     else
         g_usleep(4 * G_USEC_PER_SEC);
     g_assert_cmpint(state_of(&bench).lit, ==, !dark);
-    g_assert_cmpint(state_of(&bench).n_lost, ==, dark);
+    g_assert_cmpint(state_of(&bench).n_lost, ==, options->sacn);
     end(&bench);
 }
 
@@ -147,4 +147,30 @@ TEST(artnet_told_to_end) {
 /* A node holds the last levels for ever. */
 TEST(artnet_alone) {
     alone("artnet-lamps", &artnet, FALSE);
+}
+
+static const struct virtual_dmx_options sacn = {.sacn = TRUE, .universe = 1, .n = 1};
+
+TEST(sacn_killed) {
+    abandoned(SIGKILL, "sacn-lamps", &sacn, "lamps bank: off, sent, but nothing answers\n");
+}
+
+/* The stream ends with the daemon, so the receiver goes dark before the guardian acts. */
+TEST(sacn_hangs) {
+    abandoned(SIGSTOP, "sacn-lamps", &sacn, "lamps bank: off, sent, but nothing answers\n");
+}
+
+TEST(sacn_told_to_end) {
+    abandoned(SIGTERM, "sacn-lamps", &sacn, "mesorigd: the rig is safe\n");
+}
+
+TEST(sacn_alone) {
+    alone("sacn-lamps", &sacn, TRUE);
+}
+
+/* A receiver that is set to hold its last levels. */
+TEST(sacn_alone_holds) {
+    static const struct virtual_dmx_options holds = {
+        .sacn = TRUE, .universe = 1, .n = 1, .holds_last = TRUE};
+    alone("sacn-lamps", &holds, FALSE);
 }

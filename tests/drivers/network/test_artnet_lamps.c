@@ -3,6 +3,7 @@
 #include "conformance/conformance.h"
 #include "lib/ok.h"
 #include "lib/test.h"
+#include "lib/text_file.h"
 #include "lib/wait.h"
 #include "network/artnet_packet.h"
 #include "network/devices.h"
@@ -366,6 +367,24 @@ TEST(wrong_address) {
         g_assert_nonnull(strstr(error->message, "address"));
         g_clear_error(&error);
     }
+}
+
+/* The section to copy, with the address of the model. */
+TEST(preset) {
+    g_autofree char *text = text_file_read(SOURCE_DIR "/etc/devices/artnet.conf");
+    g_autoptr(GString) changed = g_string_new(text);
+    g_autofree char *addresses =
+        g_strdup_printf("%s\nlocal_address = %s", virtual_dmx_address(1), virtual_dmx_address(0));
+    g_autoptr(VirtualDmx) node = node_new();
+    g_autoptr(Clock) clock = clock_new_real();
+    const struct config_section *section;
+    g_string_replace(changed, "address 10.0.0.7", "address", 0); /* in a comment */
+    g_assert_cmpint(g_string_replace(changed, "10.0.0.7", addresses, 0), ==, 1);
+    const struct conformance with = {.section = changed->str};
+    g_autoptr(Config) config = conformance_config(&with, "", &section);
+    g_autoptr(LampBank) bank = ok(lamps_open(&artnet_lamps_driver, section, NULL, clock, ERR));
+    g_assert_cmpint(bank->n, ==, 8);
+    g_assert_cmpfloat(bank->warm_up_s, ==, 60);
 }
 
 /* Two banks on universes of one node share the socket. */
