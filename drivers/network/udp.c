@@ -4,6 +4,9 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -56,4 +59,23 @@ gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address) {
     while (n < 0 && errno == EINTR);
     *ret_address = ntohl(from.sin_addr.s_addr);
     return n;
+}
+
+guint32 udp_broadcast(guint32 local_address) {
+    guint32 broadcast = 0;
+    struct ifaddrs *all = NULL;
+    if (getifaddrs(&all) != 0)
+        return 0;
+    for (const struct ifaddrs *item = all; item; item = item->ifa_next) {
+        struct sockaddr_in own, to;
+        if (!item->ifa_addr || item->ifa_addr->sa_family != AF_INET ||
+            !(item->ifa_flags & IFF_BROADCAST) || !item->ifa_broadaddr)
+            continue;
+        memcpy(&own, item->ifa_addr, sizeof own);
+        memcpy(&to, item->ifa_broadaddr, sizeof to);
+        if (ntohl(own.sin_addr.s_addr) == local_address)
+            broadcast = ntohl(to.sin_addr.s_addr);
+    }
+    freeifaddrs(all);
+    return broadcast;
 }

@@ -13,5 +13,8 @@ int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize 
 /* Receives a packet. Returns its length, or -1 if there is none. */
 gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address);
 
+/* Returns the broadcast address of the network in which this computer has an address, or 0. */
+guint32 udp_broadcast(guint32 local_address);
+
 /* Returns an address as text, such as 10.0.0.7; g_free(). */
 char *udp_name(guint32 address);
