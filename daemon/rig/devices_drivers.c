@@ -31,6 +31,7 @@ static const struct lamps_driver *const lamps_drivers[] = {
     &serial_lamps_driver,
     &artnet_lamps_driver,
     &sacn_lamps_driver,
+    &wled_lamps_driver,
     NULL,
 };
 static const struct camera_driver *const camera_drivers[] = {

@@ -5,3 +5,4 @@
 
 extern const struct lamps_driver artnet_lamps_driver;
 extern const struct lamps_driver sacn_lamps_driver;
+extern const struct lamps_driver wled_lamps_driver;

@@ -42,7 +42,8 @@ static int n_level_channels(const struct dmx *dmx) {
 }
 
 static int n_channels(const struct dmx *dmx) {
-    return dmx->channels ? dmx->channels : n_level_channels(dmx) + dmx->other_values.n;
+    return dmx->channels ? dmx->channels
+                         : n_level_channels(dmx) + dmx->n_same + dmx->other_values.n;
 }
 
 /* Returns the position of a lamp: its universe, and its first channel from 0. A lamp is in one
@@ -125,9 +126,18 @@ static void put(struct dmx *dmx, int index, gboolean on) {
     const int level = on ? level_of(dmx, index) : 0;
     if (dmx->bits == 16)
         frame[channel++] = (guint8)(level >> 8);
-    frame[channel++] = level & 0xff;
+    for (int i = 0; i <= dmx->n_same; i++)
+        frame[channel++] = level & 0xff;
     for (int i = 0; i < dmx->other_values.n; i++)
         frame[channel++] = (guint8)(on ? lround(dmx->other_values.values[i]) : 0);
+}
+
+gboolean dmx_is_dark(const struct dmx *dmx) {
+    for (int i = 0; i < dmx->n_universes; i++)
+        for (int k = 0; k < DMX_CHANNELS; k++)
+            if (dmx->frames[i][k])
+                return FALSE;
+    return TRUE;
 }
 
 static gboolean covers(const struct command *command, int i) {

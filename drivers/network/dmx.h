@@ -42,6 +42,7 @@ struct dmx {
     char *address, *local_address;
     int universe, start, n, channels, bits;
     struct option_doubles levels, other_values;
+    int n_same; /* channels after the brightness that have the same value; set by a driver */
     double warm_up_s;
 
     const struct dmx_protocol *protocol;
@@ -94,6 +95,9 @@ gboolean dmx_address(const char *text, guint32 *ret);
 /* Returns the universe at position i, and the number of universes that n lamps need. */
 int dmx_universe(const struct dmx *dmx, int i);
 int dmx_count_universes(const struct dmx *dmx);
+
+/* Returns whether all levels are 0. */
+gboolean dmx_is_dark(const struct dmx *dmx);
 
 /* Prepares the state. The driver then opens its socket, calls dmx_start(), and calls dmx_leave() if
  * one of them fails. */
