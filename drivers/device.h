@@ -64,11 +64,16 @@ struct driver_info {
      * "coil 3 of unit 1 at tcp:10.0.0.2:502". Two sections that need the same thing are a mistake
      * in the rig file. */
     void (*needs)(gconstpointer options, GPtrArray *to);
+    /* What a confirmed command means if the device cannot report its outputs, such as "sent, cannot
+     * be read back". NULL: the outputs were read back. */
+    const char *confirmed;
 };
 
 /* The state of a device after the command to switch off or to stop, as far as it is known. */
 enum device_safety {
-    DEVICE_SAFE, /* the device has confirmed the last command; drivers read the state back */
+    /* The device has confirmed the last command. Drivers read the state back, unless their
+     * driver_info.confirmed says something else. */
+    DEVICE_SAFE,
     /* The device refused the command, did not answer in time, or reports another state. The class
      * sends the command again until the device has confirmed it. */
     DEVICE_UNSAFE,

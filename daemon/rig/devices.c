@@ -396,7 +396,8 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
 
 static void add_safety(GVariantBuilder *list, const struct device *device,
                        enum device_safety safety, enum device_safety *most) {
-    static const char *const words[] = {"read back", "NOT safe", "commanded only"};
+    const char *words[] = {device->info->confirmed ? device->info->confirmed : "read back",
+                           "NOT safe", "commanded only"};
     g_variant_builder_add(list, "(sss)", device->info->class_name, device->name, words[safety]);
     *most = MAX(*most, safety);
 }

@@ -130,6 +130,8 @@ gboolean devices_make_safe(struct devices *devices, GError **error);
 
 /* Returns the present result of devices_make_safe() as a(sss), floating: for each laser, lamp bank
  * and axis its class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe".
+ * Instead of "read back", a driver whose device cannot be read back has words of its own
+ * (driver_info.confirmed).
  * *ret is DEVICE_TOLD if a device has not answered, otherwise DEVICE_UNSAFE if a device is unsafe,
  * otherwise DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);

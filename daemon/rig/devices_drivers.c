@@ -4,6 +4,7 @@
 #include "devices/devices.h"
 #include "gphoto2/gphoto2.h"
 #include "modbus/devices.h"
+#include "network/devices.h"
 #include "program/devices.h"
 #include "serial/devices.h"
 #include "usb/relays.h"
@@ -28,6 +29,9 @@ static const struct lamps_driver *const lamps_drivers[] = {
     &usb_relays_driver,
     &program_lamps_driver,
     &serial_lamps_driver,
+    &artnet_lamps_driver,
+    &sacn_lamps_driver,
+    &wled_lamps_driver,
     NULL,
 };
 static const struct camera_driver *const camera_drivers[] = {

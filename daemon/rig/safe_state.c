@@ -343,7 +343,9 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
                  "another device: %s%s%s",
                  done, repaired.doubts->str, *notes ? "; " : "", notes);
     else
-        set_text(ret_text, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
+        set_text(ret_text, job, "%s, %s%s%s", done,
+                 job->info->confirmed ? job->info->confirmed : "read back", *notes ? "; " : "",
+                 notes);
     if (safe)
         result = repaired.doubts->len ? SAFE_TRY_NEVER : SAFE_TRY_SAFE;
     else if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_BUSY) && other != 0 &&

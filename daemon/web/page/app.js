@@ -336,9 +336,13 @@ async function act(name) {
 // Shows the answer of SafeState, with the devices that were not read back. A device with the state "commanded only"
 // may still answer; if it does not, it appears among the unsafe devices.
 function showSafe(told) {
-  const list = (told.devices || []).filter(device => device.state !== "read back");
+  const list = (told.devices || []).filter(device => ["commanded only", "NOT safe"].includes(device.state));
+  const blind = (told.devices || []).filter(device => device.state.startsWith("sent"));
   const names = list.map(device => `${device.class} ${device.name}`).join(", ");
-  if (told.safe) text("done", "The rig is safe: every device was read back.");
+  if (told.safe && blind.length)
+    text("done", "Every device is off or stands as far as can be known. Cannot be read back: " +
+         blind.map(device => `${device.class} ${device.name}`).join(", "));
+  else if (told.safe) text("done", "The rig is safe: every device was read back.");
   else if (list.every(device => device.state === "commanded only"))
     text("answer", `Not confirmed yet: ${names}. Press again to see whether they have confirmed.`);
   else text("answer", `NOT safe: ${names}. Switch them off by hand.`);

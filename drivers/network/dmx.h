@@ -1,0 +1,116 @@
+/*
+ * Lamps on channels of DMX512, whatever carries the channels. Art-Net and sACN share this file.
+ *
+ * The levels of all channels are a state that is sent again and again: DMX_SENDS times in fast
+ * succession after each change, and DMX_KEEP_ALIVE_MS apart otherwise. All 512 channels of each
+ * universe are sent, and channels without a lamp are 0. A command ends when its levels were sent
+ * DMX_SENDS times, and the protocol says that the receiver was alive after that.
+ *
+ * Main thread.
+ */
+#pragma once
+
+#include "drivers/lamps.h"
+
+#define DMX_CHANNELS      512
+#define DMX_MAX_LAMPS     1024
+#define DMX_SENDS         3
+#define DMX_GAP_MS        25  /* between two frames: a frame takes 22.7 ms on the wire of DMX512 */
+#define DMX_KEEP_ALIVE_MS 900 /* Art-Net 4 and E1.31 demand 800 to 1000 ms */
+
+struct dmx;
+
+struct dmx_protocol {
+    const char *name; /* "Art-Net" */
+    int min_universe, max_universe;
+    /* Sends the levels of the i-th universe. */
+    gboolean (*send)(struct dmx *dmx, int i, GError **error);
+    /* Takes what has arrived, and sends what the protocol needs besides levels. urgent is TRUE if
+     * a command waits for a newer alive_us(); lit is TRUE if a lamp is lit. */
+    void (*look)(struct dmx *dmx, gboolean urgent, gboolean lit);
+    /* Returns the last time at which the receivers are known to have been there. */
+    gint64 (*alive_us)(const struct dmx *dmx);
+    /* Returns why the receivers do not obey, as of alive_us(), or NULL. */
+    GError *(*fault)(const struct dmx *dmx);
+    /* Returns the error of a command that was not confirmed in time. */
+    GError *(*silence)(const struct dmx *dmx);
+};
+
+/* The first member of the private struct of a driver. */
+struct dmx {
+    /* options */
+    char *address, *local_address;
+    int universe, start, n, channels, bits;
+    struct option_doubles levels, other_values;
+    int n_same; /* channels after the brightness that have the same value; set by a driver */
+    double warm_up_s;
+
+    const struct dmx_protocol *protocol;
+    LampBank *bank;
+    int n_universes;
+    guint8 (*frames)[DMX_CHANNELS];
+    GPtrArray *locks; /* of Lock */
+    GQueue commands;  /* of struct command, in order */
+    guint8 *states;   /* of each lamp: enum dmx_state */
+    int n_burst;      /* frames that are still to be sent in fast succession */
+    gint64 sent_us;
+    guint timer;
+    GError *lost; /* to be reported */
+};
+
+/* Rows of the option table that the drivers share. */
+#define DMX_FIELD(name) G_STRUCT_OFFSET(struct dmx, name)
+/* clang-format off */
+#define DMX_OPTIONS \
+    {"universe", OPTION_INT, NULL, 0, 63999, "1", NULL, DMX_FIELD(universe), \
+     "Universe of lamp 0. Lamps that do not fit are in the universes after it"}, \
+    {"n", OPTION_INT, NULL, 1, DMX_MAX_LAMPS, NULL, NULL, DMX_FIELD(n), "Number of lamps"}, \
+    {"start", OPTION_INT, NULL, 1, DMX_CHANNELS, "1", NULL, DMX_FIELD(start), \
+     "First channel of lamp 0. In further universes the first lamp has channel 1"}, \
+    {"channels", OPTION_INT, NULL, 0, DMX_CHANNELS, "0", NULL, DMX_FIELD(channels), \
+     "Number of channels that each lamp occupies. 0: those of its brightness and other_values"}, \
+    {"bits", OPTION_INT, NULL, 8, 16, "8", NULL, DMX_FIELD(bits), \
+     "8: the first channel of a lamp is its brightness. 16: the first two channels are, with the " \
+     "coarse channel first"}, \
+    {"levels", OPTION_DOUBLES, NULL, 1, 65535, "", NULL, DMX_FIELD(levels), \
+     "Brightness of the lamps that are on: one number for all lamps, or one for each lamp. " \
+     "Without it, lamps have the full brightness of 255 or 65535"}, \
+    {"other_values", OPTION_DOUBLES, NULL, 0, 255, "", NULL, DMX_FIELD(other_values), \
+     "Values of the channels after the brightness of each lamp that is on, such as its colour. " \
+     "They are 0 while the lamp is off"}, \
+    {"local_address", OPTION_STRING, .fallback = "", .offset = DMX_FIELD(local_address), \
+     .help = "Address of this computer in the network of the lamps. Needed if the computer has " \
+             "several networks"}, \
+    {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, DMX_FIELD(warm_up_s), \
+     "Time from switching on until the output is stable"}
+/* clang-format on */
+
+/* For driver_info.check: adds the mistakes in the shared options. */
+void dmx_check(const struct dmx *dmx, const struct dmx_protocol *protocol,
+               const struct config_section *section, Mistakes *mistakes);
+
+/* Reads an IPv4 address such as 10.0.0.7. Returns FALSE if the text is none. "" is 0.0.0.0. */
+gboolean dmx_address(const char *text, guint32 *ret);
+
+/* Returns the universe at position i, and the number of universes that n lamps need. */
+int dmx_universe(const struct dmx *dmx, int i);
+int dmx_count_universes(const struct dmx *dmx);
+
+/* Returns whether all levels are 0. */
+gboolean dmx_is_dark(const struct dmx *dmx);
+
+/* Prepares the state. The driver then opens its socket, calls dmx_start(), and calls dmx_leave() if
+ * one of them fails. */
+void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *bank);
+/* Locks a universe of a receiver. */
+gboolean dmx_lock(struct dmx *dmx, const char *what, GError **error);
+/* Sends "off" and waits for its end, for at most wait_ms. Fills the bank. */
+gboolean dmx_start(struct dmx *dmx, int wait_ms, GError **error);
+/* Sends "off" and waits for its end, for at most wait_ms, before the driver closes its socket. */
+void dmx_stop(struct dmx *dmx, int wait_ms);
+void dmx_leave(struct dmx *dmx);
+
+/* For lamps_driver.set. */
+gboolean dmx_set(struct dmx *dmx, int index, gboolean on, GError **error);
+/* To be called when something has arrived. */
+void dmx_wake(struct dmx *dmx);

@@ -1,0 +1,20 @@
+/* UDP over IPv4. Addresses are in host byte order. Main thread. */
+#pragma once
+
+#include <glib.h>
+
+/* Opens a socket that does not block, with this local address and port (0: any). Other programs may
+ * use the same port. The error is a DEVICE_ERROR without a subject. */
+int udp_open(guint32 local_address, guint16 port, GError **error);
+
+/* Sends a packet. Returns 0, or errno. A packet for which the system has no space is lost. */
+int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize n);
+
+/* Receives a packet. Returns its length, or -1 if there is none. */
+gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address);
+
+/* Returns the broadcast address of the network in which this computer has an address, or 0. */
+guint32 udp_broadcast(guint32 local_address);
+
+/* Returns an address as text, such as 10.0.0.7; g_free(). */
+char *udp_name(guint32 address);
