@@ -22,7 +22,8 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define REJECT      5.0
 #define MIN_POINTS  60  /* smallest number of points of a laser on each of two heights */
 #define MIN_HEIGHTS 2.0 /* mm, smallest difference of the heights */
-/* A sheet is determined if each of the two heights has at least this number of points. */
+/* Smallest number of points of one step of a sweep on each of the two heights. Steps with fewer
+ * points are not reported. */
 #define STEP_POINTS 12
 
 /* A laser counts as exchanged with another laser if the distance from its own place is more than

@@ -240,9 +240,10 @@ static gboolean take_name(const TextTable *table, int row, int column, const cha
     for (const char *c = name; *c; c++)
         good &= !g_ascii_iscntrl(*c);
     g_strlcpy(ret, good ? name : "", RIG_NAME);
-    return good || data_error_fail(text_table_path(table), text_table_line(table, row), error,
-                                   "%s: “%s” is not a name of at most %d bytes without [ ] ; and @",
-                                   key, name, RIG_NAME - 1);
+    return good || data_error_fail(
+                       text_table_path(table), text_table_line(table, row), error,
+                       "%s: “%s” is not a name: give at most %d bytes, without [ ] ; @ and tabs",
+                       key, name, RIG_NAME - 1);
 }
 
 static gboolean read_row(GArray *lamps, const struct lamp_place *otherwise, const TextTable *table,

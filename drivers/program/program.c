@@ -137,10 +137,11 @@ static void on_deadline(gpointer data) {
     Program *program = call->program;
     call->deadline = 0;
     if (call->id) {
-        fail(program, device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
-                                       "%s did not answer “%s” within %d ms; it was "
-                                       "ended" ERROR_ADVICE "see what it has printed",
-                                       name_of(program), call->method, call->timeout_ms));
+        fail(program,
+             device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
+                              "%s did not answer “%s” within %d ms; it was "
+                              "ended" ERROR_ADVICE "see what it has printed in the log of mesorigd",
+                              name_of(program), call->method, call->timeout_ms));
         return;
     }
     g_autoptr(GError) error =
@@ -199,7 +200,7 @@ static void send_call(struct call *call) {
     if (write(program->process.in, line, (gsize)length) != length && errno != EPIPE)
         fail(program, device_error_new(DEVICE_ERROR_PROTOCOL, program->device->who,
                                        "%s does not read its requests; it was ended" ERROR_ADVICE
-                                       "see what it has printed",
+                                       "see what it has printed in the log of mesorigd",
                                        name_of(program)));
 }
 
@@ -290,9 +291,10 @@ static void on_end(Program *program) {
     program->state = DOWN;
     if (before == STARTING || before == READY) {
         g_clear_error(&program->failure);
-        program->failure = device_error_new(DEVICE_ERROR_DISCONNECTED, program->device->who,
-                                            "%s %s" ERROR_ADVICE "see what it has printed",
-                                            name_of(program), how ? how : "has ended");
+        program->failure =
+            device_error_new(DEVICE_ERROR_DISCONNECTED, program->device->who,
+                             "%s %s" ERROR_ADVICE "see what it has printed in the log of mesorigd",
+                             name_of(program), how ? how : "has ended");
         tell_failure(program, before == READY);
         return;
     }
@@ -450,10 +452,12 @@ static void start_call(Program *program, const char *method, JsonObject *params,
 static void on_start(gpointer data) {
     Program *program = data;
     program->start = 0;
-    fail(program, device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
-                                   "%s has not started within %g s; it was ended" ERROR_ADVICE
-                                   "see what it has printed, or give it more time with start_s",
-                                   name_of(program), program->command->start_s));
+    fail(program,
+         device_error_new(
+             DEVICE_ERROR_TIMEOUT, program->device->who,
+             "%s has not started within %g s; it was ended" ERROR_ADVICE
+             "see what it has printed in the log of mesorigd, or give it more time with start_s",
+             name_of(program), program->command->start_s));
 }
 
 static gboolean start_process(Program *program, GError **error) {
@@ -653,7 +657,7 @@ JsonObject *program_ask(Program *program, const struct program_request *request,
         fail(program,
              device_error_new(DEVICE_ERROR_TIMEOUT, program->device->who,
                               "%s did not answer “%s” within %d ms; it was "
-                              "ended" ERROR_ADVICE "see what it has printed",
+                              "ended" ERROR_ADVICE "see what it has printed in the log of mesorigd",
                               name_of(program), request->method,
                               request->timeout_ms ? request->timeout_ms : PROGRAM_ANSWER_MS));
     if (asked.error)

@@ -2,9 +2,10 @@
  * Peak signal-to-noise ratio of pictures. Any thread.
  *
  * All metrics of this room take pictures as floats, height × width × 3 (R, G, B), linear sRGB, row
- * 0 at the top. 1 is white. For a BTF, white is the white diffuser lit from its normal, so that its
- * values are used as they are. A picture is shown before it is measured: values are clipped to
- * 0 … 1 and encoded as sRGB (base/srgb.h). There is no exposure. Values must be finite.
+ * 0 at the top. 1 is white. The values of a BTF are used unchanged: 1 is
+ * a white diffuser that is lit along its normal. A picture is shown before it is measured: values
+ * are clipped to 0 … 1 and encoded as sRGB (base/srgb.h). There is no exposure. Values must be
+ * finite.
  */
 #pragma once
 

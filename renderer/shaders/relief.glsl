@@ -28,8 +28,9 @@ struct below {
 };
 
 #ifndef MDF_SHELL
-// Returns the mip level for that axis of the texture which is less compressed. Near a contour the
-// other axis shrinks without limit, and a level that fits it would smooth the relief away.
+// Returns the mip level for the axis of the screen along which the texture coordinates change less.
+// Near a contour they change without limit along the other axis, and a level for that axis would
+// smooth the relief away.
 float level_of_detail() {
 #ifdef MDF_VOLUME
     return 0.0;

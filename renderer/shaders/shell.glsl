@@ -10,7 +10,8 @@ const float STEP = 1.5;          // length of a step, in voxels along the textur
 const float BACK_STEP = 3.0;
 const int MIN_STEPS = 4, MAX_STEPS = 96;
 
-// Returns the mip level for that axis of the texture which is less compressed, as in relief.glsl.
+// Returns the mip level for the axis of the screen along which the texture coordinates change less,
+// as in relief.glsl.
 float level_of_detail() {
     vec2 size = vec2(textureSize(mdf_shell, 0).xy);
     vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;

@@ -74,10 +74,10 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     if (!bonn_take(bytes, 1, "matrix", &scalar, error))
         return FALSE;
     if (scalar != 2 && scalar != 4 && scalar != 8)
-        return bonn_fail(
-            bytes, BONN_ERROR_FORMAT, error,
-            "the numbers of a matrix have %d bytes each; only 2, 4 and 8 bytes can be read",
-            scalar);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "the numbers of a matrix have %d bytes each, but must have 2, 4 or 8; "
+                         "copy the file again",
+                         scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;
