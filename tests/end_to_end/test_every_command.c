@@ -48,6 +48,7 @@ static const struct call_case {
     {"plan", "rig.conf session.conf --offline"},
     {"plan", "rig.conf session.conf --curve plan.svg", AGAIN_OWN},
     {"devices", ""},
+    {"conformance", "--list --class lamps"},
     {"new-rig", "new.conf --kind arc --lamps 5 --radius 400", AGAIN_REFUSED},
     {"capture", "rig.conf session.conf -o small.session", AGAIN_STAYS},
     {"resume", "small.session"}, /* all is there */

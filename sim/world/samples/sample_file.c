@@ -177,7 +177,7 @@ static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GEr
 }
 
 static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
-    guint32 first, before, corner;
+    guint32 first = 0, before = 0, corner = 0;
     if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
         return FALSE;
     if (!*text)
