@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/rig_daemon.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "lib/wait.h"
@@ -12,13 +13,12 @@
 #include <math.h>
 #include <signal.h>
 
-#define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define SMALL    SOURCE_DIR "/tests/small/"
+#define SMALL SOURCE_DIR "/tests/small/"
 
 struct bench {
     VirtualGcode *board;
-    char *rig, *log, *address;
-    GSubprocess *daemon, *mover;
+    struct rig_daemon run;
+    GSubprocess *mover;
 };
 
 static void begin(struct bench *bench, const char *folder, gboolean resets_on_open) {
@@ -28,10 +28,7 @@ static void begin(struct bench *bench, const char *folder, gboolean resets_on_op
                                                   .steps = 1000,
                                                   .boot_ms = resets_on_open ? 200 : 0,
                                                   .resets_on_open = resets_on_open};
-    *bench = (struct bench){.board = ok(virtual_gcode_new(&options, ERR)),
-                            .rig = g_build_filename(folder, "rig.conf", NULL),
-                            .log = g_build_filename(folder, "log", NULL),
-                            .address = g_strdup_printf("unix:path=%s/bus", folder)};
+    *bench = (struct bench){.board = ok(virtual_gcode_new(&options, ERR))};
     const char *port = virtual_gcode_port(bench->board);
     g_autofree char *text = g_strdup_printf(
         "[rig]\nid = board\nclock = real\narc_radius_mm = 500\n"
@@ -44,30 +41,16 @@ static void begin(struct bench *bench, const char *folder, gboolean resets_on_op
     g_autofree char *whole =
         g_strconcat(text,
                     "[lamps bank]\ndriver = sim-lamps\nworld = " SMALL "world.conf\n"
-                    "[lamp lamp30]\nbank = bank\nindex = 0\ntheta_deg = 30\ndistance_mm = 500\n"
-                    "[camera cam30]\ndriver = sim-camera\nworld = " SMALL
-                    "world.conf\ntheta_deg = 30\nphi_deg = 0\n"
-                    "distance_mm = 650\nwidth = 32\nheight = 32\nfocal_px = 333\n",
+                    "[lamp lamp30]\nbank = bank\nindex = 0\ntheta_deg = 30\ndistance_mm = "
+                    "500\n" RIG_DAEMON_CAMERA,
                     NULL);
-    text_file_write(folder, "rig.conf", whole);
-    /* What the guardian prints of each device is for the log as well. */
-    bench->daemon = process_start_ready(G_SUBPROCESS_FLAGS_NONE, bench->log,
-                                        (const char *[]){"/bin/sh", "-c", "exec \"$@\" >&2", "sh",
-                                                         MESORIGD, "--listen", bench->address,
-                                                         "--rig", bench->rig, NULL});
-    g_assert_cmpint(find_guardian(bench->rig), !=, 0);
+    rig_daemon_begin(&bench->run, folder, whole);
 }
 
 static void end(struct bench *bench) {
-    g_subprocess_force_exit(bench->daemon);
-    g_subprocess_wait(bench->daemon, NULL, NULL);
-    end_guardian(bench->rig);
-    g_object_unref(bench->daemon);
+    rig_daemon_end(&bench->run);
     g_clear_object(&bench->mover);
     virtual_gcode_free(bench->board);
-    g_free(bench->rig);
-    g_free(bench->log);
-    g_free(bench->address);
 }
 
 static struct virtual_gcode_state state_of(const struct bench *bench) {
@@ -80,15 +63,15 @@ TEST(operator) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder, TRUE);
-    g_autofree char *tested = process_mesorig(0, "test --address %s", bench.address);
+    g_autofree char *tested = process_mesorig(0, "test --address %s", bench.run.address);
     assert_has(tested, "4 of 4 are as they should be");
-    g_free(process_mesorig(0, "home --address %s turntable", bench.address));
-    g_free(process_mesorig(0, "home --address %s arc", bench.address));
-    g_free(process_mesorig(0, "move --address %s turntable 12.5", bench.address));
-    g_free(process_mesorig(0, "move --address %s arc 30", bench.address));
+    g_free(process_mesorig(0, "home --address %s turntable", bench.run.address));
+    g_free(process_mesorig(0, "home --address %s arc", bench.run.address));
+    g_free(process_mesorig(0, "move --address %s turntable 12.5", bench.run.address));
+    g_free(process_mesorig(0, "move --address %s arc 30", bench.run.address));
     g_assert_cmpfloat(fabs(state_of(&bench).at[0] - 12.5), <, 0.002);
     g_assert_cmpfloat(fabs(state_of(&bench).at[1] - 30), <, 0.002);
-    g_autofree char *status = process_mesorig(0, "status --address %s", bench.address);
+    g_autofree char *status = process_mesorig(0, "status --address %s", bench.run.address);
     assert_has(status, "gcode-axis");
     end(&bench);
 }
@@ -98,23 +81,23 @@ static void abandoned(int signal, gboolean resets_on_open) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder, resets_on_open);
-    g_free(process_mesorig(0, "home --address %s turntable", bench.address));
+    g_free(process_mesorig(0, "home --address %s turntable", bench.run.address));
     bench.mover = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
                                 (const char *[]){BUILD_DIR "/bin/mesorig", "move", "--address",
-                                                 bench.address, "turntable", "180", NULL});
+                                                 bench.run.address, "turntable", "180", NULL});
     UNTIL (state_of(&bench).moving &&fabs(state_of(&bench).at[0]) > 2)
         g_usleep(1000);
     const gint64 begun = g_get_monotonic_time();
-    g_subprocess_send_signal(bench.daemon, signal);
+    g_subprocess_send_signal(bench.run.daemon, signal);
     UNTIL (!state_of(&bench).moving)
         g_usleep(1000);
     g_test_message("the turntable stands %.2f s after the end of the daemon",
                    (double)(g_get_monotonic_time() - begun) * 1e-6);
-    UNTIL (!find_guardian(bench.rig))
+    UNTIL (!find_guardian(bench.run.rig))
         g_usleep(10000);
     g_assert_false(state_of(&bench).moving);
     g_assert_cmpfloat(fabs(state_of(&bench).at[0]), <, 175);
-    g_autofree char *log = text_file_read(bench.log);
+    g_autofree char *log = text_file_read(bench.run.log);
     /* What the daemon or its guardian says. */
     if (signal == SIGTERM) {
         assert_has(log, "mesorigd: the rig is safe\n");

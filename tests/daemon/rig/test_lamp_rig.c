@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/rig_daemon.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "lib/wait.h"
@@ -11,13 +12,10 @@
 
 #include <signal.h>
 
-#define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define SMALL    SOURCE_DIR "/tests/small/"
-
 struct bench {
     VirtualLeds *leds;
-    char *rig, *log, *address;
-    GSubprocess *daemon, *holder;
+    struct rig_daemon run;
+    GSubprocess *holder;
 };
 
 static void begin(struct bench *bench, const char *folder, gboolean resets_on_open) {
@@ -25,37 +23,20 @@ static void begin(struct bench *bench, const char *folder, gboolean resets_on_op
                                                  .dark_ms = 2000,
                                                  .boot_ms = resets_on_open ? 200 : 0,
                                                  .resets_on_open = resets_on_open};
-    *bench = (struct bench){.leds = ok(virtual_leds_new(&options, ERR)),
-                            .rig = g_build_filename(folder, "rig.conf", NULL),
-                            .log = g_build_filename(folder, "log", NULL),
-                            .address = g_strdup_printf("unix:path=%s/bus", folder)};
-    g_autofree char *text = g_strdup_printf(
-        "[rig]\nid = leds\nclock = real\narc_radius_mm = 500\n"
-        "[lamps bank]\ndriver = serial-lamps\nport = %s\n"
-        "[lamp lamp30]\nbank = bank\nindex = 4\ntheta_deg = 30\nphi_deg = 0\ndistance_mm = 500\n"
-        "[camera cam30]\ndriver = sim-camera\nworld = " SMALL
-        "world.conf\ntheta_deg = 30\nphi_deg = 0\n"
-        "distance_mm = 650\nwidth = 32\nheight = 32\nfocal_px = 333\n",
-        virtual_leds_port(bench->leds));
-    text_file_write(folder, "rig.conf", text);
-    /* What the guardian prints of each device is for the log as well. */
-    bench->daemon = process_start_ready(G_SUBPROCESS_FLAGS_NONE, bench->log,
-                                        (const char *[]){"/bin/sh", "-c", "exec \"$@\" >&2", "sh",
-                                                         MESORIGD, "--listen", bench->address,
-                                                         "--rig", bench->rig, NULL});
-    g_assert_cmpint(find_guardian(bench->rig), !=, 0);
+    *bench = (struct bench){.leds = ok(virtual_leds_new(&options, ERR))};
+    g_autofree char *text =
+        g_strdup_printf("[rig]\nid = leds\nclock = real\narc_radius_mm = 500\n"
+                        "[lamps bank]\ndriver = serial-lamps\nport = %s\n"
+                        "[lamp lamp30]\nbank = bank\nindex = 4\ntheta_deg = 30\nphi_deg = "
+                        "0\ndistance_mm = 500\n" RIG_DAEMON_CAMERA,
+                        virtual_leds_port(bench->leds));
+    rig_daemon_begin(&bench->run, folder, text);
 }
 
 static void end(struct bench *bench) {
-    g_subprocess_force_exit(bench->daemon);
-    g_subprocess_wait(bench->daemon, NULL, NULL);
-    end_guardian(bench->rig);
-    g_object_unref(bench->daemon);
+    rig_daemon_end(&bench->run);
     g_clear_object(&bench->holder);
     virtual_leds_free(bench->leds);
-    g_free(bench->rig);
-    g_free(bench->log);
-    g_free(bench->address);
 }
 
 static struct virtual_leds_state state_of(const struct bench *bench) {
@@ -68,10 +49,10 @@ TEST(operator) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder, TRUE);
-    g_free(process_mesorig(0, "lamp --address %s lamp30 --for 0.2", bench.address));
+    g_free(process_mesorig(0, "lamp --address %s lamp30 --for 0.2", bench.run.address));
     g_assert_cmpint(state_of(&bench).n_sets, >=, 2);
     g_assert_false(state_of(&bench).lit);
-    g_autofree char *status = process_mesorig(0, "status --address %s", bench.address);
+    g_autofree char *status = process_mesorig(0, "status --address %s", bench.run.address);
     assert_has(status, "serial-lamps");
     end(&bench);
 }
@@ -83,11 +64,11 @@ static void abandoned(int signal, gboolean resets_on_open) {
     begin(&bench, folder, resets_on_open);
     bench.holder = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
                                  (const char *[]){BUILD_DIR "/bin/mesorig", "lamp", "--address",
-                                                  bench.address, "lamp30", NULL});
+                                                  bench.run.address, "lamp30", NULL});
     UNTIL (state_of(&bench).levels[4] == 255)
         g_usleep(1000);
     const gint64 begun = g_get_monotonic_time();
-    g_subprocess_send_signal(bench.daemon, signal);
+    g_subprocess_send_signal(bench.run.daemon, signal);
     UNTIL (!state_of(&bench).lit)
         g_usleep(1000);
     g_test_message("the lamp is dark %.2f s after the end of the daemon, %s",
@@ -95,10 +76,10 @@ static void abandoned(int signal, gboolean resets_on_open) {
                    state_of(&bench).n_watchdog ? "by its watchdog" : "by a command");
     if (signal == SIGSTOP) /* the guardian waits for longer */
         g_assert_cmpint(state_of(&bench).n_watchdog, ==, 1);
-    UNTIL (!find_guardian(bench.rig))
+    UNTIL (!find_guardian(bench.run.rig))
         g_usleep(10000);
     g_assert_false(state_of(&bench).lit);
-    g_autofree char *log = text_file_read(bench.log);
+    g_autofree char *log = text_file_read(bench.run.log);
     /* What the daemon or its guardian says. */
     if (signal == SIGTERM)
         assert_has(log, "mesorigd: the rig is safe\n");

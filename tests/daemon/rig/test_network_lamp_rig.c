@@ -4,6 +4,7 @@
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/rig_daemon.h"
 #include "lib/test.h"
 #include "lib/text_file.h"
 #include "lib/wait.h"
@@ -12,23 +13,18 @@
 
 #include <signal.h>
 
-#define MESORIGD BUILD_DIR "/bin/mesorigd"
-#define SMALL    SOURCE_DIR "/tests/small/"
-
 struct bench {
     VirtualDmx *node;
     VirtualWled *wled; /* instead of the node */
-    char *rig, *log, *address;
-    GSubprocess *daemon, *holder;
+    struct rig_daemon run;
+    GSubprocess *holder;
 };
 
 static void begin(struct bench *bench, const char *folder, const char *driver,
                   const struct virtual_dmx_options *given) {
     struct virtual_dmx_options options = given ? *given : (struct virtual_dmx_options){0};
     options.address = virtual_dmx_address(1);
-    *bench = (struct bench){.rig = g_build_filename(folder, "rig.conf", NULL),
-                            .log = g_build_filename(folder, "log", NULL),
-                            .address = g_strdup_printf("unix:path=%s/bus", folder)};
+    *bench = (struct bench){};
     if (given)
         bench->node = ok(virtual_dmx_new(&options, ERR));
     else
@@ -36,34 +32,20 @@ static void begin(struct bench *bench, const char *folder, const char *driver,
     g_autofree char *key =
         given ? g_strdup("universe = 1")
               : g_strdup_printf("http_port = %d", virtual_wled_http_port(bench->wled));
-    g_autofree char *text = g_strdup_printf(
-        "[rig]\nid = leds\nclock = real\narc_radius_mm = 500\n"
-        "[lamps bank]\ndriver = %s\naddress = %s\nlocal_address = %s\n%s\nn = 6\n"
-        "[lamp lamp30]\nbank = bank\nindex = 4\ntheta_deg = 30\nphi_deg = 0\ndistance_mm = 500\n"
-        "[camera cam30]\ndriver = sim-camera\nworld = " SMALL
-        "world.conf\ntheta_deg = 30\nphi_deg = 0\n"
-        "distance_mm = 650\nwidth = 32\nheight = 32\nfocal_px = 333\n",
-        driver, virtual_dmx_address(1), virtual_dmx_address(0), key);
-    text_file_write(folder, "rig.conf", text);
-    /* What the guardian prints of each device is for the log as well. */
-    bench->daemon = process_start_ready(G_SUBPROCESS_FLAGS_NONE, bench->log,
-                                        (const char *[]){"/bin/sh", "-c", "exec \"$@\" >&2", "sh",
-                                                         MESORIGD, "--listen", bench->address,
-                                                         "--rig", bench->rig, NULL});
-    g_assert_cmpint(find_guardian(bench->rig), !=, 0);
+    g_autofree char *text =
+        g_strdup_printf("[rig]\nid = leds\nclock = real\narc_radius_mm = 500\n"
+                        "[lamps bank]\ndriver = %s\naddress = %s\nlocal_address = %s\n%s\nn = 6\n"
+                        "[lamp lamp30]\nbank = bank\nindex = 4\ntheta_deg = 30\nphi_deg = "
+                        "0\ndistance_mm = 500\n" RIG_DAEMON_CAMERA,
+                        driver, virtual_dmx_address(1), virtual_dmx_address(0), key);
+    rig_daemon_begin(&bench->run, folder, text);
 }
 
 static void end(struct bench *bench) {
-    g_subprocess_force_exit(bench->daemon);
-    g_subprocess_wait(bench->daemon, NULL, NULL);
-    end_guardian(bench->rig);
-    g_object_unref(bench->daemon);
+    rig_daemon_end(&bench->run);
     g_clear_object(&bench->holder);
     virtual_dmx_free(bench->node);
     virtual_wled_free(bench->wled);
-    g_free(bench->rig);
-    g_free(bench->log);
-    g_free(bench->address);
 }
 
 /* What a lamp shows, and whether it went off by itself. */
@@ -86,7 +68,7 @@ static struct seen see(const struct bench *bench) {
 static void light(struct bench *bench) {
     bench->holder = process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
                                   (const char *[]){BUILD_DIR "/bin/mesorig", "lamp", "--address",
-                                                   bench->address, "lamp30", NULL});
+                                                   bench->run.address, "lamp30", NULL});
     UNTIL (see(bench).level == 255)
         g_usleep(1000);
 }
@@ -105,14 +87,14 @@ static void abandoned(int signal, const char *driver, const struct virtual_dmx_o
     begin(&bench, folder, driver, options);
     light(&bench);
     const gint64 begun = g_get_monotonic_time();
-    g_subprocess_send_signal(bench.daemon, signal);
+    g_subprocess_send_signal(bench.run.daemon, signal);
     const double dark_s = wait_dark(&bench, begun);
     g_test_message("the lamp is dark %.2f s after the end of the daemon, %s", dark_s,
                    see(&bench).n_lost ? "by loss of data" : "by a command");
-    UNTIL (!find_guardian(bench.rig))
+    UNTIL (!find_guardian(bench.run.rig))
         g_usleep(10000);
     g_assert_false(see(&bench).lit);
-    g_autofree char *log = text_file_read(bench.log);
+    g_autofree char *log = text_file_read(bench.run.log);
     assert_has(log, words);
     end(&bench);
 }
@@ -123,10 +105,10 @@ static void alone(const char *driver, const struct virtual_dmx_options *options,
     struct bench bench;
     begin(&bench, folder, driver, options);
     light(&bench);
-    g_subprocess_send_signal(bench.daemon, SIGSTOP);
-    end_guardian(bench.rig);
-    g_subprocess_send_signal(bench.daemon, SIGKILL);
-    g_subprocess_wait(bench.daemon, NULL, NULL);
+    g_subprocess_send_signal(bench.run.daemon, SIGSTOP);
+    end_guardian(bench.run.rig);
+    g_subprocess_send_signal(bench.run.daemon, SIGKILL);
+    g_subprocess_wait(bench.run.daemon, NULL, NULL);
     if (dark)
         wait_dark(&bench, g_get_monotonic_time());
     else
@@ -142,11 +124,11 @@ TEST(artnet_operator) {
     TEMPORARY_FOLDER(folder);
     struct bench bench;
     begin(&bench, folder, "artnet-lamps", &artnet);
-    g_free(process_mesorig(0, "lamp --address %s lamp30 --for 0.2", bench.address));
+    g_free(process_mesorig(0, "lamp --address %s lamp30 --for 0.2", bench.run.address));
     g_assert_false(see(&bench).lit);
-    g_autofree char *status = process_mesorig(0, "status --address %s", bench.address);
+    g_autofree char *status = process_mesorig(0, "status --address %s", bench.run.address);
     assert_has(status, "artnet-lamps");
-    g_autofree char *safe = process_mesorig(0, "safe --address %s", bench.address);
+    g_autofree char *safe = process_mesorig(0, "safe --address %s", bench.run.address);
     assert_has(safe, "sent, and the node answers");
     assert_has(safe, "lamps and lasers are off");
     end(&bench);
