@@ -444,7 +444,7 @@ TEST(turntable) {
         }
     assert_refused(dir, rows->str, "can be joined with --same-light");
     same_light_deg = 60;
-    assert_refused(dir, rows->str, "give a smaller value to --same-light");
+    assert_refused(dir, rows->str, "give a smaller --same-light");
     same_light_deg = 1;
     g_autofree char *path = session_of(dir, rows->str);
     same_light_deg = 0;
