@@ -256,7 +256,7 @@ GPU_TEST(bad) {
     g_assert_cmpint(lobes_compute_levels(btf, &options, levels, &error), ==, 3);
     struct lobes *const skipped[2] = {levels[0], levels[2]};
     g_assert_null(lobes_view_new(skipped, 2, &error));
-    g_assert_nonnull(strstr(error->message, "mip level 1 is ptm of 1 × 1 texels"));
+    g_assert_nonnull(strstr(error->message, "mip level 1 (ptm, "));
     g_clear_error(&error);
     levels[2]->values[3] = NAN;
     g_assert_null(lobes_view_new(levels, 3, &error));
