@@ -206,8 +206,8 @@ TEST(levels) {
                                          "ip link set mesorig0 up\n"
                                          "ip link set mesorig1 up\n"
                                          "export " CHILD "=1\n"
-                                         "exec \"$0\" -p /ola/child",
+                                         "exec \"$0\" -p /ola-levels/child",
                                          own, NULL});
     g_test_message("%s", said);
-    assert_has(said, "ok 1 /ola/child");
+    assert_has(said, "ok 1 /ola-levels/child");
 }
