@@ -629,8 +629,8 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
     const gboolean as_given = end == OPEN && columns == given->columns && rows == given->rows;
     if (end != ENDS && !counted_corners && !as_given)
         columns = rows = 0;
-    /* A picture may show the given board beside another board, so the given board is searched
-     * too. */
+    /* The board that was found may be another one. The given board may stand beside it, so search
+     * for the given board as well. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {
         g_autoptr(Picture) small = reduce(picture, max_px(given));
         g_autoptr(GArray) corners = board_find(small, given, FALSE, NULL);

@@ -216,9 +216,9 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
  * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* rig_wobble_tilt() writes x and y of the rotation vector (x, y, 0) of the turntable's axis at
- * an angle. rig_wobble_most_rad() returns the length of the longest such vector in a turn,
- * sampled at every degree. */
+/* The wobble tilts the axis of the turntable by a rotation vector (x, y, 0), which depends on the
+ * angle of the turntable. rig_wobble_tilt() writes x and y at an angle. rig_wobble_most_rad()
+ * returns the largest length of the vector in a turn. It looks at every degree. */
 void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]);
 double rig_wobble_most_rad(const struct rig_wobble *wobble);
 

@@ -104,8 +104,8 @@ static double normal_equations(const struct window *w, const double p[N], double
     return sum;
 }
 
-/* Adds the prior of the lens's blur to a and b, because a shadow as small as a pixel hardly
- * determines the blur. sum is Σ r². */
+/* Adds a prior for the blur of the lens to a and b. A shadow as small as a pixel hardly determines
+ * the blur by itself. sum is Σ r². */
 static void add_usual(const struct window *w, double sum, const double p[N], double a[N][N],
                       double b[N]) {
     const double noise = sum / MAX((int)w->pixels->len - N, 1);

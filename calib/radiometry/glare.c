@@ -22,7 +22,7 @@
  * tile throws light and shadow. */
 #define BORDER_MM 4
 #define MAX_ROWS  256
-#define DARK      0.25  /* a surface is dark if it is darker than this part of the picture's mean */
+#define DARK      0.25  /* a surface below this share of the mean of the picture is dark */
 #define ALIKE     2.0   /* largest factor between a shot and the median of its group */
 #define FEW_SHOTS 4     /* smallest number of shots of a group */
 #define OUTLIER   4.0   /* number of standard deviations from which a cell is an outlier */

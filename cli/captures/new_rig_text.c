@@ -11,7 +11,7 @@ const char *const new_rig_kinds[] = {"dome", "turntable", "arc", NULL};
 /* Size in pixels that is assumed for a camera that does not report the size of its pictures. */
 #define WIDTH  1920
 #define HEIGHT 1080
-/* Width of the sample's plane that a picture is assumed to show. */
+/* Each picture is assumed to show the plane of the sample over this width. */
 #define FIELD_MM 200.0
 
 int new_rig_lamps(enum new_rig_kind kind) {

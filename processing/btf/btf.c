@@ -30,8 +30,8 @@ void btf_view_free(struct btf_view *view) {
     g_free(view);
 }
 
-/* Compares the number of parts with that of the view's lights, and the hash of the inputs in every
- * part. Only headers are read. */
+/* Returns TRUE if the file has a part for each light of the view, and every part has the hash of
+ * the view's inputs. Only headers are read. */
 gboolean btf_is_made(const struct btf_view *view, const char *path) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;

@@ -21,8 +21,9 @@
 
 /* Weight w of the fit to the measured values, relative to the fit to the smooth interpolant. Many
  * measured directions lie midway between samples, for example many of btf_directions_81() on a grid
- * of 12, and fitting them exactly makes the samples oscillate. Therefore w is halved while it is
- * above LEAST and a sample can exceed MOST_GAIN times the largest measured value (gain_of()). */
+ * of 12. An exact fit to them makes the samples oscillate. gain_of() tells by which factor a sample
+ * can exceed the largest measured value. While this factor is above MOST_GAIN and w is above LEAST,
+ * w is halved. */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6

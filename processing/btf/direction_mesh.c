@@ -200,8 +200,8 @@ static double weigh(const DirectionMesh *mesh, const double *points, int triangl
     return MIN(ret[0], MIN(ret[1], ret[2]));
 }
 
-/* Sorts the triangles by the smallest of the direction's three barycentric weights. The triangle
- * where this weight is largest most likely contains the direction, and is the first. */
+/* In each triangle the direction has three barycentric weights. Sorts the triangles by the smallest
+ * of the three, the largest value first. The first triangle most likely contains the direction. */
 void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
                           struct direction_guess *ret) {
     const int n = (int)mesh->triangles->len;

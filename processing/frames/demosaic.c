@@ -57,9 +57,9 @@ static float green_at(const struct picture *picture, int x, int y) {
 
 /* Returns green for a red or blue pixel if the lens has lateral colour. X is the position of the
  * pixel relative to the centre. The green light of the object point that this pixel sees arrives at
- * X (1 + c_green) / (1 + c_own). Green is interpolated there by parabolas in both directions,
- * through green at the nearest pixel of the pixel's own colour and at the green pixels next to that
- * one. */
+ * X (1 + c_green) / (1 + c_own). Green is interpolated there by a parabola along the row
+ * and one along the column. Each parabola goes through three values of green: at the nearest pixel
+ * that has the colour of this pixel, and at the two green pixels beside it. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];

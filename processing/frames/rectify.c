@@ -403,8 +403,8 @@ Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry
         return g_steal_pointer(&rectify);
     g_set_error(
         error, DATA_ERROR, DATA_ERROR_INVALID,
-        "camera %s at turntable %.6g°: %d of %d texels lie outside of the camera's %d × %d "
-        "pixels; point the camera at the sample and calibrate it, or make [sample] smaller in "
+        "camera %s at turntable %.6g°: %d of %d texels are not in the picture of %d × %d pixels; "
+        "point the camera at the sample and calibrate it, or make [sample] smaller in "
         "the session",
         camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
         camera->width, camera->height);

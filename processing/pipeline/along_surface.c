@@ -16,7 +16,7 @@
 #include "mdf_product.h"
 
 #define COLOURS 3
-#define BLOCKS  64  /* number of parts of a view's texels that are distributed to threads */
+#define BLOCKS  64  /* the texels of a view are given to threads in this number of parts */
 #define FAR_MM  1e6 /* distance from the sample to the camera of a new view */
 
 struct along {

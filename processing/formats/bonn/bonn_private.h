@@ -64,8 +64,8 @@ void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to);
 
-/* The transformation of a pixel's channels in a file, which bonn_colours_undo() inverts.
- * bonn_colours_check() fails if the model is not known. */
+/* A file may store transformed colours. This is the transformation, and bonn_colours_undo() inverts
+ * it. bonn_colours_check() fails if the model is not known. */
 struct bonn_colours {
     guint32 model;
     float mean[3], matrix[9];
