@@ -3,25 +3,19 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/bytes.h"
 #include "base/data_error.h"
 #include "base/output_file.h"
 #include "frames/rectify.h"
+#include "glb.h"
 #include "mdf/mdf_mesh.h"
 #include "session/session.h"
 
 #define KIND "mesh"
 
-static void put_u32(GByteArray *to, guint32 value) {
-    value = GUINT32_TO_LE(value);
-    g_byte_array_append(to, (const guint8 *)&value, sizeof value);
-}
-
 static void put_floats(GByteArray *to, const float *values, int n) {
-    for (int k = 0; k < n; k++) {
-        guint32 bits;
-        memcpy(&bits, &values[k], sizeof bits);
-        put_u32(to, bits);
-    }
+    for (int k = 0; k < n; k++)
+        bytes_put_float(to, (double)values[k]);
 }
 
 static void put_text(GByteArray *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
@@ -52,7 +46,7 @@ static void write_ply(const struct mdf_mesh *mesh, GByteArray *to) {
     for (guint k = 0; k < mesh->n_indices; k++) {
         if (k % 3 == 0)
             g_byte_array_append(to, (const guint8 *)"\3", 1);
-        put_u32(to, mesh->indices[k]);
+        bytes_put_u32(to, mesh->indices[k]);
     }
 }
 
@@ -126,26 +120,17 @@ static char *gltf_json(const struct mdf_mesh *mesh) {
 }
 
 static void write_glb(const struct mdf_mesh *mesh, GByteArray *to) {
-    g_autofree char *text = gltf_json(mesh);
-    g_autoptr(GString) json = g_string_new(text);
-    while (json->len % 4 != 0)
-        g_string_append_c(json, ' ');
-    const guint32 binary = (guint32)(sizeof(struct mdf_mesh_vertex) * mesh->n_vertices +
-                                     sizeof(guint32) * mesh->n_indices);
-    const guint32 head[] = {0x46546c67, 2, 28 + (guint32)json->len + binary, (guint32)json->len,
-                            0x4e4f534a};
-    for (gsize k = 0; k < G_N_ELEMENTS(head); k++)
-        put_u32(to, head[k]);
-    g_byte_array_append(to, (const guint8 *)json->str, (guint)json->len);
-    put_u32(to, binary);
-    put_u32(to, 0x004e4942);
+    g_autofree char *json = gltf_json(mesh);
+    g_autoptr(GByteArray) binary = g_byte_array_new();
     for (guint k = 0; k < mesh->n_vertices; k++) {
-        put_floats(to, mesh->vertices[k].at_mm, 3);
-        put_floats(to, mesh->vertices[k].normal, 3);
-        put_floats(to, mesh->vertices[k].uv, 2);
+        put_floats(binary, mesh->vertices[k].at_mm, 3);
+        put_floats(binary, mesh->vertices[k].normal, 3);
+        put_floats(binary, mesh->vertices[k].uv, 2);
     }
     for (guint k = 0; k < mesh->n_indices; k++)
-        put_u32(to, mesh->indices[k]);
+        bytes_put_u32(binary, mesh->indices[k]);
+    g_autoptr(GBytes) glb = glb_new(json, binary);
+    g_byte_array_append(to, g_bytes_get_data(glb, NULL), (guint)g_bytes_get_size(glb));
 }
 
 static struct mdf_table *read_table(const char *session, struct session_grid *ret_grid,

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/bytes.h"
 #include "base/data_error.h"
 #include "base/output_file.h"
 #include "exr/exr.h"
@@ -67,18 +68,10 @@ static struct fused fuse(const struct surface *surface, const struct cube *cubes
     return ret;
 }
 
-static void put_float(GByteArray *to, double value) {
-    const float narrow = (float)value;
-    guint32 bits;
-    memcpy(&bits, &narrow, sizeof bits);
-    bits = GUINT32_TO_LE(bits);
-    g_byte_array_append(to, (const guint8 *)&bits, sizeof bits);
-}
-
 static void put_vector(GByteArray *to, struct vec3 v) {
-    put_float(to, v.x);
-    put_float(to, v.y);
-    put_float(to, v.z);
+    bytes_put_float(to, v.x);
+    bytes_put_float(to, v.y);
+    bytes_put_float(to, v.z);
 }
 
 static gboolean write_points(const struct surface *surface, const char *file, int min_views,
@@ -102,7 +95,7 @@ static gboolean write_points(const struct surface *surface, const char *file, in
             continue;
         put_vector(body, fused.at_mm);
         put_vector(body, fused.normal);
-        put_float(body, fused.spread_mm);
+        bytes_put_float(body, fused.spread_mm);
         g_byte_array_append(body, &views, 1);
         ret->points++;
     }

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "formats/glb.h"
 #include "maps.h"
 #include "maps_png.h"
 
@@ -13,9 +14,7 @@
 #define TILES_U 6 /* repetitions of the material around the sphere, as in mesorig-view */
 #define TILES_V 3
 /* number of floats of a vertex: position, normal, tangent, texture coordinates */
-#define VERTEX   12
-#define GLB_JSON 0x4e4f534a
-#define GLB_BIN  0x004e4942
+#define VERTEX 12
 
 struct maps_mesh {
     GArray *vertices; /* float */
@@ -345,29 +344,6 @@ static GString *maps_gltf_json(const struct maps_gltf *to, const char *binary, c
     return json;
 }
 
-static void append(GByteArray *to, guint32 value) {
-    const guint32 little = GUINT32_TO_LE(value);
-    g_byte_array_append(to, (const guint8 *)&little, sizeof little);
-}
-
-static GBytes *maps_gltf_binary(GString *json, GByteArray *bytes) {
-    GByteArray *glb = g_byte_array_new();
-    while (json->len % 4)
-        g_string_append_c(json, ' ');
-    while (bytes->len % 4)
-        g_byte_array_append(bytes, (const guint8 *)"", 1);
-    append(glb, 0x46546c67);
-    append(glb, 2);
-    append(glb, 12 + 8 + (guint)json->len + 8 + bytes->len);
-    append(glb, (guint)json->len);
-    append(glb, GLB_JSON);
-    g_byte_array_append(glb, (const guint8 *)json->str, (guint)json->len);
-    append(glb, bytes->len);
-    append(glb, GLB_BIN);
-    g_byte_array_append(glb, bytes->data, bytes->len);
-    return g_byte_array_free_to_bytes(glb);
-}
-
 static void maps_gltf_shapes(struct maps_gltf *to, int shapes) {
     const double width = to->maps->width * to->maps->texel_mm / 1000;
     const double depth = to->maps->height * to->maps->texel_mm / 1000;
@@ -402,7 +378,7 @@ gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text,
             maps_files_take(files, g_strdup(binary), g_bytes_new(to.bytes->data, to.bytes->len));
             maps_files_take_text(files, g_strdup(file), json);
         } else {
-            maps_files_take(files, g_strdup(file), maps_gltf_binary(json, to.bytes));
+            maps_files_take(files, g_strdup(file), glb_new(json->str, to.bytes));
             g_string_free(json, TRUE);
         }
         /* The file that names the others comes first in the list. */

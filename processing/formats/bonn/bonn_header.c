@@ -297,18 +297,6 @@ gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *heade
     return TRUE;
 }
 
-void bonn_put_u32(GByteArray *to, guint32 value) {
-    value = GUINT32_TO_LE(value);
-    g_byte_array_append(to, (const guint8 *)&value, sizeof value);
-}
-
-void bonn_put_float(GByteArray *to, double value) {
-    const float narrow = (float)value;
-    guint32 bits;
-    memcpy(&bits, &narrow, sizeof bits);
-    bonn_put_u32(to, bits);
-}
-
 static void put_fixed(GByteArray *to, const char *text) {
     char field[TEXT] = {0};
     memcpy(field, text ? text : "", text ? MIN(strlen(text), TEXT - 1) : 0);
@@ -317,7 +305,7 @@ static void put_fixed(GByteArray *to, const char *text) {
 
 static void put_text(GByteArray *to, const char *text) {
     const gsize n = text ? strlen(text) : 0;
-    bonn_put_u32(to, (guint32)n);
+    bytes_put_u32(to, (guint32)n);
     g_byte_array_append(to, (const guint8 *)(text ? text : ""), (guint)n);
 }
 
@@ -329,32 +317,32 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     static const char *const signatures[] = {"!BDIF06R2!", "!BDIF06R2!", "!FMF12FCER",
                                              "!DFMF08FCR"};
     g_byte_array_append(to, (const guint8 *)signatures[header->kind], BONN_SIGNATURE);
-    bonn_put_u32(to, 0); /* size of the block, set at the end */
-    bonn_put_u32(to, 4);
+    bytes_put_u32(to, 0); /* size of the block, set at the end */
+    bytes_put_u32(to, 4);
     put_fixed(to, header->setup);
     put_fixed(to, header->sensor);
     put_fixed(to, header->light_source);
-    bonn_put_float(to, header->texels_a_mm);
+    bytes_put_float(to, header->texels_a_mm);
     for (int i = 0; i < BONN_CHANNELS; i++)
-        bonn_put_float(to, header->rgb_scale[i]);
-    bonn_put_u32(to, header->cosine);
+        bytes_put_float(to, header->rgb_scale[i]);
+    bytes_put_u32(to, header->cosine);
     put_text(to, header->xml);
-    bonn_put_u32(to, BONN_CHANNELS);
+    bytes_put_u32(to, BONN_CHANNELS);
     put_text(to, "R");
     put_text(to, "G");
     put_text(to, "B");
     const guint32 size = GUINT32_TO_LE(to->len - BONN_SIGNATURE);
     memcpy(to->data + BONN_SIGNATURE, &size, sizeof size);
-    bonn_put_u32(to, (guint32)header->n_views);
+    bytes_put_u32(to, (guint32)header->n_views);
     for (int v = 0; v < header->n_views; v++) {
-        bonn_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
-        bonn_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
-        bonn_put_u32(to, (guint32)header->n_lights);
+        bytes_put_float(to, bonn_header_radians(header->view_theta_deg[v]));
+        bytes_put_float(to, bonn_header_radians(header->view_phi_deg[v]));
+        bytes_put_u32(to, (guint32)header->n_lights);
         for (int l = 0; l < header->n_lights; l++) {
-            bonn_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
-            bonn_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
+            bytes_put_float(to, bonn_header_radians(header->light_theta_deg[l]));
+            bytes_put_float(to, bonn_header_radians(header->light_phi_deg[l]));
         }
     }
-    bonn_put_u32(to, (guint32)header->width);
-    bonn_put_u32(to, (guint32)header->height);
+    bytes_put_u32(to, (guint32)header->width);
+    bytes_put_u32(to, (guint32)header->height);
 }

@@ -1,6 +1,7 @@
 /* The files bonn_*.c share the parsing and writing of headers, and the factors of FMF and DFMF. */
 #pragma once
 
+#include "base/bytes.h"
 #include "bonn.h"
 
 #include <stdio.h>
@@ -34,10 +35,8 @@ gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
 /* Skips the rotations of local frames. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
-/* Append the header of a file, or one number, to the bytes. */
+/* Appends the header of a file to the bytes. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
-void bonn_put_u32(GByteArray *to, guint32 value);
-void bonn_put_float(GByteArray *to, double value);
 
 /* of_texel[i] is the position of texel i among the stored texels, or −1 if the texel is not stored,
  * or if the mask of a file that is read leaves the texel out. A full file stores all texels. */

@@ -71,13 +71,13 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
     g_autoptr(GByteArray) front = g_byte_array_new();
     const guint8 compression = header->kind == BONN_BDI_SPARSE ? 2 : 0;
     bonn_put_header(front, header);
-    bonn_put_u32(front, lines);
+    bytes_put_u32(front, lines);
     g_byte_array_append(front, &compression, 1);
     for (int i = 0; i < writer->n_texels; i++) {
         const guint8 there = !mask || mask[i];
         g_byte_array_append(front, &there, 1);
     }
-    bonn_put_u32(front, 0);
+    bytes_put_u32(front, 0);
     writer->chunks_at = front->len;
     return put(&writer->output, front->data, front->len, 0, error);
 }
@@ -184,9 +184,9 @@ static gboolean put_matrix(const struct output *output, const struct bonn_factor
     const guint8 scalar = sizeof(guint16);
     const gsize k = (gsize)factors->n_components;
     g_byte_array_append(front, &scalar, 1);
-    bonn_put_u32(front, (guint32)factors->n_components);
-    bonn_put_u32(front, (guint32)factors->n_rows);
-    bonn_put_u32(front, (guint32)factors->n_columns);
+    bytes_put_u32(front, (guint32)factors->n_components);
+    bytes_put_u32(front, (guint32)factors->n_rows);
+    bytes_put_u32(front, (guint32)factors->n_columns);
     if (!put(output, front->data, front->len, *at, error))
         return FALSE;
     *at += front->len;
@@ -204,19 +204,19 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
         most = MAX(most, factors[i].n_components);
     g_autoptr(GByteArray) front = g_byte_array_new();
     bonn_put_header(front, header);
-    bonn_put_u32(front, 0); /* number of rotations */
+    bytes_put_u32(front, 0); /* number of rotations */
     if (header->kind == BONN_FMF) {
         const guint8 version = 2;
         g_byte_array_append(front, &version, 1);
         for (int i = 0; i < 3; i++)
-            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
+            bytes_put_u32(front, 0); /* no transformation of the range; no height map */
     }
-    bonn_put_u32(front, (guint32)most);
+    bytes_put_u32(front, (guint32)most);
     if (header->kind == BONN_DFMF) {
         for (int i = 0; i < 4; i++)
-            bonn_put_u32(front, 0); /* untransformed colours; their mean */
+            bytes_put_u32(front, 0); /* untransformed colours; their mean */
         for (int i = 0; i < 9; i++)
-            bonn_put_float(front, i % 4 == 0); /* their matrix: identity */
+            bytes_put_float(front, i % 4 == 0); /* their matrix: identity */
     }
     struct output output = {0};
     gsize at = front->len;
