@@ -15,7 +15,7 @@ struct VirtualWled {
     int n, fd, port;
     GThread *thread;
     GMainContext *context;
-    GMainLoop *loop;
+    gint quits; /* atomic */
     SoupServer *server;
 
     GMutex mutex; /* guards the following members */
@@ -134,7 +134,8 @@ static void on_request(SoupServer *server, SoupServerMessage *message, const cha
 static gpointer run(gpointer data) {
     VirtualWled *wled = data;
     g_main_context_push_thread_default(wled->context);
-    g_main_loop_run(wled->loop);
+    while (!g_atomic_int_get(&wled->quits))
+        g_main_context_iteration(wled->context, TRUE);
     g_main_context_pop_thread_default(wled->context);
     return NULL;
 }
@@ -168,7 +169,6 @@ VirtualWled *virtual_wled_new(const char *address, int n, GError **error) {
     wled->n = n;
     wled->brightness = wled->last_brightness = 128;
     wled->context = g_main_context_new();
-    wled->loop = g_main_loop_new(wled->context, FALSE);
     if (!open_sockets(wled, address, error)) {
         virtual_wled_free(wled);
         return NULL;
@@ -184,7 +184,8 @@ void virtual_wled_free(VirtualWled *wled) {
     if (!wled)
         return;
     if (wled->thread) {
-        g_main_loop_quit(wled->loop);
+        g_atomic_int_set(&wled->quits, TRUE);
+        g_main_context_wakeup(wled->context);
         g_thread_join(wled->thread);
     }
     if (wled->server) {
@@ -195,7 +196,6 @@ void virtual_wled_free(VirtualWled *wled) {
     }
     if (wled->fd >= 0)
         close(wled->fd);
-    g_main_loop_unref(wled->loop);
     g_main_context_unref(wled->context);
     g_mutex_clear(&wled->mutex);
     g_free(wled);
