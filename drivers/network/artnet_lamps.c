@@ -173,10 +173,16 @@ static GError *silence(const struct dmx *dmx) {
                             dmx->address);
 }
 
+static char *unit(const struct dmx *dmx, int i) {
+    return g_strdup_printf("universe %d of the Art-Net node %s", dmx_universe(dmx, i),
+                           dmx->address);
+}
+
 static const struct dmx_protocol protocol = {
     .name = "Art-Net",
     .min_universe = 0,
     .max_universe = ARTNET_MAX_UNIVERSE,
+    .unit = unit,
     .send = send_levels,
     .look = look,
     .alive_us = alive_us,
@@ -197,12 +203,8 @@ static gboolean connect_node(struct artnet_lamps *lamps, GError **error) {
     guint32 local;
     dmx_address(dmx->address, &lamps->node);
     dmx_address(dmx->local_address, &local);
-    for (int i = 0; i < dmx->n_universes; i++) {
-        g_autofree char *what = g_strdup_printf("universe %d of the Art-Net node %s",
-                                                dmx_universe(dmx, i), dmx->address);
-        if (!dmx_lock(dmx, what, error))
-            return FALSE;
-    }
+    if (!dmx_lock(dmx, error))
+        return FALSE;
     lamps->socket = artnet_socket_get(local, error);
     if (!lamps->socket)
         return FALSE;
@@ -250,10 +252,7 @@ static void check(gconstpointer given, const struct config_section *section, Mis
 }
 
 static void needs(gconstpointer given, GPtrArray *to) {
-    const struct dmx *dmx = given;
-    for (int i = 0; i < dmx_count_universes(dmx); i++)
-        g_ptr_array_add(to, g_strdup_printf("universe %d of the Art-Net node %s",
-                                            dmx_universe(dmx, i), dmx->address));
+    dmx_needs(given, &protocol, to);
 }
 
 const struct lamps_driver artnet_lamps_driver = {

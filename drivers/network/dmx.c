@@ -113,6 +113,15 @@ void dmx_check(const struct dmx *dmx, const struct dmx_protocol *protocol,
                        "“%s” is not an IPv4 address such as 10.0.0.1", dmx->local_address);
 }
 
+void dmx_needs(const struct dmx *dmx, const struct dmx_protocol *protocol, GPtrArray *to) {
+    const int n = dmx_count_universes(dmx);
+    for (int i = 0; i < n; i++) {
+        char *unit = protocol->unit(dmx, i);
+        if (unit)
+            g_ptr_array_add(to, unit);
+    }
+}
+
 static int level_of(const struct dmx *dmx, int index) {
     if (dmx->levels.n == 0)
         return dmx->bits == 16 ? 65535 : 255;
@@ -377,11 +386,17 @@ void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *ba
     g_queue_init(&dmx->commands);
 }
 
-gboolean dmx_lock(struct dmx *dmx, const char *what, GError **error) {
-    Lock *lock = lock_take(what, LOCK_SHARED, what, error);
-    if (lock)
+gboolean dmx_lock(struct dmx *dmx, GError **error) {
+    g_autoptr(GPtrArray) units = g_ptr_array_new_with_free_func(g_free);
+    dmx_needs(dmx, dmx->protocol, units);
+    for (guint i = 0; i < units->len; i++) {
+        const char *unit = units->pdata[i];
+        Lock *lock = lock_take(unit, LOCK_SHARED, unit, error);
+        if (!lock)
+            return FALSE;
         g_ptr_array_add(dmx->locks, lock);
-    return lock != NULL;
+    }
+    return TRUE;
 }
 
 gboolean dmx_start(struct dmx *dmx, int wait_ms, GError **error) {

@@ -23,6 +23,9 @@ struct dmx;
 struct dmx_protocol {
     const char *name; /* "Art-Net" */
     int min_universe, max_universe;
+    /* Returns the name of what the i-th universe occupies, for driver_info.needs and for the lock.
+     * Returns NULL if that is what an earlier universe occupies. g_free() */
+    char *(*unit)(const struct dmx *dmx, int i);
     /* Sends the levels of the i-th universe. */
     gboolean (*send)(struct dmx *dmx, int i, GError **error);
     /* Takes what has arrived, and sends what the protocol needs besides levels. urgent is TRUE if
@@ -89,6 +92,9 @@ struct dmx {
 void dmx_check(const struct dmx *dmx, const struct dmx_protocol *protocol,
                const struct config_section *section, Mistakes *mistakes);
 
+/* For driver_info.needs. */
+void dmx_needs(const struct dmx *dmx, const struct dmx_protocol *protocol, GPtrArray *to);
+
 /* Reads an IPv4 address such as 10.0.0.7. Returns FALSE if the text is none. "" is 0.0.0.0. */
 gboolean dmx_address(const char *text, guint32 *ret);
 
@@ -102,8 +108,8 @@ gboolean dmx_is_dark(const struct dmx *dmx);
 /* Prepares the state. The driver then opens its socket, calls dmx_start(), and calls dmx_leave() if
  * one of them fails. */
 void dmx_init(struct dmx *dmx, const struct dmx_protocol *protocol, LampBank *bank);
-/* Locks a universe of a receiver. */
-gboolean dmx_lock(struct dmx *dmx, const char *what, GError **error);
+/* Locks what all universes occupy. */
+gboolean dmx_lock(struct dmx *dmx, GError **error);
 /* Sends "off" and waits for its end, for at most wait_ms. Fills the bank. */
 gboolean dmx_start(struct dmx *dmx, int wait_ms, GError **error);
 /* Sends "off" and waits for its end, for at most wait_ms, before the driver closes its socket. */

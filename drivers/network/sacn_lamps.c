@@ -115,10 +115,15 @@ static GError *silence(const struct dmx *dmx) {
                             receiver_name(dmx));
 }
 
+static char *unit(const struct dmx *dmx, int i) {
+    return g_strdup_printf("universe %d of sACN to %s", dmx_universe(dmx, i), receiver_name(dmx));
+}
+
 static const struct dmx_protocol protocol = {
     .name = "sACN",
     .min_universe = SACN_MIN_UNIVERSE,
     .max_universe = SACN_MAX_UNIVERSE,
+    .unit = unit,
     .send = send_levels,
     .look = look,
     .alive_us = alive_us,
@@ -159,12 +164,8 @@ static gboolean connect_receiver(struct sacn_lamps *lamps, GError **error) {
     guint32 local;
     dmx_address(dmx->address, &lamps->receiver);
     dmx_address(dmx->local_address, &local);
-    for (int i = 0; i < dmx->n_universes; i++) {
-        g_autofree char *what =
-            g_strdup_printf("universe %d of sACN to %s", dmx_universe(dmx, i), receiver_name(dmx));
-        if (!dmx_lock(dmx, what, error))
-            return FALSE;
-    }
+    if (!dmx_lock(dmx, error))
+        return FALSE;
     lamps->fd = udp_open(local, 0, error);
     if (lamps->fd < 0)
         return FALSE;
@@ -230,10 +231,7 @@ static void check(gconstpointer given, const struct config_section *section, Mis
 }
 
 static void needs(gconstpointer given, GPtrArray *to) {
-    const struct dmx *dmx = given;
-    for (int i = 0; i < dmx_count_universes(dmx); i++)
-        g_ptr_array_add(to, g_strdup_printf("universe %d of sACN to %s", dmx_universe(dmx, i),
-                                            receiver_name(dmx)));
+    dmx_needs(given, &protocol, to);
 }
 
 const struct lamps_driver sacn_lamps_driver = {

@@ -155,9 +155,15 @@ static GError *silence(const struct dmx *dmx) {
                                          dmx->address);
 }
 
+/* All universes are LEDs of one controller. */
+static char *unit(const struct dmx *dmx, int i) {
+    return i == 0 ? g_strdup_printf("WLED at %s", dmx->address) : NULL;
+}
+
 static const struct dmx_protocol protocol = {
     .name = "WLED",
     .max_universe = G_MAXINT,
+    .unit = unit,
     .send = send_levels,
     .look = look,
     .alive_us = alive_us,
@@ -176,13 +182,12 @@ static void leave(struct wled_lamps *lamps) {
 
 static gboolean connect_node(struct wled_lamps *lamps, GError **error) {
     struct dmx *dmx = &lamps->dmx;
-    g_autofree char *what = g_strdup_printf("WLED at %s", dmx->address);
     struct sockaddr_in own = {0};
     socklen_t length = sizeof own;
     guint32 local;
     dmx_address(dmx->address, &lamps->node);
     dmx_address(dmx->local_address, &local);
-    if (!dmx_lock(dmx, what, error))
+    if (!dmx_lock(dmx, error))
         return FALSE;
     lamps->fd = udp_open(local, 0, error);
     if (lamps->fd < 0)
@@ -259,7 +264,7 @@ static void check(gconstpointer given, const struct config_section *section, Mis
 }
 
 static void needs(gconstpointer given, GPtrArray *to) {
-    g_ptr_array_add(to, g_strdup_printf("WLED at %s", ((const struct dmx *)given)->address));
+    g_ptr_array_add(to, unit(given, 0));
 }
 
 const struct lamps_driver wled_lamps_driver = {
