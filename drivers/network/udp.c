@@ -44,10 +44,8 @@ int udp_open(guint32 local_address, guint16 port, GError **error) {
 
 int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize n) {
     const struct sockaddr_in to = socket_address(address, port);
-    if (sendto(fd, packet, n, MSG_NOSIGNAL, (const struct sockaddr *)&to, sizeof to) >= 0 ||
-        errno == EAGAIN || errno == ENOBUFS)
-        return 0;
-    return errno;
+    return sendto(fd, packet, n, MSG_NOSIGNAL, (const struct sockaddr *)&to, sizeof to) < 0 ? errno
+                                                                                            : 0;
 }
 
 gssize udp_receive(int fd, guint8 *ret, gsize size, guint32 *ret_address) {

@@ -7,7 +7,8 @@
  * use the same port. The error is a DEVICE_ERROR without a subject. */
 int udp_open(guint32 local_address, guint16 port, GError **error);
 
-/* Sends a packet. Returns 0, or errno. A packet for which the system has no space is lost. */
+/* Sends a packet. Returns 0, or errno. A packet for which the system has no space is not sent,
+ * which is EAGAIN or ENOBUFS. */
 int udp_send(int fd, guint32 address, guint16 port, const guint8 *packet, gsize n);
 
 /* Receives a packet. Returns its length, or -1 if there is none. */
