@@ -241,7 +241,7 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
             "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder, "
-            "and no camera raw",
+            "and no camera raw: give the folder of the photographs",
             folder);
     g_ptr_array_sort(paths, by_name);
     return paths->len > 0 ? g_steal_pointer(&paths) : NULL;
@@ -314,8 +314,8 @@ gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error
     if (!sum || strcmp(sum, frame->sha256) == 0)
         return sum != NULL;
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: its checksum is not that of the captured frame; mesorig verify records the "
-                "damage, and mesorig resume then captures the frame again",
+                "%s: the checksum of the file is not that of the captured frame; mesorig verify "
+                "records the damage, and mesorig resume then captures the frame again",
                 frame->path);
     return FALSE;
 }

@@ -27,7 +27,8 @@ extern gboolean calibrate_incomplete;           /* --incomplete */
 #define CALIBRATE_FROM(what)                                                                       \
     { "calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibrate_from, what, "FILE" }
 
-/* Relative deviation of a signal above which a camera counts as not linear. */
+/* Largest relative deviation of a camera's signal from one that is proportional to the exposure
+ * time. A camera with a larger deviation counts as not linear. */
 #define CALIBRATE_LINEAR 0.01
 
 struct calibrate_job;
@@ -96,7 +97,8 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
-/* Adds a warning with possible causes if a residual is larger than noise explains. */
+/* Adds a warning with possible causes to job->warnings if a residual is more than RESIDUAL_LIMIT
+ * times as large as noise explains (base/residual.h). */
 struct residual;
 void calibrate_warn_residual(const struct calibrate_job *job, const struct residual *residual);
 
@@ -109,9 +111,10 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
  * the channel Y of its first part, or the luminance of R, G and B (ITU-R BT.709). */
 struct picture *calibrate_read_photograph(const char *path, GError **error);
 
-/* Returns the distance in mm between a bent laser sheet and a plane: bend_rad · s² / r. s is
- * CALIBRATE_BEND_AT_MM, measured on the turntable from the middle of the line. r is the distance of
- * the laser from the turntable's centre, across the laser's axis. Returns 0 if r is 0. */
+/* Returns the distance in mm between a bent laser sheet and the sheet without its bend: bend_rad ·
+ * s² / r. s is CALIBRATE_BEND_AT_MM, measured on the turntable from the middle of the line. r is
+ * the distance of the laser from the turntable's centre, across the laser's axis. Returns 0 if r is
+ * 0. */
 #define CALIBRATE_BEND_AT_MM 36.0
 double calibrate_bend_mm(const struct rig_laser *laser, double bend_rad);
 
@@ -148,7 +151,8 @@ GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GErro
 gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
 
 /* Reads a frame of a lamp shot: its mosaic in DN per millisecond above the dark level, with
- * balanced colours. Fails if the file does not have the checksum that the session has stored. */
+ * balanced colours. Fails if the file cannot be read, does not have the checksum that the session
+ * has stored, or has an unknown colour filter. */
 struct picture *calibrate_read(const struct calibrate_frame *frame, GError **error);
 
 /* The command `mesorig board`: draws a calibration board as a file to print. */

@@ -98,8 +98,8 @@ static gboolean gather(struct job *job, GError **error) {
     if (job->base.frames->len > 0)
         return TRUE;
     g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                "%s: the session has no laser sweeps: give laser positions in the section [lasers] "
-                "of its session file, and capture it again",
+                "%s: no laser sweeps were captured in this session: give laser positions in the "
+                "section [lasers] of its session file, and capture the session again",
                 job->base.sessions[0]);
     return FALSE;
 }

@@ -140,7 +140,8 @@ static gboolean look_at(struct job *job, const char *path, BoardCensus *census, 
     if (corners && !laser_pose_fit(camera, &job->board, corners, NULL, &pose))
         g_set_error_literal(&why, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
                             "the corners in the photograph do not fit the board of --board and the "
-                            "lens of the calibration");
+                            "lens of the calibration: measure the board again and correct --board, "
+                            "or calibrate the camera again");
     else if (corners)
         dots = laser_line_find(strength, reflectance, camera, &job->board, &pose, &why);
     if (!dots) {
@@ -319,11 +320,13 @@ static gboolean fit(struct job *job, GError **error) {
         photographs[i] = (struct laser_photograph){seen->path, seen->corners, seen->dots};
     }
     if (n < LASER_PLANE_MIN) {
-        g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
-                    "%d of %u photographs show board and laser line; at least %d are needed%s%s", n,
-                    n + job->base.rejected->len, LASER_PLANE_MIN,
-                    job->base.rejected->len ? "; the first was left out: " : "",
-                    job->base.rejected->len ? (char *)job->base.rejected->pdata[0] : "");
+        g_set_error(
+            error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
+            "%d of %u photographs show board and laser line, but at least %d must: take more "
+            "photographs%s%s",
+            n, n + job->base.rejected->len, LASER_PLANE_MIN,
+            job->base.rejected->len ? "; the first was left out: " : "",
+            job->base.rejected->len ? (char *)job->base.rejected->pdata[0] : "");
         return FALSE;
     }
     job->plane =

@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Number of rounds of measuring. Each begins with the positions that the previous one found. */
+/* Number of rounds of measuring. The first round begins with the positions of the calibration, and
+ * each further round with the positions that the previous one found. */
 #define ROUNDS       2
 #define LOCATE_VIEWS 6   /* maximum number of views in which the plate is searched for */
 #define LOCATE_SHOTS 8   /* maximum number of pictures of each of these views */
@@ -138,7 +139,7 @@ static gboolean gather(struct job *job, GError **error) {
     }
     if (frames->len == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: the session contains no pictures under lamps: capture it first",
+                    "%s: the session contains no pictures under lamps: capture the session first",
                     job->base.sessions[0]);
         return FALSE;
     }

@@ -18,8 +18,8 @@
 #define BRIGHTER 5.0
 /* Largest part of a ball's disc that a highlight may cover: 26° around the lamp. */
 #define SPOT_SHARE 0.05
-#define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
-#define MOVED      0.05 /* largest error of such a circle, as a part of the radius */
+#define GIVEN_PX   0.5  /* standard deviation, in pixels, of a circle that the user has given */
+#define MOVED      0.05 /* largest error of centre or radius of such a circle, in radii */
 #define MOVED_PX   4    /* largest error of the circle of a small ball, in pixels */
 #define WHITE      0.98 /* part of the brightest pixel from which a pixel counts as clipped */
 /* An outline that differs from the given circle by more than MOVED, but by less than this part
@@ -429,8 +429,8 @@ int photos_calibrate(const struct call *call, GError **error) {
     for (char **text = photos_balls; *text; text++) {
         double v[3];
         if (job.n_balls == BALL_LIGHT_MAX)
-            return cli_usage(call->command, "--ball=%s: more than %d balls are given", *text,
-                             BALL_LIGHT_MAX);
+            return cli_usage(call->command, "--ball=%s: this is one ball too many; give at most %d",
+                             *text, BALL_LIGHT_MAX);
         if (!calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
             return cli_usage(call->command, "--ball=%s: give X,Y,R in pixels, R at least 5", *text);
         job.given[job.n_balls++] = (struct ball_outline){v[0], v[1], v[2]};

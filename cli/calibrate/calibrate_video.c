@@ -25,9 +25,9 @@ static gboolean progress(int done, int n, gpointer data, GError **error) {
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Computes the places of the board's four outer corners in a frame. corners is NULL if the board
- * is not seen. Returns the number of corners, or 0 if there are too few or they fit no homography.
- */
+/* Computes x, y in pixels of the board's four outer corners in a frame. corners is NULL if the
+ * board is not seen. Returns the number of corners, or 0 if there are too few or they fit no
+ * homography. */
 static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];
@@ -53,8 +53,9 @@ static guint board_place(const struct board *board, const GArray *corners, doubl
     return (guint)n;
 }
 
-/* Returns the RMS distance of the outer corners. A board that looks the same upside down may be
- * found either way round. The smaller of the two distances therefore counts. */
+/* Returns the RMS distance between the outer corners of the board in two frames, in pixels. A board
+ * that looks the same upside down may be found either way round. The smaller of the two distances
+ * therefore counts. */
 static double places_apart(const double a[8], const double b[8]) {
     double sum[2] = {0, 0};
     for (int turned = 0; turned < 2; turned++)
@@ -146,11 +147,10 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
             return NULL;
     }
     if (video->n_seen == 0) {
-        g_set_error(
-            error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
-            "%s: the board is in none of the %u sharpest of its %d frames; does --board describe "
-            "the board in the video?",
-            path, n, video->video->n_frames);
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+                    "%s: the board is in none of the %u sharpest of its %d frames: check that "
+                    "--board describes the board in the video",
+                    path, n, video->video->n_frames);
         return NULL;
     }
     choose(video, places, corners);

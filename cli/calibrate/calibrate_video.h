@@ -31,4 +31,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(CalibrateVideo, calibrate_video_free)
 
 /* Returns the name "PATH#FRAME" of chosen frame i. Free it with g_free(). */
 char *calibrate_video_name(const struct calibrate_video *video, guint i);
+/* Returns chosen frame i as linear grey values, under the name of calibrate_video_name(). Free it
+ * with picture_free(). */
 struct picture *calibrate_video_picture(const struct calibrate_video *video, guint i);

@@ -431,7 +431,9 @@ TEST(refused) {
     write_photograph(test.lit, 0, lit);
     g_autofree char *few = run(&test, CHARUCO, FALSE, &code);
     g_assert_cmpint(code, ==, 1);
-    g_assert_nonnull(strstr(few, "2 of 3 photographs show board and laser line; at least 3"));
+    g_assert_nonnull(strstr(few,
+                            "2 of 3 photographs show board and laser line, but at least 3 must: "
+                            "take more photographs"));
     g_assert_nonnull(strstr(few, "00.ppm: no line on the board is "));
     end(&test);
 }
@@ -593,13 +595,14 @@ TEST(grey) {
     take_all(&test, &scene, 1, FALSE, 80);
     g_autofree char *one = run(&test, CHARUCO, FALSE, &code);
     g_assert_cmpint(code, ==, 1);
-    assert_has(one, "0 of 1 photographs show board and laser line; at least 3 are needed");
+    assert_has(one, "0 of 1 photographs show board and laser line, but at least 3 must: take more");
     assert_has(one, "take the same photographs without the laser, and give --dark-images");
     /* With its pair the line is seen, but one photograph does not determine a plane. */
     take_all(&test, &scene, 1, TRUE, 80);
     g_autofree char *pair = run(&test, CHARUCO, TRUE, &code);
     g_assert_cmpint(code, ==, 1);
-    assert_has(pair, "1 of 1 photographs show board and laser line; at least 3 are needed");
+    assert_has(pair,
+               "1 of 1 photographs show board and laser line, but at least 3 must: take more");
     end(&test);
 }
 
