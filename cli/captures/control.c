@@ -154,8 +154,8 @@ static int run_close(const struct call *call, GError **error) {
 }
 
 /* SafeState answers within a quarter of a second. A slow device may confirm later. The command
- * therefore asks again until all devices have confirmed or SAFE_WAIT_US have passed. That is longer
- * than the deadline of a command to a laser or lamp. */
+ * therefore asks again until all devices have confirmed or SAFE_WAIT_US have passed. SAFE_WAIT_US
+ * is longer than the deadline of a command to a laser or lamp. */
 static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
                           GError **error) {
     const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;

@@ -8,11 +8,14 @@ typedef struct Link Link;
 /* Finds the daemon that the user means. This is the first of the following: the daemon of --address
  * or --bus, which must capture into directory if that is given; the daemon that captures into
  * directory (may be NULL); the daemon of MESORIG_ADDRESS; the only daemon of this user, on the
- * system bus or on the session bus. If there are several, the error lists them. */
+ * system bus or on the session bus. If there are several, the error lists them. If there is none,
+ * the error says how to start one. */
 Link *link_find(const char *directory, GError **error);
 
 /* Finds the daemon that has this rig open, or the daemon of --address or --bus. Returns NULL
- * without an error if there is none. A daemon that ends with another program is ignored. */
+ * without an error if there is none, and NULL with an error if several daemons have the rig open,
+ * or if the daemon of --address or --bus does not answer. A daemon that ends with another program
+ * is ignored. */
 Link *link_find_rig(const char *rig_path, GError **error);
 
 /* Finds a daemon for a rig with real devices that no daemon has open: the daemon of --address,

@@ -42,7 +42,7 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
  * capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 
-/* Returns the reason for the pause; owned by the monitor. */
+/* Returns the reason for the pause, or "" if there was none; owned by the monitor. */
 const char *monitor_reason(const Monitor *monitor);
 
 /* Returns a text such as "3340 of 3340 shots, 51234 camera frames in this run, no retakes,
