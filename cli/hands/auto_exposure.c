@@ -41,7 +41,7 @@ struct choice {
     GArray *lamps, *lines; /* of struct measured */
 };
 
-/* Returns the value that the n brightest pixels reach. */
+/* Returns the largest value in DN that at least n pixels reach, or 0. */
 static int value_of(const Frame *frame, gsize n) {
     const gsize pixels = (gsize)frame->width * (gsize)frame->height;
     const int top = (1 << frame->bits) - 1;
@@ -56,8 +56,8 @@ static int value_of(const Frame *frame, gsize n) {
     return dn;
 }
 
-/* Returns the value that the n brightest pixels reach, above black and dark current, as a part of
- * the range above black. */
+/* Returns the largest value that at least n pixels reach, above black and dark current, as a part
+ * of the range above black. */
 static double part_of(const struct choice *choice, int camera, const Frame *frame, gsize n) {
     const double range_dn = (1 << frame->bits) - 1 - frame->black_level;
     return (value_of(frame, n) - frame->black_level) / range_dn -

@@ -29,7 +29,7 @@
 struct seen { /* what a camera has seen of all lamps */
     int bits;
     double dark_dn;
-    double high_dn;    /* highest 99th percentile at the longest exposure */
+    double high_dn;    /* highest 99th percentile of a picture at the longest exposure */
     double saturated;  /* largest saturated part of a picture at the shortest exposure */
     int saturated_by;  /* the lamp of that picture */
     double shorter_us; /* an exposure that is short enough; 0 if not known */

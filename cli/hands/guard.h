@@ -6,7 +6,8 @@
 #include "plan/plan.h"
 
 /* Returns whether the BTF of a session has so many pictures (views × lights) that a few test shots
- * hardly prolong the session. Exposures of a bracket, dark frames and laser sweeps do not count. */
+ * hardly make the capture longer. Exposures of a bracket, dark frames and laser sweeps do not
+ * count. */
 gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig);
 
 /* Homes turntable, arc, arm and probe, turns the arc to a planned light away from the cameras, and
@@ -16,7 +17,7 @@ gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *ri
  * shot, because such a shot would not show that one of them is dead.
  *
  * Returns sentences (char *). Each says what was measured, and which key or device to change:
- * - the rig is not calibrated (calibration says which parts are),
+ * - parts of the rig are not calibrated according to calibration,
  * - a camera saturates, stays dark, or sees no lamp,
  * - no camera sees a lamp,
  * - fiducials are not where the calibration has them.

@@ -75,8 +75,9 @@ static void on_devices(GObject *object, GParamSpec *spec, gpointer data) {
     if (count_open(BUS_RIG1(object)) <= waiting->n_open)
         return;
     g_free(waiting->fault);
-    waiting->fault =
-        g_strdup("an interlock has opened, which has ended all use of devices by hand");
+    waiting->fault = g_strdup(
+        "an interlock has opened, which has ended all use of devices by hand: close the interlock, "
+        "then run the command again");
     on_end(waiting);
 }
 
