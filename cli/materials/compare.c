@@ -80,7 +80,9 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
     const struct btf_matrix *btf = material_btf(compare->of_a);
     if (!btf) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: --curve needs a session directory with a BTF", compare->a);
+                    "%s: --curve needs the BTF of a session: give a session directory that "
+                    "“mesorig process” has processed",
+                    compare->a);
         return FALSE;
     }
     if (!left_out_draw(&compare->left_out, compare->a, &btf->layout, &compare->held, error))

@@ -202,7 +202,7 @@ Models are compared with the BTF that they are of.
   mesorig: plot.jpg: the name of a plot must end in .png or .svg
   [1]
   $ mesorig compare S/products/fields.exr --curve curve.svg --force
-  mesorig: S/products/fields.exr: --curve needs a session directory with a BTF
+  mesorig: S/products/fields.exr: --curve needs the BTF of a session: give a session directory that “mesorig process” has processed
   [1]
   $ mesorig compare S --plot curve.svg
   mesorig compare: --plot draws the errors between two materials: give two
