@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #define READ_SIZE 16384
-#define FIRST_ID  7001 /* a program must repeat the id of a request, and not count by itself */
+#define FIRST_ID  7001 /* not 1, which shows programs that count instead of repeating the id */
 #define ID_STEP   3
 
 static void answer_free(gpointer data) {

@@ -14,7 +14,8 @@
 #define BENCH_ENDS_MS   1000 /* time to end after "close" and after the end of standard input */
 #define BENCH_MAX_LAMPS 1024
 
-/* The part of an axis' way that the checks may use, and how it moves. */
+/* The part of the axis' way that the checks may use, its speed and acceleration, and the largest
+ * error of its position after a move. */
 struct bench_motion {
     double min_deg, max_deg, speed_deg_s, accel_deg_s2, tolerance_deg;
 };
@@ -37,10 +38,10 @@ struct bench {
     GByteArray *line;
     GPtrArray *answers; /* of struct bench_answer, since the start */
     guint64 last_id;
-    JsonObject *hello, *opened;  /* the answers of the program */
+    JsonObject *hello, *opened;  /* the answers of the program to "hello" and "open", or NULL */
     gint64 written_us;           /* time of the last request */
     int n_lamps;                 /* from the answer to "open" */
-    struct camera_format format; /* the same */
+    struct camera_format format; /* from the answer to "open" */
     gint64 *exposures_us;        /* list to which format points */
     guint64 shot;                /* number of the last trigger */
     gint64 picture_id;           /* id of the last picture; −1 if there was none */
@@ -50,18 +51,18 @@ struct bench {
     const char *check; /* name of the check that runs */
     struct bench_verdict verdict;
 
-    /* Faults that are no matter of a single check, with the check in which they were seen first.
-     * They are NULL if there was none. */
+    /* The first line that no program may send, and the first event that came at a wrong time, each
+     * as a sentence that names the check. NULL if there was none. */
     char *strange_line, *strange_event;
     int n_events; /* events with a known name */
 };
 
 struct bench_answer {
-    guint64 id;         /* 0: the error of a program that could not read a request */
+    guint64 id; /* id of the request; 0 for the error of a program that could not read a request */
     char *failure;      /* NULL if the request did not fail */
-    JsonObject *values; /* NULL if it did */
+    JsonObject *values; /* the result; NULL if the request failed */
     gint64 at_us;
-    gboolean taken;
+    gboolean taken; /* a bench_await…() has returned this answer */
 };
 
 /* Fills a bench. command must live until bench_clear(). Makes a temporary folder. */
@@ -69,7 +70,8 @@ gboolean bench_init(struct bench *bench, const struct program_command *command, 
 void bench_clear(struct bench *bench);
 void bench_clear_verdict(struct bench *bench);
 
-/* Both return FALSE. advice is a literal: what the author of the program is to do. */
+/* Note why the check that runs has failed or was skipped, unless it has failed already. Both return
+ * FALSE. advice is a literal that says what the author of the program must do. */
 gboolean bench_fail(struct bench *bench, const char *advice, const char *expected,
                     const char *came_format, ...) G_GNUC_PRINTF(4, 5);
 gboolean bench_skip(struct bench *bench, const char *format, ...) G_GNUC_PRINTF(2, 3);
@@ -87,23 +89,26 @@ void bench_end(struct bench *bench);
 void bench_close_input(struct bench *bench);
 void bench_kill(struct bench *bench);
 
-/* Waits until the program has ended. Returns FALSE at the deadline. Takes what the program still
- * writes. */
+/* Waits until the program has ended, and reads what it still writes. Returns FALSE if it has not
+ * ended after wait_ms. */
 gboolean bench_await_end(struct bench *bench, int wait_ms);
 
-/* Writes text to the program. What a program does not read is an error of the next answer. */
+/* Writes text to the program. If the program does not take all of the text, its input is closed,
+ * and the next answer is missing. */
 void bench_write(struct bench *bench, const char *text);
 
-/* Returns the line of a request. Takes ownership of params, which may be NULL. g_free() */
+/* Returns the line of a request, with a new id in *ret_id. Takes ownership of params, which may be
+ * NULL. g_free() */
 char *bench_line(struct bench *bench, const char *method, JsonObject *params, guint64 *ret_id);
 
-/* Waits for an answer. With ret_values, only a result passes (json_object_unref(); may be NULL).
- * method is for the verdict. */
+/* Waits for the answer to the request with this id. Fails with a verdict, in which method is the
+ * name of the request, if no answer comes within wait_ms or if the answer is an error. ret_values
+ * may be NULL; json_object_unref(). */
 gboolean bench_await(struct bench *bench, guint64 id, const char *method, int wait_ms,
                      JsonObject **ret_values);
 
-/* The same for an answer of any kind, which is owned by the bench. Returns NULL with a verdict. id
- * may be 0. */
+/* Waits like bench_await(), but the answer may also be an error. The bench owns the answer. Returns
+ * NULL with a verdict if there is no answer. id may be 0 (see struct bench_answer). */
 const struct bench_answer *bench_await_any(struct bench *bench, guint64 id, const char *method,
                                            int wait_ms);
 
@@ -112,10 +117,10 @@ gboolean bench_ask(struct bench *bench, const char *method, JsonObject *params,
                    JsonObject **ret_values);
 gboolean bench_do(struct bench *bench, const char *method, JsonObject *params);
 
-/* Takes answers and events for some time. */
+/* Reads answers and events for wait_ms. */
 void bench_pass(struct bench *bench, int wait_ms);
 
-/* Returns whether the program has a capability. */
+/* Returns whether the answer to "hello" names a capability. */
 gboolean bench_can(const struct bench *bench, const char *what);
 
 /* Returns params with one value; the value is a boolean, a number or a text. */

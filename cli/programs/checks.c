@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define SILENCE_MARGIN_MS 2000 /* time that a program may be late after silence_ms */
+#define SILENCE_MARGIN_MS 2000 /* a program may end up to this time after silence_ms */
 
 #define SEE_TABLE  "see the table of requests in docs/build-a-rig/programs.md"
 #define ONLY_LINES "print nothing else on standard output, and use standard error for messages"
@@ -92,7 +92,8 @@ static gboolean check_together(struct bench *bench) {
            bench_await(bench, second_id, "the second of two “ping”", PROGRAM_ANSWER_MS, NULL);
 }
 
-/* The answer must be an error, and the program must go on. */
+/* Waits for the answer to a wrong request. The answer must be an error, and the program must then
+ * answer “ping”. */
 static gboolean expect_error(struct bench *bench, guint64 id, const char *what,
                              const char *advice) {
     const struct bench_answer *answer = bench_await_any(bench, id, what, PROGRAM_ANSWER_MS);
@@ -152,7 +153,7 @@ static gboolean check_restart(struct bench *bench) {
     return g_str_equal(bench->class_name, "lamps") ? check_lamps_get(bench) : check_ping(bench);
 }
 
-/* The move of an axis has ended long before the end of the silence. */
+/* An axis is not moved here, because its move would end long before the silence does. */
 static gboolean check_silence(struct bench *bench) {
     if (!bench_ready(bench))
         return FALSE;
@@ -171,8 +172,8 @@ static gboolean check_silence(struct bench *bench) {
                             "it still runs after 12000 ms");
 }
 
-/* Uses the device, in case that no other check was chosen. Why that fails is not the matter of the
- * check that follows. */
+/* Uses the device, because --only may have chosen no other check. If the device cannot be used, the
+ * check that calls this function is skipped, because another check reports that. */
 static gboolean use_device(struct bench *bench) {
     if (g_str_equal(bench->class_name, "camera") ? check_camera_trigger(bench)
                                                  : checks_make_unsafe(bench))
@@ -255,7 +256,8 @@ const struct check *checks_all(void) {
 }
 
 gboolean checks_has(const struct check *check, const char *class_name) {
-    /* Of several rows of one name, that of the class counts. */
+    /* If a name has several rows, a row for all classes does not count for a class with a row of
+     * its own. */
     for (const struct check *other = checks; !check->class_name && other->name; other++)
         if (other != check && g_str_equal(other->name, check->name) &&
             g_strcmp0(other->class_name, class_name) == 0)

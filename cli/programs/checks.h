@@ -1,4 +1,5 @@
-/* The checks of “mesorig conformance”: what docs/build-a-rig/programs.md promises of a program. */
+/* The checks of “mesorig conformance”: whether a program does what docs/build-a-rig/programs.md
+ * demands of it. */
 #pragma once
 
 #include "bench.h"
@@ -6,8 +7,8 @@
 struct check {
     const char *name;
     const char *class_name; /* NULL: all classes */
-    /* Name of the check without which this one says nothing. It is skipped if that one was run and
-     * has not passed. NULL if there is none. */
+    /* Name of the check on which this check builds, or NULL. If that check was run and has not
+     * passed, this check is skipped. */
     const char *after;
     const char *promise;
     gboolean (*run)(struct bench *bench);
@@ -19,11 +20,13 @@ const struct check *checks_all(void);
 /* Returns whether a check belongs to a class. */
 gboolean checks_has(const struct check *check, const char *class_name);
 
-/* Tries to find the class of a program by “hello”. Returns NULL if its answers do not say it. */
+/* Sends “hello” with each class in turn. Returns the class that an answer names, or NULL if no
+ * answer names one. */
 const char *checks_find_class(struct bench *bench);
 
-/* What the device of a class does when the checks make it unsafe, and whether a program that was
- * started again finds it safe. The former begins with bench_ready(). */
+/* checks_make_unsafe() calls bench_ready(), then switches lamps on or begins to move the axis; a
+ * camera is always safe. checks_find_safe() starts the program again and checks that the lamps are
+ * off or the axis stands. after says for the verdict what should have made the device safe. */
 gboolean checks_make_unsafe(struct bench *bench);
 gboolean checks_find_safe(struct bench *bench, const char *after);
 

@@ -8,8 +8,8 @@
 
 #define MAX_DEG  1e9
 #define POLL_MS  100 /* time between two questions, as in the driver */
-#define HOMING_S 60  /* time to home, in addition to twice the way */
-#define STOP_S   5   /* time to stand after “stop”, in addition to the braking */
+#define HOMING_S 60  /* time to home, in addition to the time of two moves over the whole way */
+#define STOP_S   5 /* time until the axis stands after “stop”, in addition to the time of braking */
 
 struct state {
     double deg;
@@ -28,7 +28,7 @@ static gboolean get_state(struct bench *bench, struct state *ret) {
                       "“deg”, “moving” and “homed”", "the program %s", error->message);
 }
 
-/* Asks ten times a second until the axis stands. */
+/* Asks every POLL_MS until the axis stands. Fails if it still moves after limit_s. */
 static gboolean await_still(struct bench *bench, double limit_s, const char *after,
                             struct state *ret) {
     const gint64 deadline_us = g_get_monotonic_time() + (gint64)(limit_s * 1e6);
@@ -103,7 +103,7 @@ static gboolean ready_homed(struct bench *bench) {
     return ready(bench) && get_state(bench, &state) && (state.homed || home(bench));
 }
 
-/* Begins a move, after which the axis must be moving. */
+/* Begins a move. The axis must then be moving, unless it is already at its target. */
 static gboolean begin_move(struct bench *bench, double deg) {
     struct state before, state;
     if (!get_state(bench, &before) || !bench_do(bench, "move", to_params(bench, deg)) ||
@@ -134,7 +134,8 @@ static gboolean move(struct bench *bench, double deg) {
                       expected, "it stands at %.3f°", state.deg);
 }
 
-/* A program that was started again may find an axis that is still braking. */
+/* The program was started again after `after`. The axis may still be braking, so its state is read
+ * only after one and a half times the time of braking. */
 gboolean check_axis_expect_still(struct bench *bench, const char *after) {
     const double braking_s = bench->motion.speed_deg_s / bench->motion.accel_deg_s2;
     struct state state;
@@ -169,7 +170,8 @@ gboolean check_axis_same_place(struct bench *bench) {
     return ready_homed(bench) && move(bench, at(bench, 0.4)) && move(bench, at(bench, 0.4));
 }
 
-/* Goes to one end, and begins to move to the other one. */
+/* Moves the axis to a quarter of the way that the checks may use, and begins to move it to three
+ * quarters. */
 gboolean check_axis_make_unsafe(struct bench *bench) {
     return ready_homed(bench) && move(bench, at(bench, 0.25)) && begin_move(bench, at(bench, 0.75));
 }

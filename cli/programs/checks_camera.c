@@ -9,7 +9,7 @@
 
 #define EXPOSURE_US 10000
 #define STOPPED_US  1000000 /* exposure that is stopped */
-#define SHORT_US    300000  /* a shorter exposure may end before “stop” is read */
+#define SHORT_US    300000  /* an exposure below this may end before the program reads “stop” */
 #define STOP_MS     100     /* from “trigger” to “stop” */
 
 /* Returns the exposure of the camera that is nearest to the wanted one. */

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define MOST_LAMPS 16 /* number of lamps that are switched, spread over all */
+#define MOST_LAMPS 16 /* maximum number of lamps that are switched, spread evenly over all */
 
 #define READ_BACK "check the wiring, and answer “get” with what is read from the device"
 
@@ -58,13 +58,15 @@ gboolean check_lamps_get(struct bench *bench) {
     return bench_ready(bench) && expect_off(bench, "“stop”", READ_BACK);
 }
 
-/* Returns the n-th of the lamps that are switched, and −1 behind the last one. */
+/* Returns the index of the n-th lamp that is switched, counted from 0, or −1 if there are not so
+ * many. */
 static int chosen(const struct bench *bench, int n) {
     const int n_chosen = MIN(bench->n_lamps, MOST_LAMPS);
     return n >= n_chosen ? -1 : n == 0 ? 0 : n * (bench->n_lamps - 1) / (n_chosen - 1);
 }
 
-/* Switches a lamp twice: the second time it is in the wanted state already. */
+/* Sends the same “set” twice. The second one must have no effect, because the lamp is already in
+ * the wanted state. */
 static gboolean switch_twice(struct bench *bench, int lamp, gboolean on, gboolean *wanted) {
     g_autofree char *after =
         g_strdup_printf("“set” with index %d and on %s", lamp, on ? "true" : "false");
@@ -76,7 +78,7 @@ static gboolean switch_twice(struct bench *bench, int lamp, gboolean on, gboolea
     return TRUE;
 }
 
-/* Each lamp is on together with the one before, which is then switched off. */
+/* Switches each lamp on while the one before is still on, then switches the one before off. */
 gboolean check_lamps_set(struct bench *bench) {
     if (!bench_ready(bench))
         return FALSE;

@@ -163,8 +163,12 @@ static int run_bench(const struct call *call, struct bench *bench, GError **erro
     if (g_str_equal(bench->class_name, "axis") && !(motion.min_deg < motion.max_deg))
         return cli_usage(call->command, "the checks move the axis: give --min-deg and --max-deg, "
                                         "the way that they may use");
-    if (motion.speed_deg_s <= 0 || motion.accel_deg_s2 <= 0 || motion.tolerance_deg < 0)
-        return cli_usage(call->command, "speed and acceleration must be above 0");
+    if (motion.speed_deg_s <= 0)
+        return cli_usage(call->command, "--speed-deg-s must be above 0");
+    if (motion.accel_deg_s2 <= 0)
+        return cli_usage(call->command, "--accel-deg-s2 must be above 0");
+    if (motion.tolerance_deg < 0)
+        return cli_usage(call->command, "--tolerance-deg must not be negative");
     return run_checks(bench, call->record) ? CLI_DONE : CLI_FAILED;
 }
 
@@ -179,7 +183,8 @@ static int run_conformance(const struct call *call, GError **error) {
         return CLI_DONE;
     }
     if (call->n_arguments == 0)
-        return cli_usage(call->command, "an argument is missing");
+        return cli_usage(call->command,
+                         "no program is given: give the path of the program that is the device");
     if (start_s < 0.1 || start_s > 60)
         return cli_usage(call->command, "--start-s=%g: give 0.1 to 60", start_s);
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);

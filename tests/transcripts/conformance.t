@@ -72,7 +72,7 @@ Programs that are no devices:
 Bad usage:
 
   $ mesorig conformance
-  mesorig conformance: an argument is missing
+  mesorig conformance: no program is given: give the path of the program that is the device
   Usage: mesorig conformance FILE [ARGUMENT…]
   [2]
   $ mesorig conformance --class laser x
