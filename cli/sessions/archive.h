@@ -14,7 +14,8 @@ struct archive_calibration {
     char *where;  /* "nominal", or the path of its file */
     char *said;   /* one line for people */
     gboolean own; /* whether the session was captured with this calibration */
-    /* some products may be of another calibration, since their processing was not finished */
+    /* some products may have been made with another calibration, because their processing was not
+     * finished */
     gboolean mixed;
 };
 

@@ -36,7 +36,7 @@ static const char head[] =
     "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
 
 static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Adds text by a format. Every argument that is text is escaped. */
+/* Appends text by a format, as printf() does, but escapes the arguments for HTML. */
 static void add(GString *to, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

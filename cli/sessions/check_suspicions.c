@@ -21,7 +21,7 @@
 
 #define MIN_COS    0.05 /* minimum difference of cos θ within a pair */
 #define MIN_PAIRS  6
-#define MIN_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
+#define MIN_SKEW   0.05 /* an asymmetry s below this does not indicate a mistake */
 #define BETTER     4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
 #define DISPLAY    2.2
 #define MAX_ALBEDO 1.05
@@ -30,7 +30,7 @@
 /* Maximum part of the texels that the laser shows above the reference plane. */
 #define MAX_ABOVE  0.01
 #define DEAD       0.03 /* part of a view's upper quartile below which a picture has no light */
-#define MIN_LIGHTS 4    /* minimum number of a view's lights for that quartile */
+#define MIN_LIGHTS 4    /* minimum number of a view's lights, for the quartile of DEAD */
 #define FEW_NAMES  4    /* maximum number of dark lights that are named */
 #define ROWS       256
 
@@ -112,7 +112,8 @@ static double asymmetry(const GArray *pairs, const double *values, double pedest
     return squares > 0 ? sqrt(differences / squares) : 0;
 }
 
-/* Returns p = Σ (a − b) w / Σ w² with w = 1/cos θ_a − 1/cos θ_b. It minimises Σ (a − b − p w)². */
+/* Returns the pedestal p = Σ (a − b) w / Σ w² that minimises Σ (a − b − p w)², where w = 1/cos θ_a
+ * − 1/cos θ_b and θ_a, θ_b are the polar angles of the lights of the two pairs. */
 static double best_pedestal(const GArray *pairs, const double *values) {
     double up = 0, down = 0;
     for (guint i = 0; i < pairs->len; i++) {

@@ -243,9 +243,10 @@ static gboolean read_session(struct history *h, Session *session, GError **error
     collect_takes(h);
     if (h->takes->len > 0 && h->end_s > 0)
         return TRUE;
-    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                "%s: nothing was captured yet, so there is no history to draw",
-                session_path(session));
+    g_set_error(
+        error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+        "%s: nothing was captured yet, so there is no history to draw: capture the session first",
+        session_path(session));
     return FALSE;
 }
 

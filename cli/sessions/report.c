@@ -12,8 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#define ASYMMETRY_WARN 0.05 /* RMS, relative to the mean over texels */
-#define REFUTED_WARN   0.01 /* share of the points that views see */
+#define ASYMMETRY_WARN 0.05 /* difference of exchanged directions, relative to the mean; RMS */
+#define REFUTED_WARN   0.01 /* share of the points seen by a view that other views refute */
 
 static char *output_option;
 static gboolean crate_option, no_verify_option;

@@ -15,7 +15,7 @@ struct verify {
     int n_frames, n_products;
     GPtrArray *frames, *products; /* of struct session_damage */
     GPtrArray *unknown;           /* relative paths */
-    GError *not_noted;            /* why damaged frames could not be recorded for resume; or NULL */
+    GError *not_noted; /* why damaged frames could not be recorded for mesorig resume, or NULL */
 };
 
 static int by_name(gconstpointer a, gconstpointer b) {
@@ -67,7 +67,7 @@ static gboolean work_verify(const struct work *work, gpointer data, GError **err
         session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
     if (!verify->frames)
         return FALSE;
-    /* Resume only hashes frames that are recorded as damaged. */
+    /* mesorig resume compares the checksums of only those frames that are recorded as damaged. */
     for (guint i = 0; i < verify->frames->len && !verify->not_noted; i++) {
         const struct session_damage *damage = verify->frames->pdata[i];
         session_note_damage(session, damage->path, damage->what, &verify->not_noted);
