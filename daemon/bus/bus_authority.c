@@ -201,7 +201,9 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
                             g_dbus_method_invocation_get_method_name(question->invocation),
                             question->action);
     else if (!answer)
-        g_prefix_error(&error, "polkit cannot be asked whether you may call %s (action %s): ",
+        g_prefix_error(&error,
+                       "polkit cannot be asked whether you may call %s (action %s); see systemctl "
+                       "status polkit: ",
                        g_dbus_method_invocation_get_method_name(question->invocation),
                        question->action);
     question_end(question, allowed, error);
@@ -247,9 +249,10 @@ static void on_credentials(GObject *source, GAsyncResult *result, gpointer data)
         g_dbus_connection_call_finish(G_DBUS_CONNECTION(source), result, &error);
     g_autoptr(GVariant) credentials = answer ? g_variant_get_child_value(answer, 0) : NULL;
     if (credentials && !g_variant_lookup(credentials, "UnixUserID", "u", &caller->uid))
-        g_set_error_literal(&error, BUS_ERROR, BUS_ERROR_DENIED,
-                            "the message bus does not know which user has made this call, so "
-                            "polkit cannot be asked whether it is allowed");
+        g_set_error_literal(
+            &error, BUS_ERROR, BUS_ERROR_DENIED,
+            "the message bus does not know which user has made this call, so polkit cannot be "
+            "asked whether the call is allowed: call from a program of a user of this computer");
     if (error || !question->authority) {
         question_end(question, FALSE, error);
         return;

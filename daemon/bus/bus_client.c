@@ -29,8 +29,9 @@ char *bus_client_make_folder(GError **error) {
     if (g_mkdtemp_full(folder, 0700))
         return folder;
     g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                "cannot make a folder for the socket of mesorigd in %s: %s", bus_client_folder(),
-                g_strerror(errno));
+                "cannot make a folder for the socket of mesorigd in %s: %s; set XDG_RUNTIME_DIR to "
+                "a folder in which you may write",
+                bus_client_folder(), g_strerror(errno));
     g_free(folder);
     return NULL;
 }

@@ -182,7 +182,7 @@ static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error,
     g_autoptr(GError) stopped = NULL;
     if (event == AXIS_STOPPED)
         device_error_set(&stopped, DEVICE_ERROR_STALLED, axis->device.who,
-                         "the axis was stopped at %g° before its target" ERROR_ADVICE
+                         "the axis was stopped at %g° and has not reached its target" ERROR_ADVICE
                          "find out who or what stopped it, then move it again",
                          axis_position_deg(axis));
     if (event == AXIS_HOMED && hand->parked && isfinite(axis->park_deg)) {
@@ -451,8 +451,8 @@ static gboolean rig_is_free(struct bus_hands *hands, GDBusMethodInvocation *invo
 static void refuse_name(GDBusMethodInvocation *invocation, const char *kind, const char *name,
                         const GString *names) {
     g_dbus_method_invocation_return_error(
-        invocation, BUS_ERROR, BUS_ERROR_UNKNOWN, "no %s “%s”: there %s %s", kind, name,
-        strchr(names->str, ',') ? "are" : "is", names->len ? names->str : "none");
+        invocation, BUS_ERROR, BUS_ERROR_UNKNOWN, "there is no %s “%s”; %s%s", kind, name,
+        names->len ? "choose from: " : "the rig has none", names->str);
 }
 
 static gboolean is_named(GString *names, const char *is, const char *wanted) {

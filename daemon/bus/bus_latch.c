@@ -133,7 +133,9 @@ static void stop_looking(struct bus_latch *latch) {
 }
 
 void bus_latch_close(struct bus_latch *latch) {
-    g_autoptr(GError) error = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "mesorigd ends");
+    g_autoptr(GError) error = g_error_new_literal(
+        BUS_ERROR, BUS_ERROR_CANCELLED,
+        "mesorigd is ending: look at the rig, and see the messages of mesorigd");
     latch->rig = NULL;
     stop_looking(latch);
     g_mutex_lock(&latch->lock);

@@ -123,7 +123,7 @@ TEST(snap) {
     assert_has(desk.run->out, "cam30  32 × 32 pixels of 12 bits (rggb), exposed for 10000 µs");
     desk_waits(&desk, "[\"lamps\", \"bank\", \"sim-lamps\", \"off\"]");
     desk_does(&desk, 1, "snap nobody");
-    assert_has(desk.run->err, "no camera “nobody”: there are cam30, cam60");
+    assert_has(desk.run->err, "no camera “nobody”; choose from: cam30, cam60");
     desk_does(&desk, 1, "snap cam30 -e 100000000000");
     assert_has(desk.run->err, "cam30");
     desk_does(&desk, 2, "snap cam30 -e -5");

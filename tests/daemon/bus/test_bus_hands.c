@@ -70,17 +70,17 @@ TEST(names) {
     bus_peer_refused(peer, "HomeAxis", name_of("arc"), "NoRig", "OpenRig");
     bus_peer_tell(peer, "OpenRig", g_variant_new("(s)", peer->rig));
     bus_peer_refused(peer, "Snap", picture("cam31", 4000), "Unknown",
-                     "no camera “cam31”: there are cam30, cam60");
-    bus_peer_refused(peer, "SetLamp", on("lamp31"), "Unknown", "there are lamp30, lamp60");
-    bus_peer_refused(peer, "SetLaser", on("laser31"), "Unknown", "there are laser30, laser60");
+                     "no camera “cam31”; choose from: cam30, cam60");
+    bus_peer_refused(peer, "SetLamp", on("lamp31"), "Unknown", "choose from: lamp30, lamp60");
+    bus_peer_refused(peer, "SetLaser", on("laser31"), "Unknown", "choose from: laser30, laser60");
     bus_peer_refused(peer, "MoveAxis", to("swing", 3), "Unknown",
-                     "there are turntable, arc, sweep30, sweep60");
+                     "choose from: turntable, arc, sweep30, sweep60");
     bus_peer_refused(peer, "HomeAxis", name_of("swing"), "Unknown", "no axis “swing”");
     bus_peer_free(peer);
 
     peer = bus_peer_open(bare);
-    bus_peer_refused(peer, "Snap", picture("cam31", 4000), "Unknown", "there is cam30");
-    bus_peer_refused(peer, "SetLaser", on("laser30"), "Unknown", "there is none");
+    bus_peer_refused(peer, "Snap", picture("cam31", 4000), "Unknown", "choose from: cam30");
+    bus_peer_refused(peer, "SetLaser", on("laser30"), "Unknown", "the rig has none");
     bus_peer_free(peer);
 }
 
