@@ -13,7 +13,7 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
         g_autofree char *db = g_build_filename(directory, "session.db", NULL);
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS, "%s exists already%s", directory,
                     g_file_test(db, G_FILE_TEST_EXISTS)
-                        ? "; choose another name, or resume it"
+                        ? "; choose another name, or continue that session with “mesorig resume”"
                         : ", and is not a session; choose another name");
         return NULL;
     }

@@ -2,8 +2,8 @@
 
 #include "session/outputs.h"
 
-/* The maximum error of a calibration at a mark in a picture, in pixels, and the minimum rotation
- * that counts as a movement, in degrees. */
+/* The maximum error of a calibration at a mark in a picture, in pixels, and the minimum rotation of
+ * a camera or the turntable that counts as a movement, in degrees. */
 #define SYSTEMATIC_PX 0.05
 #define MIN_DEG       0.05
 #define WINDOW        8          /* number of shots that are evaluated together */

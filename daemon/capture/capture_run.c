@@ -272,7 +272,7 @@ static void note_saturated(Capture *capture, struct flight *flight,
     flight->saturated[result->frame.camera] = result->saturated;
     g_autofree char *message = g_strdup_printf(
         "%" G_GINT64_FORMAT " pixels are saturated in the shortest exposure under lamp %s; a "
-        "shorter one in exposures_us would show them",
+        "shorter exposure in [capture] exposures_us would show them",
         result->saturated, capture->session.devices->geometry.lamps[result->shot->device].name);
     event_limit_warn(&capture->saturated_limits[result->frame.camera], &capture->session,
                      camera->name, message);
@@ -285,8 +285,8 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
     if (above <= DARK_PART * ((1 << format->bits) - 1))
         return;
     g_autofree char *message = g_strdup_printf("the dark frames are not dark: %.0f DN above black "
-                                               "on average; light enters from outside, or "
-                                               "the camera's black level is wrong",
+                                               "on average; keep light from outside away, or "
+                                               "correct the camera's black level",
                                                above);
     add_event(capture, "warning",
               capture->session.devices->geometry.cameras[result->frame.camera].name, message);

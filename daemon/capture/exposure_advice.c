@@ -1,7 +1,8 @@
 #include "exposure_advice.h"
 
-#define KEY         "saturated_retakes"
-#define MAX_LACKING 0.5 /* maximum share of lacking values without advice */
+#define KEY "saturated_retakes"
+/* Maximum share of values whose longest exposure is saturated without advice. */
+#define MAX_LACKING 0.5
 /* From this number of repetitions per picture on, the advice names the exposure to use. */
 #define MAX_RETAKEN 0.5
 

@@ -238,11 +238,11 @@ static void pass_tell(Sequencer *seq) {
                 "it did not report its position during the exposure of a frame" ERROR_ADVICE
                 "check its cable, and stamp_ms if it has that option");
         else if (fabs(off) > MAX_OFF_DEG)
-            device_error_set(
-                &error, DEVICE_ERROR_STALE, table->device.who,
-                "in the middle of an exposure it was %+.2f° from the planned %g°" ERROR_ADVICE
-                "check trigger_ms of the camera",
-                off, shot->turntable_deg);
+            device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
+                             "in the middle of an exposure it was %+.2f° from the planned %g°, and "
+                             "at most %g° are allowed" ERROR_ADVICE
+                             "check trigger_ms of the camera",
+                             off, shot->turntable_deg, MAX_OFF_DEG);
         if (error)
             pass_refuse(seq, told->shot, told->camera, error);
         else

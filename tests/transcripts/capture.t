@@ -12,7 +12,7 @@ A capture says what it has done, and the session what it is. Progress is no resu
   products
   session.db
   $ mesorig capture rig.conf session.conf -o S
-  mesorig: S exists already; choose another name, or resume it
+  mesorig: S exists already; choose another name, or continue that session with “mesorig resume”
   [1]
   $ mesorig info S
   session    small, S
