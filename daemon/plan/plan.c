@@ -336,8 +336,8 @@ static gboolean plan_check_exposure(const struct plan_build *b, int camera, doub
     if (llround(exposure_us) >= min && llround(exposure_us) <= max)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", name,
-                   "%g us is outside the range of camera %s, %" G_GINT64_FORMAT
-                   " to %" G_GINT64_FORMAT " us",
+                   "%g µs is outside the range of camera %s: give %" G_GINT64_FORMAT
+                   " to %" G_GINT64_FORMAT " µs",
                    exposure_us, b->rig->cameras[camera].name, min, max);
     return FALSE;
 }

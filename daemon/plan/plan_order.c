@@ -170,7 +170,7 @@ static int lamp_beside_sweeps(const struct orderer *o) {
 
 /* Makes an order that takes the shots of one lamp in all poses before those of the next lamp. This
  * is the quickest order if lamps take longer to warm up than axes take to move. beside is
- * the number of a lamp, or −1. The sweeps of a pose are taken next to its shot with that lamp. The
+ * the index of a lamp, or −1. The sweeps of a pose are taken next to its shot with that lamp. The
  * sweeps of poses without that lamp come at the end. If beside is −1, all sweeps come at the
  * end. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {

@@ -67,12 +67,13 @@ GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan);
 gboolean plan_add_directions(struct plan_build *b, GError **error);
 
 /* Returns the fixed lamp (SHOT_LAMP) or laser (SHOT_SWEEP) that is nearest to a direction of the
- * sample when the turntable is at an angle. ret_off_deg is its distance from that direction.
- * Returns −1 if there is no such device. */
+ * sample when the turntable is at an angle. ret_off_deg is the angle between the device and that
+ * direction. Returns −1 if there is no such device. */
 int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
                       double phi_deg, double turntable_deg, double *ret_off_deg);
-/* Maximum distance between a direction of the plan and such a device. It is also the maximum
- * distance between the elevation of a ring and the elevation of a camera, lamp or laser. */
+/* Maximum angle between a direction of the plan and the fixed device that gives it. It is also the
+ * maximum difference between the elevation of a ring and the elevation of a camera, lamp or laser.
+ */
 #define PLAN_TOLERANCE_DEG 0.5
 
 gint64 plan_wrap(gint64 udeg); /* returns the angle modulo 360°, from 0 to below PLAN_FULL_TURN */

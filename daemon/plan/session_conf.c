@@ -420,7 +420,8 @@ static gboolean take_sample(const struct config_section *section, struct fields 
                               "give either texels, or both texels_x and texels_y, 1 or more");
     if (grid->depth_mm > grid->reference_mm)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "depth_mm",
-                              "%g mm reaches below the turntable's top: reference_mm is %g",
+                              "%g mm reaches below the turntable's top, because reference_mm is "
+                              "%g: give at most that",
                               grid->depth_mm, grid->reference_mm);
     grid->width = both ? f->texels : f->texels_x;
     grid->height = both ? f->texels : f->texels_y;

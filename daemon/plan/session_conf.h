@@ -80,13 +80,16 @@ struct session_conf {
     /* MOTION_CONTINUOUS: maximum movement of a point of the sample during an exposure. */
     double blur_texels;
     enum laser_stop laser_stop;
-    int laser_first;       /* maximum number of sweeps of the first round at each turntable angle */
-    double laser_gain_pct; /* minimum share of texels that a further sweep is expected to add */
-    double laser_line_mm;  /* full width at half maximum of the lines at the origin; 0 if unknown */
+    int laser_first; /* maximum number of sweeps of the first round at each turntable angle */
+    /* minimum share of the texels of its views, in %, that a further sweep is expected to measure
+     * for the first time */
+    double laser_gain_pct;
+    double laser_line_mm; /* full width at half maximum of the lines at the origin; 0 if unknown */
     enum light_sampling light_sampling;
-    int light_first;        /* mean number of shots of the first round at each turntable angle */
-    double light_error_pct; /* expected error of all values of the BTF at which no more shots are
-                               taken */
+    int light_first; /* mean number of shots of the first round at each turntable angle */
+    /* expected error of the BTF in % (ADAPTIVE_ERROR_PCT in adaptive.h) below which no more shots
+     * are taken */
+    double light_error_pct;
     /* Maximum predicted time of the shots of lamps, including the moves between them and without
      * sweeps; 0 for no limit. */
     double light_budget_min;

@@ -153,8 +153,9 @@ static gboolean take_carrier(const struct layout *layout, const struct config_se
     if (given || layout->arc || place->theta_deg == 0)
         return TRUE;
     return layout->has_all_sections
-               ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "phi_deg",
-                                "must be given, because there is no [axis arc] to carry it")
+               ? config_mistake(
+                     mistakes, CONFIG_ERROR_MISSING, section, "phi_deg",
+                     "must be given, because there is no [axis arc] to carry this device")
                : FALSE;
 }
 
@@ -166,7 +167,9 @@ static gboolean check_stops(const struct layout *layout, const struct config_sec
     if (!axis)
         return layout->has_all_sections
                    ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, key,
-                                    "there is no section [axis %s] to carry it", name)
+                                    "there is no section [axis %s] to carry this device; add that "
+                                    "section, or remove this key",
+                                    name)
                    : FALSE;
     for (int i = 0; i < stops->n; i++)
         for (int k = 0; k < i; k++)

@@ -8,7 +8,7 @@
 struct Lamps {
     struct lamps_setup setup;
     int n_views, n_lights, n_probes;
-    int *texels;                 /* n_probes: numbers of texels of the grid */
+    int *texels; /* n_probes: index of the texel of each probe in the grid, row by row */
     struct vec3 *views, *lights; /* unit vectors of the directions in the sample frame */
     /* position of the camera of each view, and of the lamp of each light, in the sample frame */
     struct vec3 *views_mm, *lights_mm;

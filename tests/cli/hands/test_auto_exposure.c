@@ -155,7 +155,7 @@ TEST(hopeless) {
          .told = {"saturates under lamp30 even at 60000 µs", "lower [capture] gain_db"}},
         {.rig = {"[camera cam30]", "max_exposure_us = 50000"},
          .told = {"session.conf",
-                  "[capture] auto_longest_us: 100000 us is outside the range of camera"}},
+                  "[capture] auto_longest_us: 100000 µs is outside the range of camera"}},
         {.rig = {"[lamps bank]", "fault_dead = lamp30; lamp60"},
          .told = {"[capture] exposures_us: cannot be chosen: no camera sees a lamp at 100000 µs"}},
     };
