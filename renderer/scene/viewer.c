@@ -162,7 +162,9 @@ void viewer_free(Viewer *viewer) {
     g_free(viewer);
 }
 
-/* Sets the material. If it succeeds, takes ownership of material. */
+/* Replaces the method and the material of m, and compiles the method's programs if the method
+ * changes. Takes ownership of material. Fails without taking it, and changes nothing, if a program
+ * cannot be compiled. */
 static gboolean material_set(struct viewer_material *m, const struct method *method,
                              gpointer material, GError **error) {
     if (m->method != method) {
@@ -191,7 +193,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-/* Takes ownership of material. If material is NULL, error is set already. */
+/* Sets the main material, and takes ownership of it in any case. If material is NULL, error is set
+ * already, and FALSE is returned. */
 static gboolean take(Viewer *viewer, const struct method *method, gpointer material,
                      GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))

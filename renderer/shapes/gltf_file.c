@@ -86,11 +86,13 @@ static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError 
     g_autoptr(GError) why = NULL;
     const int nested = depth_of(text, length);
     if (nested > MAX_DEPTH)
-        return gltf_bad(gltf, error, "its JSON is nested %d deep, but at most %d is read", nested,
-                        MAX_DEPTH);
+        return gltf_bad(gltf, error,
+                        "its JSON is nested %d deep, but at most %d is read; export the file again",
+                        nested, MAX_DEPTH);
     gltf->parser = json_parser_new_immutable();
     if (!json_parser_load_from_data(gltf->parser, text, (gssize)length, &why))
-        return gltf_bad(gltf, error, "not glTF, because its JSON cannot be parsed: %s",
+        return gltf_bad(gltf, error,
+                        "not glTF, because its JSON cannot be parsed: %s; export the file again",
                         why->message);
     JsonNode *root = json_parser_get_root(gltf->parser);
     JsonObject *asset = root != NULL && JSON_NODE_HOLDS_OBJECT(root)
@@ -323,7 +325,8 @@ static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, stru
     if (n < 0 || n > SOUP_MAX_CORNERS)
         return gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error,
                          "accessor %d has the count %" G_GINT64_FORMAT
-                         " (−1 if it is missing), but must have 0 to %d",
+                         " (−1 if it is missing), but must have 0 to %d; simplify the mesh, or "
+                         "export the file again",
                          (int)k, n, SOUP_MAX_CORNERS);
     ret->n = (gsize)n;
     return find_bytes(gltf, k, accessor, ret, error);

@@ -168,8 +168,9 @@ static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gin
         kind++;
     if (kind == 3)
         return gltf_bad(gltf, error,
-                        "lamp %d has the type “%s”, but must be directional, point or spot", (int)k,
-                        type != NULL ? type : "");
+                        "lamp %d has the type “%s”, but must be directional, point or spot; export "
+                        "the file again",
+                        (int)k, type != NULL ? type : "");
     lamp.kind = (enum gltf_lamp_kind)kind;
     read_colour(from, "color", 3, 1.0, 1.0, rgb);
     for (int c = 0; c < 3; c++)

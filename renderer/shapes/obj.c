@@ -64,7 +64,8 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         skip_blanks(&text);
         double value = *text == '\n' || *text == '\0' ? NAN : g_ascii_strtod(text, &end);
         if (!(fabs(value) <= MAX_VALUE) || end == text)
-            return obj_bad(obj, error, "%d finite numbers are expected here", n);
+            return obj_bad(obj, error, "%d finite numbers are expected here; export the mesh again",
+                           n);
         values[k] = value;
         text = end;
     }
@@ -84,13 +85,14 @@ static gboolean parse_index(struct obj *obj, const char **text, const GArray *ar
     gboolean number = g_ascii_isdigit(**text) || (**text == '-' && g_ascii_isdigit((*text)[1]));
     gint64 value = number ? g_ascii_strtoll(*text, &end, 10) : 0;
     if (!number)
-        return obj_bad(obj, error, "an index of %s is expected here", what);
+        return obj_bad(obj, error, "an index of %s is expected here; export the mesh again", what);
     const gint64 given = value; /* a negative index counts back from this line */
     if (value < 0)
         value += (gint64)array->len + 1;
     if (value < 1 || value > array->len)
         return obj_bad(obj, error,
-                       "there is no %s %" G_GINT64_FORMAT "; the lines before this one have %u",
+                       "there is no %s %" G_GINT64_FORMAT
+                       ", because the lines before this one have %u; export the mesh again",
                        what, given, array->len);
     *ret = value - 1;
     *text = end;
@@ -122,14 +124,16 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (!parse_corner(obj, &text, &corner, error))
             return FALSE;
         if (strchr(" \t\r\n", *text) == NULL)
-            return obj_bad(obj, error, "v/vt/vn is expected here");
+            return obj_bad(obj, error, "v/vt/vn is expected here; export the mesh again");
         if (++n > MAX_CORNERS)
             return fail(obj, SCENE_ERROR_TOO_LARGE, error,
                         "this face has more than %d corners; triangulate the mesh", MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
-        return obj_bad(obj, error, "a face needs at least three corners, but this one has %d", n);
+        return obj_bad(
+            obj, error,
+            "a face needs at least three corners, but this one has %d; export the mesh again", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
         return fail(obj, SCENE_ERROR_TOO_LARGE, error,
                     "the faces have more than %d corners in all; simplify the mesh",
@@ -162,7 +166,7 @@ struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up u
     for (const char *line = text; good && *line != '\0'; line = next_line(&obj, line))
         good = parse_line(&obj, line, error);
     if (good && obj.soup.polygons->len == 0)
-        good = obj_bad(&obj, error, "there is no face in this file");
+        good = obj_bad(&obj, error, "there is no face in this file; export a mesh with faces");
     g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);
     if (good)
         mesh = soup_mesh(&obj.soup, name, where, TRUE, error);

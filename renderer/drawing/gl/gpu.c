@@ -216,7 +216,7 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
 
 static guint make_program(const char *version, const char *constants, const char *const *names,
                           GError **error) {
-    int n = 0; /* shaders of the fragments, from names[1] on */
+    int n = 0; /* number of fragment shaders, which begin at names[1] */
     while (n < MAX_SHADERS && names[n + 1] != NULL)
         n++;
     guint program = 0, vertex = gpu_compile(GL_VERTEX_SHADER, version, constants, names, 1, error);

@@ -79,7 +79,7 @@ static gboolean normal_map_decode(png_structp png, png_infop info, struct png_re
                                  png_get_image_height(png, info), reading->length, &reading->why))
         return FALSE;
     if (!(png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR))
-        png_error(png, "the PNG is grey, but a normal map has three colours");
+        png_error(png, "the PNG is grey, but a normal map has three colours; choose another file");
     png_set_expand(png);
     png_set_strip_alpha(png);
     const int passes = png_set_interlace_handling(png);
