@@ -106,7 +106,8 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     char *equals = strchr(text, '=');
     if (!equals)
         return syntax_error(error, config, line,
-                            "[%s]: this line is neither \"key = value\" nor a [section]",
+                            "[%s]: this line is neither \"key = value\" nor a [section]: correct "
+                            "or remove this line",
                             section->group);
     *equals = '\0';
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
@@ -131,7 +132,8 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
 
 static gboolean parse_line(Config *config, char *text, int line, GError **error) {
     if (!g_utf8_validate(text, -1, NULL))
-        return syntax_error(error, config, line, "this line is not text in UTF-8");
+        return syntax_error(error, config, line,
+                            "this line is not text in UTF-8: save the file as UTF-8");
     g_strstrip(text);
     if (!*text || *text == '#')
         return TRUE;
@@ -147,7 +149,7 @@ static gboolean parse_line(Config *config, char *text, int line, GError **error)
         return syntax_error(error, config, line,
                             strchr(text, ']')
                                 ? "text follows the ']' of the heading: move it to the next line"
-                                : "the heading lacks its ']' at the end");
+                                : "the heading lacks its ']' at the end: add it");
     text[length - 1] = '\0';
     return add_section(config, g_strstrip(text + 1), line, error);
 }

@@ -36,7 +36,9 @@ static int fail(const char *path, int fd, int saved, const char *what, GError **
                     "%s: %s is writing %s; wait until that process has ended", path, process, what);
     } else
         g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),
-                    "%s: the lock file cannot be made or locked: %s", path, g_strerror(saved));
+                    "%s: the lock file cannot be made or locked: %s; check that you may write in "
+                    "its folder",
+                    path, g_strerror(saved));
     if (fd >= 0)
         close(fd);
     return -1;

@@ -173,7 +173,8 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error) {
     if (!text || strlen(text) == length)
         return g_steal_pointer(&text);
     input_file_fail(path, INPUT_FILE_ERROR_TEXT, error,
-                    "it is not a text file: byte %" G_GSIZE_FORMAT " is 0", strlen(text));
+                    "it is not a text file: byte %" G_GSIZE_FORMAT ", counted from 0, is 0",
+                    strlen(text));
     return NULL;
 }
 

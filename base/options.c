@@ -237,7 +237,7 @@ static const char *unknown_key(const struct option_target *targets, gsize n_targ
                          "there is no such key; did you mean %s?", nearest.name);
     else
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
-                         "there is no such key in this section; remove it");
+                         "there is no such key in this section; remove the key");
     return nearest.name;
 }
 
@@ -327,7 +327,8 @@ gboolean options_parse(const struct option *table, const struct config_section *
         return TRUE;
     if (mistakes_report(mistakes, error))
         config_set_error(error, CONFIG_ERROR_SYNTAX, section, NULL,
-                         "a line of this section is not of the form \"key = value\"");
+                         "a line of this section is not of the form \"key = value\": correct or "
+                         "remove that line");
     return FALSE;
 }
 

@@ -195,10 +195,11 @@ static gboolean decide(struct OutputFile *file, gboolean force, GError **error) 
         if (named && !missing)
             return fail(file->path, error);
         if (named) {
-            g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                        "%s is a symbolic link to a file that does not exist: remove it, or give "
-                        "another name",
-                        file->path);
+            g_set_error(
+                error, DATA_ERROR, DATA_ERROR_EXISTS,
+                "%s is a symbolic link to a file that does not exist: remove the link, or give "
+                "another name",
+                file->path);
             return FALSE;
         }
         if (access(folder, W_OK | X_OK) == 0)

@@ -125,16 +125,18 @@ static const struct wrong wrong_files[] = {
      "r.conf:2: [axis\ta] was given before, in line 1: merge the two"},
     {"[rig]\na=1\n\na=2\n", CONFIG_ERROR_SYNTAX,
      "r.conf:4: [rig] a: was given before, in line 2: remove one of the two"},
-    {"[rig\n", CONFIG_ERROR_SYNTAX, "r.conf:1: the heading lacks its ']' at the end"},
+    {"[rig\n", CONFIG_ERROR_SYNTAX, "r.conf:1: the heading lacks its ']' at the end: add it"},
     {"[rig] x\n", CONFIG_ERROR_SYNTAX,
      "r.conf:1: text follows the ']' of the heading: move it to the next line"},
     {"[]\n", CONFIG_ERROR_SYNTAX,
      "r.conf:1: \"[]\" is not the heading of a section: write [class] or [class name]"},
     {"[rig]\nwords\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:2: [rig]: this line is neither \"key = value\" nor a [section]"},
+     "r.conf:2: [rig]: this line is neither \"key = value\" nor a [section]: correct or remove "
+     "this line"},
     {"[rig]\n= 3\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig]: \"\" is not a key: a key consists of letters, digits, '_', '-' and '.'"},
-    {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: this line is not text in UTF-8"},
+    {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX,
+     "r.conf:3: this line is not text in UTF-8: save the file as UTF-8"},
     {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: this line contains the control character with the number 1: remove it"},
 };
@@ -163,7 +165,8 @@ static const struct wrong wrong_values[] = {
     {GIVEN "wrap = yes", CONFIG_ERROR_UNKNOWN,
      "r.conf:3: [axis a] wrap: there is no such key; did you mean wraps?"},
     {GIVEN "colour_of_the_bike_shed = red", CONFIG_ERROR_UNKNOWN,
-     "r.conf:3: [axis a] colour_of_the_bike_shed: there is no such key in this section; remove it"},
+     "r.conf:3: [axis a] colour_of_the_bike_shed: there is no such key in this section; remove the "
+     "key"},
     {GIVEN "settle_ms = nan", CONFIG_ERROR_VALUE,
      "r.conf:3: [axis a] settle_ms: \"nan\" is not a number (its unit is ms; write only the "
      "number)"},

@@ -58,10 +58,10 @@ Files that cannot be read:
   bad_session.conf: there is no section [capture]; add it
   [1]
   $ mesorig plan binary.conf "$SMALL/session.conf"
-  mesorig: binary.conf:1: this line is not text in UTF-8
+  mesorig: binary.conf:1: this line is not text in UTF-8: save the file as UTF-8
   [1]
   $ mesorig plan "$SMALL/rig.conf" binary.conf --json
-  {"error": "binary.conf:1: this line is not text in UTF-8"}
+  {"error": "binary.conf:1: this line is not text in UTF-8: save the file as UTF-8"}
   [1]
   $ mesorig plan /no/such/rig.conf "$SMALL/session.conf"
   mesorig: cannot read /no/such/rig.conf: No such file or directory
