@@ -356,8 +356,8 @@ static void sim_axis_check(gconstpointer given, const struct config_section *sec
     if (!sim->motion.wraps &&
         (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "home_deg",
-                       "%g is outside of min_deg to max_deg, %g to %g", sim->home_deg,
-                       sim->motion.min_deg, sim->motion.max_deg);
+                       "%g is outside of min_deg to max_deg: give a value from %g to %g",
+                       sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
     sim_part_check(section, sim->world_path, "part", sim->part_name, "laser", parts, mistakes);
 }
 

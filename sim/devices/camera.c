@@ -290,8 +290,9 @@ static gboolean sim_camera_open_camera(Camera *camera, GError **error) {
     sim->camera = world_find_camera(sim->world, name);
     if (sim->camera < 0) {
         g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                    "camera %s: part: the world file %s has no camera \"%s\"", camera->device.name,
-                    sim->world_path, name);
+                    "camera %s: part: the world file %s has no camera \"%s\": give the name of one "
+                    "of its cameras",
+                    camera->device.name, sim->world_path, name);
         g_clear_pointer(&sim->world, world_unref);
         return FALSE;
     }

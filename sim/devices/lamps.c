@@ -103,15 +103,17 @@ static gboolean find_lamps(LampBank *bank, GError **error) {
         sim->lamps[i] = all ? i : world_find_lamp(sim->world, sim->names[i]);
         if (sim->lamps[i] < 0) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                        "lamps %s: lamps: the world file %s has no lamp \"%s\"", bank->device.name,
-                        sim->world_path, sim->names[i]);
+                        "lamps %s: lamps: the world file %s has no lamp \"%s\": give the names of "
+                        "lamps in it",
+                        bank->device.name, sim->world_path, sim->names[i]);
             return FALSE;
         }
     }
     for (char **name = sim->fault_dead; *name; name++) {
         if (world_find_lamp(sim->world, *name) < 0) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                        "lamps %s: fault_dead: the world file %s has no lamp \"%s\"",
+                        "lamps %s: fault_dead: the world file %s has no lamp \"%s\": give the "
+                        "names of lamps in it",
                         bank->device.name, sim->world_path, *name);
             return FALSE;
         }

@@ -98,8 +98,9 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     int found = world_find_laser(sim->world, name);
     if (found < 0)
         g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                    "laser %s: part: the world file %s has no laser \"%s\"", laser->device.name,
-                    sim->world_path, name);
+                    "laser %s: part: the world file %s has no laser \"%s\": give the name of one "
+                    "of its lasers",
+                    laser->device.name, sim->world_path, name);
     return found;
 }
 

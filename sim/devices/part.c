@@ -10,8 +10,8 @@ void sim_part_check(const struct config_section *section, const char *world_path
     if (!*world_path)
         return;
     if (!g_file_test(world_path, G_FILE_TEST_EXISTS)) {
-        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "world", "there is no file %s",
-                       world_path);
+        config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "world",
+                       "there is no file %s: correct the path", world_path);
         return;
     }
     g_autoptr(Config) world = config_load_checked(world_path, of_world);

@@ -32,7 +32,7 @@ struct VirtualDmx {
 
     GMutex mutex; /* guards the following members */
     gboolean quit;
-    int fd; /* -1 while it is unplugged */
+    int fd; /* -1 while the node is unplugged */
     struct virtual_dmx_faults faults;
     struct virtual_dmx_state state;
     guint n_received, n_answers;
@@ -274,9 +274,10 @@ VirtualDmx *virtual_dmx_new(const struct virtual_dmx_options *options, GError **
     node->fd = -1;
     g_mutex_init(&node->mutex);
     if (!open_socket(node)) {
-        g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual DMX node: cannot listen at %s: %s", options->address,
-                    g_strerror(errno));
+        g_set_error(
+            error, G_IO_ERROR, g_io_error_from_errno(errno),
+            "virtual DMX node: cannot listen at %s: %s; end the program that uses the address",
+            options->address, g_strerror(errno));
         virtual_dmx_free(node);
         return NULL;
     }
@@ -301,7 +302,7 @@ void virtual_dmx_free(VirtualDmx *node) {
 
 void virtual_dmx_fail(VirtualDmx *node, const struct virtual_dmx_faults *faults) {
     g_mutex_lock(&node->mutex);
-    receive(node); /* what was sent before arrives before the fault */
+    receive(node); /* packets sent before the fault still arrive */
     send_answers(node);
     node->faults = *faults;
     if (faults->unplugged && node->fd >= 0) {

@@ -34,7 +34,7 @@ struct virtual_dmx_faults {
     gboolean cut;       /* nothing arrives, and nothing is sent */
     gboolean silent;    /* obeys, but does not answer */
     gboolean unplugged; /* the socket is closed, so the system refuses packets */
-    int lose;           /* every n-th packet to the node is lost; 0: none is */
+    int lose;           /* every n-th packet to the node is lost; if it is 0, none is lost */
     int lose_answers;   /* every n-th answer is lost */
     int late_ms;        /* delay of answers */
     guint8 state;       /* these bits of GoodOutputA are inverted */
@@ -47,11 +47,12 @@ struct virtual_dmx_state {
     guint8 levels[VIRTUAL_DMX_UNIVERSES][512]; /* true levels of the outputs */
     gboolean lit;                              /* any level is above 0 */
     int n_levels;                              /* packets with levels for a universe of the node */
-    int n_polls, n_damaged, n_foreign;         /* n_foreign: for other universes */
-    int n_old;                                 /* sACN: dropped because of the sequence number */
-    int n_lost;                                /* sACN: losses of data after 2.5 s */
-    int n_terminated;                          /* sACN: ends of a stream that were announced */
-    int priority;                              /* sACN: of the last packet */
+    int n_polls, n_damaged;
+    int n_foreign;     /* packets with levels for other universes */
+    int n_old;         /* sACN: packets dropped because of their sequence number */
+    int n_lost;        /* sACN: number of times that no packet came for 2.5 s */
+    int n_terminated;  /* sACN: ends of a stream that were announced */
+    int priority;      /* sACN: priority of the last packet */
     gint64 longest_us; /* longest time between two packets for the first universe */
 };
 void virtual_dmx_state(VirtualDmx *node, struct virtual_dmx_state *ret);

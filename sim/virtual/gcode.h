@@ -48,7 +48,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGcode, virtual_gcode_free)
 const char *virtual_gcode_port(const VirtualGcode *board);
 
 /* The faults that virtual_gcode_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
- * damaged; 0: none is. */
+ * damaged. If it is 0, no byte is lost or damaged. */
 struct virtual_gcode_faults {
     gboolean cut;    /* nothing arrives, and nothing is sent */
     gboolean silent; /* obeys, but sends nothing */

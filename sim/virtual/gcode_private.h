@@ -7,7 +7,7 @@
 #include "terminal.h"
 
 #define GCODE_RX     127 /* bytes that GRBL's receive buffer holds */
-#define GCODE_BLOCKS 15
+#define GCODE_BLOCKS 15  /* blocks that the planner holds */
 
 enum gcode_motion { GCODE_STANDING, GCODE_MOVING, GCODE_BRAKING, GCODE_HELD, GCODE_HOMING };
 
@@ -44,26 +44,31 @@ struct VirtualGcode {
     GString *rx;        /* received bytes of lines that were not executed */
     int alarm;          /* GRBL: number of the alarm, or 0; Marlin: 1 after kill() */
     gboolean locked_up; /* answers nothing until Ctrl-X */
-    gboolean door, check;
-    gboolean waits; /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
+    gboolean door, check; /* GRBL: the safety door is open; moves are checked but not made (“$C”) */
+    gboolean waits;       /* "G4", M400, "$H" or G28 is under way; its "ok" is due */
     double feed;
     gboolean relative;
-    int n_reports, n_unanswered; /* status reports; received bytes of lines without an answer */
+    int n_reports;    /* number of status reports */
+    int n_unanswered; /* number of received bytes of lines without an answer */
     gboolean pressed[VIRTUAL_GCODE_AXES];
     int last_line;  /* Marlin: number of the last line */
     gint64 busy_us; /* Marlin: time of the last "busy" */
 };
 
+/* Sends a line to the program, with the faults that are set. */
 void gcode_say(VirtualGcode *board, const char *format, ...) G_GNUC_PRINTF(2, 3);
 /* Returns the speed along the path in units/s. */
 double gcode_speed(const VirtualGcode *board, gint64 now_us);
+/* Appends a move to the planned blocks, of which there must be fewer than GCODE_BLOCKS. */
 void gcode_add_block(VirtualGcode *board, const double *to, double units_s);
+/* Begins a feed hold: brakes the motion and keeps the planned blocks. */
 void gcode_brake(VirtualGcode *board);
+/* Ends a feed hold. Does nothing while the board still brakes. */
 void gcode_resume(VirtualGcode *board);
 /* Ends all motion without a ramp. Returns whether an axis was moving. */
 gboolean gcode_abort(VirtualGcode *board);
 void gcode_begin_homing(VirtualGcode *board, guint axes);
-/* Gives the position at the end of the last planned block. */
+/* Gives the position at the end of the last planned block in ret. */
 void gcode_planned(const VirtualGcode *board, double *ret);
 gboolean gcode_take_line(VirtualGcode *board, char *ret, gsize size);
 

@@ -29,7 +29,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualLeds, virtual_leds_free)
 const char *virtual_leds_port(const VirtualLeds *leds);
 
 /* The faults that virtual_leds_fail() sets. If lose_… or damage_… is n, every n-th byte is lost or
- * damaged; 0: none is. */
+ * damaged. If it is 0, no byte is lost or damaged. */
 struct virtual_leds_faults {
     gboolean cut;                       /* nothing arrives, and nothing is sent */
     gboolean silent;                    /* obeys, but sends nothing */
@@ -53,11 +53,10 @@ void virtual_leds_send(VirtualLeds *leds, const char *line);
 void virtual_leds_receive(VirtualLeds *leds, const char *bytes);
 
 struct virtual_leds_state {
-    guint8 levels[VIRTUAL_LEDS_MAX]; /* true levels of the outputs */
-    gboolean lit;                    /* any level is above 0 */
-    /* numbers of requests: valid, damaged, refused; and of each kind */
-    int n_requests, n_damaged, n_refused;
-    int n_pings, n_sets, n_offs;
+    guint8 levels[VIRTUAL_LEDS_MAX];      /* true levels of the outputs */
+    gboolean lit;                         /* any level is above 0 */
+    int n_requests, n_damaged, n_refused; /* numbers of valid, damaged and refused requests */
+    int n_pings, n_sets, n_offs;          /* numbers of requests of each kind */
     int n_resets;
     int n_watchdog; /* number of times that the watchdog has switched lit lamps off */
 };

@@ -22,7 +22,7 @@ struct VirtualWled {
     struct virtual_wled_faults faults;
     struct virtual_wled_state state;
     guint8 received[VIRTUAL_WLED_LEDS][3];
-    int brightness, last_brightness; /* brightness is 0 while it is off */
+    int brightness, last_brightness; /* brightness is 0 while the controller is off */
     gint64 live_until_us;
     char from[INET_ADDRSTRLEN];
     guint n_received;
@@ -146,7 +146,8 @@ static gboolean open_sockets(VirtualWled *wled, const char *address, GError **er
     wled->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (wled->fd < 0 || bind(wled->fd, (struct sockaddr *)&at, sizeof at) < 0) {
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno),
-                    "virtual WLED: cannot listen at %s: %s", address, g_strerror(errno));
+                    "virtual WLED: cannot listen at %s: %s; end the program that uses the address",
+                    address, g_strerror(errno));
         return FALSE;
     }
     g_autoptr(GSocketAddress) http = g_inet_socket_address_new_from_string(address, 0);

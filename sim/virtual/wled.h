@@ -13,7 +13,8 @@
 
 typedef struct VirtualWled VirtualWled;
 
-/* n: number of LEDs. It is on by itself, like a new controller. */
+/* Makes a controller with n LEDs at this address. Like a new controller, it is on until a program
+ * switches it off. */
 VirtualWled *virtual_wled_new(const char *address, int n, GError **error);
 void virtual_wled_free(VirtualWled *wled); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualWled, virtual_wled_free)
@@ -28,16 +29,17 @@ struct virtual_wled_faults {
     gboolean other;   /* says that it shows levels from another address */
     gboolean garbage; /* answers with a text that is not JSON */
     gboolean refuses; /* answers with status 500 */
-    int lose;         /* every n-th UDP packet is lost; 0: none is */
+    int lose;         /* every n-th UDP packet is lost; if it is 0, none is lost */
 };
 void virtual_wled_fail(VirtualWled *wled, const struct virtual_wled_faults *faults);
-/* Somebody switches it on at its button. */
+/* Switches the controller on, as by its button. */
 void virtual_wled_press(VirtualWled *wled);
 
 struct virtual_wled_state {
     guint8 leds[VIRTUAL_WLED_LEDS][3]; /* what the LEDs show */
-    gboolean lit, on, live;
+    gboolean lit, on;
+    gboolean live; /* it shows the levels that came by UDP */
     int n_packets, n_damaged, n_gets, n_posts;
-    int n_returns; /* to its own state, because no packet came */
+    int n_returns; /* number of times that it returned to its own state because no packet came */
 };
 void virtual_wled_state(VirtualWled *wled, struct virtual_wled_state *ret);

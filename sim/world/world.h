@@ -75,10 +75,9 @@ void world_set_laser(World *world, int laser, gboolean on);
 
 #define WORLD_INSTANTS 17
 struct world_state {
-    double turntable_deg, arc_deg, arm_deg,
-        /* turntable_deg is the position in the middle of the exposure; the other angles are
-         * constant during an exposure. */
-        probe_deg;
+    /* turntable_deg is the position in the middle of the exposure. The other angles are constant
+     * during an exposure. */
+    double turntable_deg, arc_deg, arm_deg, probe_deg;
     /* Positions of the turntable at equal intervals, from the beginning of the exposure to its
      * end. */
     double turning_deg[WORLD_INSTANTS];

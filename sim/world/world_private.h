@@ -56,9 +56,8 @@ struct World {
     char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;
-    gboolean lamp_fixed[WORLD_MAX_LAMPS],
-        /* TRUE if the lamp or laser is not on the arc. */
-        laser_fixed[WORLD_MAX_LASERS];
+    /* TRUE if the lamp or laser is not on the arc. */
+    gboolean lamp_fixed[WORLD_MAX_LAMPS], laser_fixed[WORLD_MAX_LASERS];
     gboolean camera_on_arm[WORLD_MAX_CAMERAS], lamp_on_probe[WORLD_MAX_LAMPS];
     int supersample;
     gboolean noise;

@@ -51,7 +51,7 @@ What does not fit together in a rig:
   mesorig: rig.conf:106: [interlock door] driver: there is no driver "steam" for this class; choose from: sim-interlock, modbus-inputs
   [1]
   $ plan rig.conf '[axis arc]' 'world = welt.conf'
-  mesorig: rig.conf:20: [axis arc] world: there is no file welt.conf
+  mesorig: rig.conf:20: [axis arc] world: there is no file welt.conf: correct the path
   [1]
   $ plan rig.conf '[axis arc]' 'part = leg'
   mesorig: rig.conf:20: [axis arc] part: world.conf has no laser "leg"; choose from: turntable, arc, arm, probe, laser30, laser60
@@ -125,8 +125,8 @@ same is told.
   rig.conf:20: [axis arc] part: world.conf has no laser "leg"; choose from: turntable, arc, arm, probe, laser30, laser60
   rig.conf:30: [lamps bank] fault_dead: world.conf has no lamp "lamp61"; choose from: lamp30, lamp60
   rig.conf:62: [camera cam60] part: world.conf has no camera "cam61"; choose from: cam30, cam60
-  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg, -15 to 15
-  rig.conf:95: [laser laser30] world: there is no file welt.conf
+  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg: give a value from -15 to 15
+  rig.conf:95: [laser laser30] world: there is no file welt.conf: correct the path
   [1]
   $ mesorig plan --offline rig.conf session.conf
   mesorig: rig.conf: 6 mistakes:
@@ -134,8 +134,8 @@ same is told.
   rig.conf:20: [axis arc] part: world.conf has no laser "leg"; choose from: turntable, arc, arm, probe, laser30, laser60
   rig.conf:30: [lamps bank] fault_dead: world.conf has no lamp "lamp61"; choose from: lamp30, lamp60
   rig.conf:62: [camera cam60] part: world.conf has no camera "cam61"; choose from: cam30, cam60
-  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg, -15 to 15
-  rig.conf:95: [laser laser30] world: there is no file welt.conf
+  rig.conf:84: [axis sweep60] home_deg: 20 is outside of min_deg to max_deg: give a value from -15 to 15
+  rig.conf:95: [laser laser30] world: there is no file welt.conf: correct the path
   [1]
 
 Arguments in the wrong order are one mistake.
@@ -178,6 +178,6 @@ A session with a database of garbage stays as it is.
   mesorig: x.session/session.db: not a session's database: file is not a database; restore it from a backup
   [1]
   $ mesorig capture rig.conf session.conf -o x.session
-  mesorig: x.session exists already; choose another name, or resume it
+  mesorig: x.session exists already; choose another name, or continue that session with “mesorig resume”
   [1]
   $ cmp garbage x.session/session.db

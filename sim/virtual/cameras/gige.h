@@ -26,7 +26,8 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGige, virtual_gige_free)
 
-/* Returns the value of "device" for a section. "GE-" followed by the serial number also works. */
+/* Returns the value of "device" for a section of a rig file. A section may also give "GE-" and the
+ * serial number. */
 const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);

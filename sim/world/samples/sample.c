@@ -219,7 +219,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "needs one number, or three (red;green;blue), but has %d", list->n);
+                          "has %d numbers; give one number, or three (red;green;blue)", list->n);
 }
 
 static gboolean check_options(const struct config_section *section,

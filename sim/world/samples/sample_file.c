@@ -162,7 +162,8 @@ static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GEr
         return obj_error(obj, error, "a face has fewer than three corners; give it at least three");
     if (end == *text)
         return obj_error(obj, error,
-                         "the corner “%s” of a face does not begin with the number of a vertex",
+                         "the corner “%s” of a face does not begin with the number of a vertex; "
+                         "export the mesh again",
                          *text);
     if (index == 0 || index > (gint64)n || index < -(gint64)n)
         return obj_error(obj, error,
