@@ -20,14 +20,13 @@ struct btf_scratch {
     guint64 *hashes; /* n_views: hash of a view's values; 0 if not written by btf_scratch_write() */
 };
 
-/* Sets an error from errno. what is "reading" or "writing". Returns FALSE. */
+/* Sets an error from errno. `what` is "reading" or "writing". Returns FALSE. */
 static gboolean io_error(GError **error, const char *what) {
     const int code = errno;
-    g_set_error(
-        error, G_FILE_ERROR, g_file_error_from_errno(code),
-        "%s the temporary file for the values of the BTF failed: %s; check the disk with the "
-        "session, or the one with %s if the session is not writable",
-        what, g_strerror(code), g_get_tmp_dir());
+    g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
+                "%s the temporary file for the values of the BTF failed: %s; check the disk of the "
+                "session, and that of %s, which is used if the session is not writable",
+                what, g_strerror(code), g_get_tmp_dir());
     return FALSE;
 }
 

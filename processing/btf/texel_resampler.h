@@ -31,9 +31,11 @@ struct resampler {
     /* targets, with guesses in from_views and from_lights */
     struct resampler_target *views, *lights;
     DirectionMesh *to_views, *to_lights; /* meshes of the targets */
+    /* n_views × 2 and n_lights × 2: the points of the targets in the stereographic plane */
     double *to_view_points, *to_light_points;
     /* guesses for the measured directions in to_views and to_lights */
     struct direction_guess *back_views, *back_lights;
+    /* one for each measured view and for each measured light, which its mesh lacks */
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* texels with an index divisible by left_step take part in the leave-one-out
                       test */

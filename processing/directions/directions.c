@@ -113,7 +113,9 @@ static void directions_triangulate(Directions *d) {
 static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, GError **error) {
     if (n < 1 || n > DIRECTIONS_MAX) {
         g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
-                    "there are %d directions, but must be 1 to %d", n, DIRECTIONS_MAX);
+                    "there are %d directions, but only 1 to %d can be interpolated; process or "
+                    "import the material again",
+                    n, DIRECTIONS_MAX);
         return NULL;
     }
     g_autoptr(Directions) d = g_new0(Directions, 1);
@@ -124,7 +126,7 @@ static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, G
             theta_deg[k] > 90.001f) {
             g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
                         "direction %d, counted from 0, has theta %g° and phi %g°, but theta must "
-                        "be 0 to 90°, and phi finite",
+                        "be 0 to 90°, and phi finite; process or import the material again",
                         k, (double)theta_deg[k], (double)phi_deg[k]);
             return NULL;
         }

@@ -34,6 +34,8 @@ struct direction_weights {
 /* Any number of threads may call the functions on the same object at the same time. */
 typedef struct Directions Directions;
 
+/* Makes an object for n directions. Returns NULL with DIRECTIONS_ERROR_RANGE if n is not 1 …
+ * DIRECTIONS_MAX, or if θ is not 0 … 90° or φ not finite. */
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
 /* Makes an object whose directions are triangulated even if they form rings, so that at most three
  * of them have a weight for any direction. */

@@ -14,7 +14,8 @@
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
 #define WIDTH     4096 /* number of pixels in a line of an array's part */
-/* A save is due only when this many times the duration of the last save have passed since then. */
+/* A save is due only when SHARE times the duration of the last save have passed since that save
+ * ended. */
 #define SHARE 20
 
 struct array {

@@ -67,7 +67,8 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
                     "calibrations");
     if (rc == EXR_ERR_OUT_OF_MEMORY)
         return fail(source, EXR_ERROR_TOO_LARGE, error,
-                    "there is not enough memory to read the file");
+                    "there is not enough memory to read the file; close other programs, or use a "
+                    "computer with more memory");
     if (source->failed)
         return fail(
             source, EXR_ERROR_IO, error,
@@ -171,7 +172,7 @@ static gboolean window_size(struct source *source, const struct exr_part *part,
             width * height <= EXR_MAX_PIXELS) ||
            fail(source, EXR_ERROR_TOO_LARGE, error,
                 "part \"%s\" has %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
-                " pixels; at most %d can be read",
+                " pixels; at most %d can be read. Crop or reduce the picture",
                 part->name, width, height, EXR_MAX_PIXELS);
 }
 
@@ -222,8 +223,9 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
         return fail_library(source, rc, error);
     if (list->num_channels < 1 || list->num_channels > EXR_MAX_CHANNELS)
         return fail(source, EXR_ERROR_FORMAT, error,
-                    "part \"%s\" has %d channels; only 1 to %d can be read", part->name,
-                    list->num_channels, EXR_MAX_CHANNELS);
+                    "part \"%s\" has %d channels; only 1 to %d can be read. Save the file with "
+                    "fewer channels",
+                    part->name, list->num_channels, EXR_MAX_CHANNELS);
     part->channels = g_new0(char *, list->num_channels + 1);
     part->planes = g_new0(float *, list->num_channels + 1);
     part->type = EXR_HALF;
@@ -442,7 +444,9 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
         part->planes[c] = g_try_malloc0_n(n, sizeof(float));
         if (!part->planes[c])
             return fail(source, EXR_ERROR_TOO_LARGE, error,
-                        "there is not enough memory for part \"%s\"", part->name);
+                        "there is not enough memory for part \"%s\"; close other programs, or use "
+                        "a computer with more memory",
+                        part->name);
         for (gsize i = 0; part->outside > 0 && i < n; i++)
             part->planes[c][i] = NAN;
     }

@@ -349,10 +349,11 @@ static gboolean fail(GError **error, const char *path, int errno_value) {
 
     g_propagate_error(
         error,
-        error_details_new(EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO,
-                          NULL, "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
-                          full ? ERROR_ADVICE "free some space and go on" : "",
-                          link ? "; the file's folder is a symbolic link or not a folder" : ""));
+        error_details_new(
+            EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO, NULL,
+            "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
+            full ? ERROR_ADVICE "free some space and go on" : "",
+            link ? "; the file's folder must be a folder, and not a symbolic link or a file" : ""));
     return FALSE;
 }
 

@@ -11,6 +11,8 @@
 
 #define COLOURS 3
 
+#define AGAIN "; process the session again"
+
 /* The properties that all views of a session's BTF share. */
 struct source {
     struct session_grid grid;
@@ -18,14 +20,13 @@ struct source {
     struct bonn_header header;
 };
 
-static gboolean fail(const char *path, GError **error, const char *what) {
-    return data_error_fail(path, 0, error, "%s; process the session again", what);
-}
-
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           fail(path, error, "the direction of a view or light is missing or not a number");
+           data_error_fail(path, 0, error,
+                           "in part %s the attribute %s.theta_deg or %s.phi_deg is missing or not "
+                           "a finite number" AGAIN,
+                           part->name, of, of);
 }
 
 /* Reads the directions of all views, and the lights of the first view. */
@@ -39,7 +40,8 @@ static gboolean read_directions(struct source *source, GError **error) {
         const char *path = source->paths->pdata[v];
         g_autoptr(ExrFile) file = exr_read_headers(path, error);
         ok = file &&
-             (file->parts->len > 0 || fail(path, error, "there are no pictures in this view")) &&
+             (file->parts->len > 0 ||
+              data_error_fail(path, 0, error, "the file of this view has no pictures" AGAIN)) &&
              direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
                        &header->view_phi_deg[v], error);
         if (ok && v == 0) {
@@ -80,25 +82,34 @@ static gboolean read_view(const struct source *source, const char *path, float *
     if (!file)
         return FALSE;
     if ((int)file->parts->len != header->n_lights)
-        return fail(path, error, "the number of lights differs from that of the first view");
+        return data_error_fail(
+            path, 0, error, "the file has %u lights, but the file of the first view has %d" AGAIN,
+            file->parts->len, header->n_lights);
     for (int light = 0; light < header->n_lights; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         float theta, phi;
         if (part->width != header->width || part->height != header->height)
-            return fail(path, error,
-                        "the size of a picture in texels differs from that in the first view");
+            return data_error_fail(
+                path, 0, error,
+                "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN, part->name,
+                part->width, part->height, header->width, header->height);
         for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             if (!plane)
-                return fail(path, error, "a picture lacks channel R, G or B");
+                return data_error_fail(path, 0, error, "part %s lacks channel %s" AGAIN, part->name,
+                                       channels[c]);
             for (gsize i = 0; i < n; i++)
                 ret_rgb[((gsize)light * n + i) * COLOURS + c] = plane[i];
         }
         if (!direction(part, "light", path, &theta, &phi, error))
             return FALSE;
         if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
-            return fail(path, error,
-                        "the direction of a light differs from that in the first view");
+            return data_error_fail(
+                path, 0, error,
+                "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first "
+                "view" AGAIN,
+                part->name, (double)theta, (double)phi, (double)header->light_theta_deg[light],
+                (double)header->light_phi_deg[light]);
     }
     return TRUE;
 }

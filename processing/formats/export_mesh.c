@@ -27,7 +27,8 @@ static void put_text(GByteArray *to, const char *format, ...) {
     g_byte_array_append(to, (const guint8 *)text, (guint)strlen(text));
 }
 
-/* In PLY and OBJ, v grows upwards. */
+/* The texture coordinate v grows towards +y in PLY and OBJ, but towards −y in struct
+ * mdf_mesh_vertex. */
 static void write_ply(const struct mdf_mesh *mesh, GByteArray *to) {
     put_text(to,
              "ply\nformat binary_little_endian 1.0\ncomment " OUTPUT_FILE_TEXT(
@@ -74,7 +75,8 @@ static void write_obj(const struct mdf_mesh *mesh, GByteArray *to) {
     }
 }
 
-/* The smallest and the largest coordinates, which glTF requires. */
+/* Gives the minimum (ret[0]) and the maximum (ret[1]) of x, y and z over all vertices, which glTF
+ * requires. */
 static void bounds(const struct mdf_mesh *mesh, float ret[2][3]) {
     for (int c = 0; c < 3; c++) {
         ret[0][c] = INFINITY;
@@ -86,8 +88,8 @@ static void bounds(const struct mdf_mesh *mesh, float ret[2][3]) {
     }
 }
 
-/* The values stay in mm and with z upwards. The node scales and turns them: the rotation is that by
- * −90° about x. */
+/* Returns the JSON text of a GLB. The vertices stay in mm with z upwards. The node's scale and its
+ * rotation by −90° about x convert them to metres with y upwards. */
 static char *gltf_json(const struct mdf_mesh *mesh) {
     const gsize vertex = sizeof(struct mdf_mesh_vertex), vertices = vertex * mesh->n_vertices;
     char corner[6][G_ASCII_DTOSTR_BUF_SIZE];

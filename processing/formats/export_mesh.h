@@ -16,7 +16,8 @@ struct export_mesh_result {
     guint n_vertices, n_triangles;
 };
 
-/* Writes the mesh of one tile of products/mdf.exr of a session. Vertices have normals, and texture
- * coordinates on the texels of the session: u along columns, v as each format has it. */
+/* Writes the mesh of one tile of products/mdf.exr of a session. Vertices have normals and texture
+ * coordinates. u is 0 … 1 along a row of the session's texels. v is 0 … 1 towards +y in PLY and
+ * OBJ, and towards −y in GLB. Fails if the session has no MDF. */
 gboolean export_mesh(const char *session, const char *file, enum export_mesh_form form,
                      struct export_mesh_result *ret, GError **error);

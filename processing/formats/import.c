@@ -22,8 +22,10 @@ static gboolean fail_errno(const char *path, GError **error) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
                     path);
     else
-        g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be made: %s", path,
-                    g_strerror(saved));
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_IO,
+            "%s: the session cannot be made: %s; give a path in a folder in which you may write",
+            path, g_strerror(saved));
     return FALSE;
 }
 
@@ -87,8 +89,8 @@ struct import {
     Session *session;
     gint64 begun_us;
     gint64 holes;
-    int *lights; /* indices 0 … n_lights − 1 */
-    int asked;
+    int *lights; /* the indices of all lights, 0 … n_lights − 1, for btf_read_view() */
+    int asked;   /* number of calls of give_column(), for the progress */
 };
 
 static gboolean check(struct import *import, GError **error) {

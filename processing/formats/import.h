@@ -65,8 +65,9 @@ struct import_material {
 
 struct import_result {
     int n_views, n_lights, width, height;
-    gint64 holes;           /* number of texels without a value in all pictures together */
-    double eigenmaps_error; /* relative RMS error of products/eigenmaps.exr; 0 for a single view */
+    gint64 holes; /* number of texels without a value in all pictures together */
+    /* RMS error of products/eigenmaps.exr relative to the RMS of the BTF; 0 for a single view */
+    double eigenmaps_error;
 };
 
 /* Imports a material. path must not exist. It is an error if more than half of the pixels of a

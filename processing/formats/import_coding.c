@@ -1,10 +1,11 @@
-/* Converts the numbers in the files of a table to linear light,
+/* Converts the numbers in the files of a table to linear values v,
  *   v = T((n − d) / (2^bits − 1 − black)) · m / f.
- * n is the number of a pixel. With a dark frame, d is the number of the same pixel in the dark
- * frame, and black is the mean of the dark frame. Without a dark frame, d and black are the black
- * level. T is the transfer function (picture_tone_choose()). f is the value of the same pixel in
- * the flat field with the same coding, and m the mean of the flat field around the middle of the
- * picture. For floating-point numbers, white is 1 instead of 2^bits − 1. */
+ * n is the number that the file has for a pixel, and bits is the column of that name. With a dark
+ * frame, d is the number of the same pixel in the dark frame, and black is the mean of the dark
+ * frame. Without a dark frame, d and black are the black level. T is the transfer function
+ * (picture_tone_choose()). f is the value of the same pixel in the flat field with the same coding,
+ * and m the mean of the flat field around the middle of the picture. For floating-point numbers,
+ * white is 1 instead of 2^bits − 1. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -64,8 +65,9 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
                            coding->flat_path);
 }
 
-/* Returns the number of a white pixel in a file with this many bits (0 means floating-point). black
- * is the number of a pixel without light, which must be smaller. Returns 0 with an error. */
+/* Returns the number that a white pixel has in a file with this many bits (0 means floating-point).
+ * black is the number that a pixel without light has. Returns 0 with an error if black is not below
+ * white, or if the row states more bits than the file has. */
 static double import_coding_white(const struct import_set *set, const struct import_row *row,
                                   const char *name, int bits, double black, GError **error) {
     const struct import_coding *coding = &row->coding;
@@ -87,7 +89,8 @@ static double import_coding_white(const struct import_set *set, const struct imp
                    coding->dark_path
                        ? "the mean of the dark frame is %g, but must be below white, which is %g "
                          "in %s; take the dark frame without light"
-                       : "black_level is %g, but must be below white, which is %g in %s",
+                       : "black_level is %g, but must be below white, which is %g in %s; give what "
+                         "a pixel of this file shows without light",
                    black, white, name);
     return 0;
 }

@@ -11,7 +11,7 @@
 #include "frames/sweep.h"
 
 #define SATURATION  0.98    /* part of white from which on a pixel counts as saturated */
-#define MAX_DN_MS   65504.0 /* maximum value of a frame in DN per ms: the largest half */
+#define MAX_DN_MS   65504.0 /* maximum value of a frame in DN per ms: the largest half float */
 #define UNEVEN      0.05    /* maximum deviation of a picture's angle from its step, in steps */
 #define MAX_MISSING 0.1     /* largest share of a sweep's pictures that may be missing */
 /* A peak is invalid if a picture is missing within BESIDE steps of the peak, or within PULSE
@@ -203,7 +203,9 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     const struct import_row *rows = run->rows, *first = &rows[0], *last = &rows[run->n - 1];
     if (run->n < 4)
         return data_error_fail(set->table, first->line, error,
-                               "the sweep has %d pictures; at least 4 are needed", run->n);
+                               "the sweep that begins here has %d pictures, but needs at least 4; "
+                               "add the others, or leave this sweep out",
+                               run->n);
     run->from_deg = first->sweep_deg;
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;

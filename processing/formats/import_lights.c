@@ -45,7 +45,8 @@ static gboolean number(const struct list *list, int line, const char *word, doub
                        GError **error) {
     const char separator = *list->columns.separator;
     return text_table_parse(word, separator == ';' || separator == '\t', ret) ||
-           data_error_fail(list->path, line, error, "“%s” is not a number", word);
+           data_error_fail(list->path, line, error, "“%s” is not a number; correct it in this line",
+                           word);
 }
 
 static gboolean is_number(const char *word) {
@@ -138,7 +139,8 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         g_strstrip(g_strdelimit(*cell, "\"", ' '));
     if ((int)g_strv_length(cells) <= c->most)
         return data_error_fail(list->path, line, error,
-                               "this line has %u columns; the first line names at least %d",
+                               "this line has %u columns, but the first line names at least %d; "
+                               "add the missing values",
                                g_strv_length(cells), c->most + 1);
     if (c->theta < 0) {
         if (!number(list, line, cells[c->x], &d[0], error) ||

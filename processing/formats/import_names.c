@@ -109,7 +109,8 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
     return data_error_fail(pictures->source, 0, error,
                            "%u pairs of a view and a light have no picture, although each of %u "
                            "views needs each of %u lights. The first pair without a picture is the "
-                           "view from θ %g° φ %g° under the light from θ %g° φ %g°",
+                           "view from θ %g° φ %g° under the light from θ %g° φ %g°; add the "
+                           "missing pictures, or remove all pictures of that view or of that light",
                            missing, pictures->views->len, n_lights,
                            (double)view->theta / STEPS_A_DEG, (double)view->phi / STEPS_A_DEG,
                            (double)light->theta / STEPS_A_DEG, (double)light->phi / STEPS_A_DEG);
@@ -173,7 +174,8 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     }
     return pictures->all->len > 0 ||
            data_error_fail(folder, 0, error,
-                           "the folder has no picture (JPEG, PNG, TIFF, EXR or camera raw)");
+                           "the folder has no picture (JPEG, PNG, TIFF, EXR or camera raw); give "
+                           "the folder that contains the pictures");
 }
 
 static int by_number(gconstpointer a, gconstpointer b) {
@@ -276,8 +278,8 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
 
 /* Returns the names of n pictures for a list without names: the lines of "filenames.txt" next to
  * the list or, if there is no such file, all pictures next to the list, sorted by time or by name.
- * "9.png" is before "10.png". Returns NULL with an error if they are not n, or if their order is
- * not certain (order_by_time()). */
+ * "9.png" is before "10.png". Returns NULL with an error if their number is not n, or if their
+ * order is not certain (order_by_time()). */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);

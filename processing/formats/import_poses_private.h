@@ -9,7 +9,7 @@
 
 /* How the numbers in the file of a picture are converted to light. */
 struct import_coding {
-    double black_level;          /* the number of a pixel without light */
+    double black_level;          /* the number that a pixel has without light */
     int bits;                    /* white is 2^bits − 1; 0 means all bits of the file */
     enum picture_tones transfer; /* tone curve; PICTURE_TONES_UNSAID means that of the file */
     char *flat_path;             /* a picture of an even surface by the same camera, or NULL */

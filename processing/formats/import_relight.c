@@ -86,10 +86,14 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     if (good)
         return g_steal_pointer(&ret);
     if (counted)
-        data_error_set(relight->path, 0, error, "value %u of “%s” is not a number", i, key);
+        data_error_set(
+            relight->path, 0, error,
+            "value %u of “%s”, counted from 0, is not a number; build the set again in Relight", i,
+            key);
     else if (n)
-        data_error_set(relight->path, 0, error, "“%s” has %u values, but needs %u numbers", key,
-                       length, n);
+        data_error_set(relight->path, 0, error,
+                       "“%s” has %u values, but needs %u numbers; build the set again in Relight",
+                       key, length, n);
     else
         data_error_set(relight->path, 0, error,
                        "“%s” has %u values, but needs x, y and z of 1 to %d lights, under which "
@@ -272,10 +276,10 @@ static gboolean relight_import(struct relight *relight, const char *path,
     for (int i = 0; i < relight->n_lights; i++) {
         const double *d = relight->lights + 3 * i, flat = hypot(d[0], d[1]);
         if (!(d[2] > 0))
-            return data_error_fail(
-                relight->path, 0, error,
-                "light %d is %g %g %g, which is not a direction above the sample", i + 1, d[0],
-                d[1], d[2]);
+            return data_error_fail(relight->path, 0, error,
+                                   "light %d is %g %g %g, but its third number must be above 0, "
+                                   "because lights are above the sample; correct “lights”",
+                                   i + 1, d[0], d[1], d[2]);
         theta[i] = (float)(atan2(flat, d[2]) * 180 / G_PI);
         phi[i] = flat > 0 ? (float)(fmod(atan2(d[1], d[0]) * 180 / G_PI + 360, 360)) : 0;
     }

@@ -88,14 +88,21 @@ static gboolean add_view(struct surface *surface, const struct exr_part *part, i
                          const char *path, GError **error) {
     const float *distance = exr_part_plane(part, "D"), *own = exr_part_plane(part, "S");
     double eye[3];
-    if (!distance || !own || part->width != surface->grid.width ||
-        part->height != surface->grid.height || !exr_get_v3d(part, "view.centre_mm", eye, NULL) ||
-        !isfinite(eye[0] + eye[1] + eye[2]))
-        return data_error_fail(
-            path, 0, error,
-            "part %s lacks the channels D and S or the attribute view.centre_mm, or does not have "
-            "the %d × %d texels of the session; process the session again",
-            part->name, surface->grid.width, surface->grid.height);
+    if (!distance || !own)
+        return data_error_fail(path, 0, error,
+                               "part %s lacks channel %s; process the session again", part->name,
+                               distance ? "S" : "D");
+    if (part->width != surface->grid.width || part->height != surface->grid.height)
+        return data_error_fail(path, 0, error,
+                               "part %s has %d × %d texels, but the session's grid has %d × %d; "
+                               "process the session again",
+                               part->name, part->width, part->height, surface->grid.width,
+                               surface->grid.height);
+    if (!exr_get_v3d(part, "view.centre_mm", eye, NULL) || !isfinite(eye[0] + eye[1] + eye[2]))
+        return data_error_fail(path, 0, error,
+                               "in part %s the attribute view.centre_mm, the position of the "
+                               "camera, is missing or not finite; process the session again",
+                               part->name);
     g_autofree struct vec3 *at_mm = g_new0(struct vec3, part->width * part->height);
     struct view view = {.surface = surface,
                         .eye_mm = vec3(eye[0], eye[1], eye[2]),

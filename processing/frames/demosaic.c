@@ -11,8 +11,9 @@
 #define MIN_WEIGHT 1e-3f
 /* relative to the mean of a colour: lower bound of green, and number added to both terms of a
  * ratio */
-#define DARK      0.002f
-#define MAX_RATIO 50.0f /* maximum colour ratio */
+#define DARK 0.002f
+/* maximum of a ratio of two colours of a pixel, each relative to its mean */
+#define MAX_RATIO 50.0f
 
 struct picture {
     const guint8 *colour;
@@ -57,9 +58,10 @@ static float green_at(const struct picture *picture, int x, int y) {
 
 /* Returns green for a red or blue pixel if the lens has lateral colour. X is the position of the
  * pixel relative to the centre. The green light of the object point that this pixel sees arrives at
- * X (1 + c_green) / (1 + c_own). Green is interpolated there by a parabola along the row
- * and one along the column. Each parabola goes through three values of green: at the nearest pixel
- * that has the colour of this pixel, and at the two green pixels beside it. */
+ * X (1 + c_green) / (1 + c_own), with c = larger[] of struct demosaic_lateral. Green is
+ * interpolated there by a parabola along the row and one along the column. Each parabola goes
+ * through three values of green: at the nearest pixel that has the colour of this pixel, and at the
+ * two green pixels beside it. */
 static float green_apart(const struct picture *picture, const struct demosaic_lateral *lateral,
                          int x, int y) {
     const int colour = picture->colour[pixel_at(picture, x, y)];

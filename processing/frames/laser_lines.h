@@ -52,7 +52,7 @@ struct laser_sweep {
     const struct rig_laser *laser;
     double arc_rad;
     double from_rad, step_rad;
-    const float *peak, *width, *intensity;
+    const float *peak, *width, *intensity;       /* maps of the first pulse (sweep.h) */
     const struct rig_arc *arc;                   /* NULL means an ideal arc (rig.h) */
     const float *second_peak, *second_intensity; /* maps of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: only the calibration is used */

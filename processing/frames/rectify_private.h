@@ -30,7 +30,8 @@ struct Rectify {
     /* number of texels, number of texels per row, and number of texels outside of the picture */
     int n_texels, columns, n_outside;
     int width, height; /* size of the mosaic in pixels */
-    gsize stride;      /* length of padded rows; windows may reach beyond the border */
+    /* number of values in a padded row; padded, because windows may reach beyond the border */
+    gsize stride;
     gsize n_pixels;
     guint8 *colour;     /* colour of each pixel, as in demosaic.h */
     int phase[4];       /* colours of the 2 × 2 filter cell, row by row */

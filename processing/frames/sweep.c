@@ -6,7 +6,7 @@
 #include "sweep_pulse.h"
 
 #define MIN_MARGIN 4  /* DN: lower bound of the margin above the background */
-#define MAX_MARGIN 64 /* the margin stops growing at saturation / this */
+#define MAX_MARGIN 64 /* the margin grows to at most saturation / MAX_MARGIN */
 /* minimum number of pixels for measuring noise; in a smaller picture a line may light all of
  * them */
 #define FEW_PIXELS   256
@@ -42,8 +42,8 @@ struct record {
 
 struct Sweep {
     gsize n_pixels, n_vectors;
-    int n_frames, count;
-    int first; /* first frame that is included in the backgrounds */
+    int n_frames, count; /* number of frames in all, and of frames added so far */
+    int first;           /* first frame that is included in the backgrounds */
     guint16 saturation, margin;
     guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
     int difference;               /* median difference of the pair that set the margin */
@@ -55,9 +55,11 @@ struct Sweep {
     guint16 *opening;
     guint32 *last; /* newest record of each vector, or NOTHING */
     struct record *records;
+    /* number of records, number for which memory is allocated, and number above which the margin
+     * grows */
     gsize n_records, room, crowded;
     const Sweep *shorter; /* the sweep of sweep_set_shorter(); NULL if there is none */
-    float ratio;
+    float ratio;          /* exposure of this sweep, as a multiple of that of shorter */
 };
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {

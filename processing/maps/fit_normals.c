@@ -20,9 +20,10 @@
 #define MIN_Z 0.15
 #define FACES 0.15 /* minimum cosine between normal and light of a light that counts */
 /* largest difference |f(l) − b·l| of a light that counts, relative to |b| */
-#define TOLERANCE   0.1
-#define ROUNDS      8
-#define SHADOWED    0.25
+#define TOLERANCE 0.1
+#define ROUNDS    8
+#define SHADOWED                                                                                   \
+    0.25 /* a texel is shadowed if a larger share of the lights that it faces is left out */
 #define PTM_TERMS   6
 #define PTM_COLOURS 3 /* number of values of a texel before C0 */
 

@@ -24,7 +24,9 @@ static void flush(png_structp png) {
 
 static void fail(png_structp png, png_const_charp message) {
     g_set_error((GError **)png_get_error_ptr(png), G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                "a map cannot be written as PNG: %s", message);
+                "a map cannot be encoded as PNG (libpng: %s); export fewer texels, or use a "
+                "computer with more memory",
+                message);
     png_longjmp(png, 1);
 }
 

@@ -25,7 +25,7 @@
 #define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ u² Y² (maps_fit.h) */
 #define COLOUR_ROUNDS 5
 /* number of standard deviations up to which a difference counts with its square; chosen with the
- * material low_weave */
+ * test material low_weave */
 #define COLOUR_HUBER 0.3
 #define SHRINK       0.1 /* weight by which the specular colour is drawn towards grey */
 

@@ -142,7 +142,9 @@ static int file_of(const void *bytes, size_t n, GError **error) {
     if (fd >= 0 && new_file_write(fd, bytes, n))
         return fd;
     g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
-                "the %zu bytes of the file in memory cannot be copied: %s", n, g_strerror(errno));
+                "there is no memory for a copy of the %zu bytes of the file: %s; close other "
+                "programs, or use a smaller file",
+                n, g_strerror(errno));
     if (fd >= 0)
         close(fd);
     return -1;

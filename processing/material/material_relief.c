@@ -5,8 +5,10 @@
 
 #include <math.h>
 
-#define MEASURED   0.99 /* weight of a view from which on the direction counts as measured */
-#define AGREEMENT  0.25 /* largest difference, in texels, from the depth by interpolation */
+#define MEASURED 0.99 /* weight of a view from which on the direction counts as measured */
+/* largest difference, in texels, of the depths of interpolation and shell at which the shell
+ * confirms the interpolated depth */
+#define AGREEMENT  0.25
 #define MIN_SLOPE  0.01 /* smallest z of a view by which is divided, as in shell_ray.c */
 #define MIN_FACING 0.02 /* smallest cosine between the normal and the view */
 

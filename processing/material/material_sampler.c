@@ -9,7 +9,7 @@
 #define CLUSTERS 8
 #define PAIRS    48  /* number of pairs of view and light by which texels are compared */
 #define ROUNDS   8   /* number of rounds of k-means */
-#define COSINE   0.1 /* C of the header; EVEN is U */
+#define COSINE   0.1 /* C of material_sampler.h; EVEN is U */
 #define EVEN     0.05
 /* maximum size of the grid of texels that are examined, in each dimension */
 #define MOST 64

@@ -31,7 +31,8 @@
 #define CONFIRM      2 /* number of neighbouring texels whose surface a candidate must continue */
 #define CLOSE        0.2f /* in units of agreement_mm; closer distances lie on one surface */
 #define MIN_TEXEL_PX 0.1  /* lower bound of the size of a texel in the picture, in pixels */
-/* reach of mdf_shown(), in reaches of the interpolation; see docs/lab/accuracy.md */
+/* reach of mdf_shown(), as a multiple of the reach of the interpolation (struct phases); see
+ * docs/lab/accuracy.md */
 #define HIDDEN_REACH 2
 /* minimum number of sweeps for add_hidden_errors(); with fewer, h of mdf_errors.h is uncertain */
 #define HIDDEN_SWEEPS 8
@@ -283,7 +284,8 @@ struct near {
 struct nears {
     struct near near[16];
     int n;
-    /* sums of weights: of all live pixels, of those with a peak, and of those with a point above */
+    /* sums of weights: of all live pixels, of those with a peak, and of those whose point is above
+     * the reference plane (OVER) */
     float all, seen, over;
 };
 

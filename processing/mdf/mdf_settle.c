@@ -33,7 +33,7 @@ struct settling {
     /* n_texels distances for each asked view (mdf_views_asked()); INFINITY: no prediction */
     float *predicted;
     struct seen *seen;
-    float *front;
+    float *front; /* n_texels, mm: depth buffer of predict(); INFINITY where nothing is drawn */
 };
 
 /* Rasterises a triangle into the depth buffer; v and w are the barycentric weights of b and c. */

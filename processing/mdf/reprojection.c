@@ -80,9 +80,9 @@ static gboolean add_eye(Reprojection *s, int k, const struct reprojection_view *
 Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
                                int n, gboolean tiled, GError **error) {
     if (n < 1) {
-        g_set_error(
-            error, DATA_ERROR, DATA_ERROR_INVALID,
-            "the session has no views from which another can be predicted; process it first");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the session has no view from which another view can be predicted; process the "
+                    "session first");
         return NULL;
     }
     g_autoptr(Reprojection) s = g_new0(Reprojection, 1);

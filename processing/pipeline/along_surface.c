@@ -266,8 +266,8 @@ static gboolean along_open(struct along *a, gint64 memory, struct along_surface_
     g_autofree char *mdf = g_build_filename(a->source, "products", "mdf.exr", NULL);
     if (!g_file_test(mdf, G_FILE_TEST_EXISTS)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: it has no MDF (products/mdf.exr) with the position of the surface; "
-                    "capture it with lasers, or resample without --along-surface",
+                    "%s: the session has no MDF (products/mdf.exr) with the position of the "
+                    "surface; capture the session with lasers, or resample without --along-surface",
                     a->source);
         return FALSE;
     }

@@ -58,8 +58,8 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
         from, to, steps, input->from_rad / degree, input->to_rad / degree, input->steps);
 }
 
-/* Minimum height of a line above the median of the reference region; the default of
- * laser_threshold_dn. */
+/* Minimum height in DN of a line above the median of the reference region. This is the default of
+ * the key laser_threshold_dn. */
 #define LINE_DN 12
 
 /* Finds lines as in the paper. Reads the frames that the session has kept in the folder of the

@@ -5,7 +5,7 @@
 
 #define NEAR_DEG    10.0 /* views whose elevations differ by less than this take a similar time */
 #define FAR_WEIGHT  0.02 /* weight of a view at a very different elevation */
-#define OVERDUE     1.25
+#define OVERDUE     1.25 /* factor from the time that an overdue task has run to its expected time */
 #define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
 #define RATE_WEIGHT 0.2  /* weight of the stored rate; a made view of the same elevation has 1 */
 /* If a task has run for longer than estimated, this share of the estimate is assumed to be left. */

@@ -12,8 +12,8 @@
 #define COVERED 0.95 /* share of the errors in cross-validation that must be within 2 σ */
 #define FILL    16   /* number of texels that are predicted together */
 
-/* The constants from which the fit to a material starts. They were chosen with the material
- * weave. */
+/* The constants from which the fit to a material starts. They were chosen with the test material
+ * weave (docs/lab/fast.md). */
 static const double prediction_prior[PREDICTION_CONSTANTS] = {1,   0.5, 1,   2,   0.3, 0.4,
                                                               0.8, 0.3, 0.3, 2.0, 0.01};
 

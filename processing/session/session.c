@@ -37,7 +37,8 @@ int session_lock(const char *path, GError **error) {
     } else {
         session_fail(error,
                      errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
-                     "%s: cannot be locked: %s", file, g_strerror(errno));
+                     "%s: cannot be locked: %s; make the session writable or free some space", file,
+                     g_strerror(errno));
     }
     if (fd >= 0)
         close(fd);

@@ -55,8 +55,11 @@ static gboolean check_frames(const Session *session, gint64 shot, enum session_s
             return refuse(frame, error, "the time %g s or the turntable's angle %g° is not finite",
                           frame->captured_s, frame->turntable_deg);
         const gint64 bytes = size_of(session, frame->path);
+        if (bytes == -2)
+            return refuse(frame, error, "the file cannot be read: %s; check the disk",
+                          g_strerror(errno));
         if (bytes < 0)
-            return refuse(frame, error, "the file is missing or cannot be read");
+            return refuse(frame, error, "the file is missing or not a regular file");
         if (bytes != frame->bytes)
             return refuse(frame, error,
                           "the file has %" G_GINT64_FORMAT " bytes, but %" G_GINT64_FORMAT

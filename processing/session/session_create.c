@@ -22,7 +22,10 @@ static gboolean fail_errno(const char *path, int saved, GError **error) {
         code = SESSION_ERROR_FULL;
     if (code == SESSION_ERROR_EXISTS)
         return session_fail(error, code, "%s: exists already; take another name", path);
-    return session_fail(error, code, "%s: cannot be made: %s", path, g_strerror(saved));
+    return session_fail(
+        error, code,
+        "%s: cannot be made: %s; make the folder that contains it writable, or free some space",
+        path, g_strerror(saved));
 }
 
 /* Syncs a folder, so that new directory entries are durable. */

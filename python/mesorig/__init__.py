@@ -88,7 +88,7 @@ def open(path: Union[str, "os.PathLike[str]"]) -> Union[Session, Btf, Mdf, ExrFi
             return Session(above).btf
         return Session(text)
     if not os.path.exists(text):
-        raise Error(f"{text}: there is no such file or directory")
+        raise Error(f"{text}: there is no such file or directory; correct the path")
     session = find_session(text)
     if session is not None:
         session.check(os.path.abspath(text))

@@ -73,11 +73,17 @@ def _read_openexr(module: Any, path: str, pixels: bool) -> List[Part]:
         headers = module.File(path, separate_channels=True, header_only=True).parts
         parts = module.File(path, separate_channels=True).parts if pixels else headers
     except RuntimeError as error:
-        raise Error(f"{path}: {error}; the file is damaged, or is not an OpenEXR file") from error
+        raise Error(
+            f"{path}: {error}; the file is damaged, or is not an OpenEXR file: copy it again, or "
+            "give another file"
+        ) from error
     # OpenEXR 3.5 leaves out parts whose values it cannot read, and reports no error.
     if len(parts) != len(headers):
         missing = [p.name() for p in headers if p.name() not in {q.name() for q in parts}]
-        raise Error(f"{path}: the values of part {missing[0]} cannot be read; the file is damaged")
+        raise Error(
+            f"{path}: the values of part {missing[0]} cannot be read; the file is damaged: copy or "
+            "make it again"
+        )
     return [
         Part(
             name=part.name(),
@@ -99,14 +105,17 @@ def _read_openimageio(module: Any, path: str, pixels: bool) -> List[Part]:
     file = module.ImageInput.open(path)
     if file is None or file.format_name() != "openexr":
         message = module.geterror() if file is None else f"its format is {file.format_name()}"
-        raise Error(f"{path}: {message}; the file is damaged, or is not an OpenEXR file")
+        raise Error(
+            f"{path}: {message}; the file is damaged, or is not an OpenEXR file: copy it again, or "
+            "give another file"
+        )
     parts: List[Part] = []
     while file.seek_subimage(len(parts), 0):
         spec = file.spec()
         names = list(spec.channelnames)
         values: Any = file.read_image("float") if pixels else None
         if pixels and values is None:
-            raise Error(f"{path}: {file.geterror()}; the file is damaged")
+            raise Error(f"{path}: {file.geterror()}; the file is damaged: copy or make it again")
         parts.append(
             Part(
                 name=spec.get_string_attribute("oiio:subimagename"),
@@ -146,9 +155,9 @@ def read(path: Union[str, "os.PathLike[str]"], pixels: bool = True) -> List[Part
     text = os.fspath(path)
     name = reader()
     if not os.path.isfile(text):
-        raise Error(f"{text}: there is no such file")
+        raise Error(f"{text}: there is no such file; correct the path")
     function = _read_openexr if name == "OpenEXR" else _read_openimageio
     parts = function(importlib.import_module(name), text, pixels)
     if not parts:
-        raise Error(f"{text}: the file has no parts; it is damaged")
+        raise Error(f"{text}: the file has no parts, and is damaged: copy or make it again")
     return parts

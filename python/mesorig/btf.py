@@ -38,7 +38,10 @@ def _no_check(path: str) -> None:
 def _attribute(part: _exr.Part, name: str, path: str) -> float:
     value = part.attributes.get(name)
     if not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise Error(f"{path}: part {part.name} has no number {name}; the file is not complete")
+        raise Error(
+            f"{path}: part {part.name} has no number {name}; copy the file again, or process or "
+            "import the session again"
+        )
     return float(value)
 
 
@@ -51,7 +54,7 @@ def directions_of(parts: List[_exr.Part], of: str, path: str) -> Directions:
 
 
 def points_of(parts: List[_exr.Part], name: str) -> NDArray[np.float64]:
-    """Return a vector attribute of each part, n × 3. Missing ones are NaN."""
+    """Return a vector attribute of each part, n × 3: NaN for a part that lacks the attribute."""
     unknown = np.full(3, np.nan)
     return np.array([part.attributes.get(name, unknown) for part in parts], np.float64)
 
@@ -113,7 +116,10 @@ class BtfView:
 
     def _towards(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
         if self.grid is None:
-            raise Error(f"{self.path}: the places of the texels are known only inside a session")
+            raise Error(
+                f"{self.path}: the positions of the texels are known only in a session; open the "
+                "session, or the file in its folder products/btf"
+            )
         to = points - self.grid.centres_mm[:, :, None]
         return (to / np.linalg.norm(to, axis=-1, keepdims=True)).astype(np.float32)
 
@@ -125,11 +131,15 @@ def _check_parts(parts: List[_exr.Part], path: str, grid: Optional["Grid"]) -> N
         if (part.width, part.height) != (width, height):
             raise Error(
                 f"{path}: part {part.name} has {part.width} × {part.height} texels instead of "
-                f"{width} × {height}"
+                f"{width} × {height}; delete the file and process the session again, or import it "
+                "again"
             )
         missing = [channel for channel in "RGB" if channel not in part.channel_names]
         if missing:
-            raise Error(f"{path}: part {part.name} lacks channel {missing[0]}")
+            raise Error(
+                f"{path}: part {part.name} lacks channel {missing[0]}; delete the file and process "
+                "the session again, or import it again"
+            )
 
 
 def _flags(part: _exr.Part, values: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -225,15 +235,19 @@ class Btf:
             stacked: NDArray = np.empty(shape, dtype)
         except MemoryError as error:
             raise Error(
-                f"the BTF needs {self.nbytes / 2**30:.1f} GiB of memory; read its views one by one "
-                "with view()"
+                f"{os.path.dirname(self.paths[0])}: {name} of the BTF takes "
+                f"{np.prod(shape, dtype=float) * np.dtype(dtype).itemsize / 2**30:.1f} GiB, for which "
+                "there is no memory; read the views one by one with view()"
             ) from error
         for k in range(len(self.views)):
             stacked[:, :, k] = getattr(self.view(k), name)
         return stacked
 
     def flag_counts(self) -> Dict[str, int]:
-        """Numbers of values with each flag, from the headers: holes, bounds, shorter, predicted."""
+        """Number of values with each flag, by name: holes, bounds, shorter, predicted.
+
+        Only headers are read. A part without the attribute counts as 0.
+        """
         return {
             name: sum(
                 int(_attribute(part, "mesorig." + name, path))

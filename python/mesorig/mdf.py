@@ -42,11 +42,14 @@ class Mdf:
         self.height, self.width = parts[0].height, parts[0].width
         for part in parts:
             if "D" not in part.channels:
-                raise Error(f"{path}: part {part.name} lacks channel D with the distances")
+                raise Error(
+                    f"{path}: part {part.name} lacks channel D with the distances; process the "
+                    "session again"
+                )
             if (part.height, part.width) != (self.height, self.width):
                 raise Error(
                     f"{path}: part {part.name} has {part.width} × {part.height} texels, but the "
-                    f"first view has {self.width} × {self.height}"
+                    f"first view has {self.width} × {self.height}; process the session again"
                 )
         self.views = directions_of(parts, "view", path)
         self.camera_mm = points_of(parts, "view.centre_mm")

@@ -66,13 +66,13 @@ class Shot(NamedTuple):
 
     id: int  # 1 … n, in planned order
     kind: str  # "dark", "lamp" or "sweep"
-    pose: int
+    pose: int  # number of the pose in planned order
     turntable_deg: float  # commanded
     arc_deg: float
     source: int  # index of the light or laser position, or -1
     device: int  # number of the lamp or laser in the calibration, or -1
     cameras: Tuple[int, ...]  # numbers of the cameras that take part
-    sweep_from_deg: float
+    sweep_from_deg: float  # first and last angle of the laser; only for "sweep"
     sweep_to_deg: float
     sweep_steps: int
     state: str  # "planned", "done" or "skipped"
@@ -82,8 +82,8 @@ class Shot(NamedTuple):
 class Frame(NamedTuple):
     """A file that the capture wrote: a picture, dark frames, or the summary of a laser sweep."""
 
-    shot: int
-    camera: int
+    shot: int  # id of the shot
+    camera: int  # number of the camera in the calibration, from 0
     path: str  # relative to the session directory
     sha256: str
     bytes: int
@@ -96,7 +96,7 @@ class Event(NamedTuple):
     """Something that happened during the capture."""
 
     id: int
-    time_s: float
+    time_s: float  # on the clock of the session
     level: str  # "info", "warning" or "error"
     source: str  # the device or stage
     message: str
@@ -106,7 +106,7 @@ class Product(NamedTuple):
     """A file that processing made."""
 
     path: str  # relative to the session directory
-    made_by: str
+    made_by: str  # hash of the inputs, or the arguments with which mesorig makes the file again
     sha256: str
     bytes: int
 
@@ -157,7 +157,9 @@ def _read_calibration(origin: str, text: str, path: str) -> Calibration:
     try:
         parser.read_string(text)
     except configparser.Error as error:
-        raise Error(f"{path}: the calibration cannot be read: {error}") from error
+        raise Error(
+            f"{path}: the calibration cannot be read: {error}; restore the database from a copy"
+        ) from error
     texts = ("name", "id", "format", "date", "method", "checksum", "residual_unit")
     sections = {
         name: {k: v if k in texts else _number(v) for k, v in parser.items(name)}
@@ -225,7 +227,10 @@ class Session:
         self.path = pathlib.Path(path)
         database = os.fspath(self.path / "session.db")
         if not os.path.isfile(database):
-            raise Error(f"{os.fspath(path)}: it is not a session: it has no file session.db")
+            raise Error(
+                f"{os.fspath(path)}: there is no session.db in this directory; give the directory of "
+                "a session"
+            )
         with _database(database) as db:
             self._check(db, database)
             self._read(db, database)
@@ -234,7 +239,10 @@ class Session:
         application = db.execute("PRAGMA application_id").fetchone()[0]
         version = db.execute("PRAGMA user_version").fetchone()[0]
         if application != APPLICATION_ID:
-            raise Error(f"{path}: the database is not that of a session of Mesorig")
+            raise Error(
+                f"{path}: the database is not that of a session of Mesorig; give the directory of a "
+                "session"
+            )
         if version != FORMAT:
             newer = "; install a newer version of the package" if version > FORMAT else ""
             raise Error(
@@ -249,7 +257,10 @@ class Session:
         def one(table: str) -> sqlite3.Row:
             found = rows(f"SELECT * FROM {table}")
             if len(found) != 1:
-                raise Error(f"{path}: the table {table} has {len(found)} rows instead of one")
+                raise Error(
+                    f"{path}: the table {table} has {len(found)} rows instead of one; restore the "
+                    "database from a copy"
+                )
             return found[0]
 
         session, grid = one("session"), one("grid")

@@ -171,8 +171,8 @@ static gboolean check(const struct compare_run *run, GError **error) {
         if (!block->damaged)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: texel (%d, %d) has a value that is infinite or not a number; make or "
-                    "compress this material again",
+                    "%s: the texel in column %d and row %d, counted from 0, has a value that is "
+                    "infinite or not a number; make or compress this material again",
                     block->damaged->label, block->texel % run->size->width,
                     block->texel / run->size->width);
         return FALSE;

@@ -15,7 +15,7 @@ struct compare_sums {
     /* mean of |Y_A − Y_B|, the luminances of A and B (Meseth et al. 2003, Table 1) */
     double luminance_error;
     double delta_e; /* mean CIEDE2000; the reference white is the white diffuser */
-    double psnr_db; /* PSNR of all values (metrics/psnr.h); ∞ if they are equal */
+    double psnr_db; /* PSNR of all values (metrics/psnr.h); ∞ if A and B are equal */
 };
 
 struct comparison {
@@ -26,8 +26,9 @@ struct comparison {
     double largest; /* maximum of |A − B| */
     /* Means over pictures of the sample, each in one view under one light. A pixel is a texel.
      * There are n_pictures, at most one for each pair of a view and a light, at most
-     * COMPARE_PICTURES (compare_private.h), and fewer if they are large. The pairs are drawn at
-     * random. Calls with the same numbers of texels, views and lights draw the same pairs. */
+     * COMPARE_PICTURES (compare_private.h), and fewer if the pictures are large. The pairs are
+     * drawn at random. Calls with the same numbers of texels, views and lights draw the same
+     * pairs. */
     int n_pictures;
     double ssim; /* mean of metrics/ssim.h; NaN if the sample has less than 11 × 11 texels */
     double flip; /* mean of metrics/flip.h, at FLIP_PIXELS_PER_DEGREE */

@@ -98,8 +98,8 @@ gboolean texel_model_check(const struct btf_matrix *btf, GError **error) {
     for (gsize i = 0; i < texels * values; i++)
         if (isinf(btf->values[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "the value of view %zu at texel (%zu, %zu) is infinite; make the BTF of "
-                        "this view again",
+                        "a value of view %zu in the texel of column %zu and row %zu, all counted "
+                        "from 0, is infinite; make the BTF of this view again",
                         i % values / COLOURS / layout->lights.n, i / values % layout->width,
                         i / values / layout->width);
             return FALSE;

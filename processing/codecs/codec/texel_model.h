@@ -15,7 +15,7 @@ struct texel_model_head {
     const char *names[2]; /* names of the attributes of the two numbers: "mesorig.terms", … */
     /* the two numbers themselves */
     int numbers[2];
-    double error, luminance_error, exact_error;
+    double error, luminance_error, exact_error; /* as in struct hsh (hsh/hsh.h) */
 };
 
 /* Writes the head and the parts "views" and "lights" (btf_layout.h). */

@@ -143,11 +143,14 @@ static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, in
     const struct exr_part *part = exr_file_part(file, name);
     const gsize n = btf_layout_texels(&maps->layout);
     float *rgb = map(maps, term, light);
-    if (!part || (gsize)part->width != maps->layout.width ||
-        (gsize)part->height != maps->layout.height) {
+    if (!part) {
+        g_autofree char *what = g_strdup_printf("the part “%s” is missing", name);
+        return format_error(path, error, what);
+    }
+    if ((gsize)part->width != maps->layout.width || (gsize)part->height != maps->layout.height) {
         g_autofree char *what = g_strdup_printf(
-            "part “%s” is missing or does not have the %zu × %zu texels of the first", name,
-            maps->layout.width, maps->layout.height);
+            "the part “%s” has %d × %d texels, but E000_light_0000 has %zu × %zu", name,
+            part->width, part->height, maps->layout.width, maps->layout.height);
         return format_error(path, error, what);
     }
     for (int c = 0; c < COLOURS; c++) {

@@ -16,7 +16,7 @@ struct columns {
     const struct btf_matrix *btf;
     const struct work *work;
     gint64 begun_us;
-    int asked;
+    int asked; /* number of calls of give_column(), for the progress */
 };
 
 static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {

@@ -18,10 +18,11 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
         return FALSE;
     for (gsize i = 0; i < job->rows; i++)
         if (!isfinite(ret[i])) {
+            const gsize texels = btf_layout_texels(&job->maps->layout);
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "view %d: value %" G_GSIZE_FORMAT
-                        " of the BTF is infinite or not a number; make the BTF of this view again",
-                        view, i);
+                        "a value of view %d, light %zu and texel %zu, all counted from 0, is "
+                        "infinite or not a number; make the BTF of this view again",
+                        view, i / COLOURS / texels, i / COLOURS % texels);
             return FALSE;
         }
     return TRUE;

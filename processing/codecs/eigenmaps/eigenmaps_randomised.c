@@ -9,7 +9,7 @@
 #define SKETCH   16384 /* number of rows of the sketch S A */
 #define WORD     64    /* number of signs that are drawn at a time */
 #define LANES    8
-#define SEGMENTS 8 /* parts into which the rows are divided for threads */
+#define SEGMENTS 8 /* number of parts into which the rows are divided for threads */
 /* maximum oversampling: how many more directions than requested terms A is projected onto */
 #define SPARE 8
 #define SEED  0x6d65736f72696721u

@@ -204,8 +204,10 @@ struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *
                         GError **error) {
     const int n_terms = options->n_terms ? options->n_terms : HSH_DEFAULT_TERMS;
     if (n_terms != 4 && n_terms != 9 && n_terms != 16) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "hemispherical harmonics have 4, 9 or 16 terms, not %d", n_terms);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "hemispherical harmonics have 4, 9 or 16 terms, not %d; give one of these numbers",
+            n_terms);
         return NULL;
     }
     if (!texel_model_check(btf, error))

@@ -106,9 +106,10 @@ static gboolean read_values(struct hsh *hsh, const struct exr_file *file, const 
     }
     for (int term = 0; term < hsh->n_terms; term++)
         if (!read_term(hsh, file, term)) {
-            g_autofree char *what = g_strdup_printf(
-                "part term%d is missing, has another size, or has values that are not finite",
-                term);
+            g_autofree char *what =
+                g_strdup_printf("part term%d is missing, differs in size from the first part, or "
+                                "has a value that is not finite",
+                                term);
             return format_error(path, error, what);
         }
     return TRUE;

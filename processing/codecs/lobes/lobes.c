@@ -187,7 +187,7 @@ static void store(const struct lobes *lobes, const float *colour, const float *p
 
 /* Finds the diffuse colour D and the specular colour S of a texel by linear least squares for a
  * given shape. d is the model with diffuse 1 and specular 0, s is the model with diffuse 0 and
- * specular 1. Each colour minimises Σ (D d + S s − x)². */
+ * specular 1. Each colour minimises Σ (D d + S s − x)² over the measured values x of the texel. */
 static void colour_facet(const struct lobes_run *run, int texel, float *values) {
     const gsize n_lights = run->btf->layout.lights.n, n = run->btf->layout.views.n * n_lights;
     const float *rgb = run->btf->values + (gsize)texel * n * COLOURS;

@@ -151,9 +151,10 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
         if (!plane || (gsize)part->width != lobes->layout.width ||
             (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height ||
             !all_finite(plane, pixels)) {
-            g_autofree char *what = g_strdup_printf("part “%s” has another size, or its channel %s "
-                                                    "is missing or has a value that is not finite",
-                                                    name, channel);
+            g_autofree char *what =
+                g_strdup_printf("part “%s” does not have the size that the first part states, or "
+                                "its channel %s is missing or has a value that is not finite",
+                                name, channel);
             return format_error(path, error, what);
         }
         for (gsize i = 0; i < pixels; i++)

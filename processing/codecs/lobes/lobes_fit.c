@@ -6,7 +6,7 @@
 
 #define P         LOBES_MAX_PARAMETERS
 #define MAX_STEPS 80
-/* a problem is solved when a step lowers its cost by at most this part */
+/* a problem is solved when a step lowers its cost by at most this share of the cost */
 #define ENOUGH   1e-5F
 #define MIN_VIEW 0.1F  /* minimum of the divisors n·v and max(n·l, n·v) of lobes.h */
 #define SHALLOW  1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */

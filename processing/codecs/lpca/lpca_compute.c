@@ -471,7 +471,8 @@ static gboolean check_values(const struct lpca_run *run, GError **error) {
         if (!isfinite(run->btf->values[i])) {
             const int texel = run->first + (int)(i / d);
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "the value of view %d at texel (%zu, %zu) is infinite or not a number; "
+                        "a value of view %d in the texel of column %zu and row %zu, all counted "
+                        "from 0, is infinite or not a number; "
                         "make the BTF of this view again",
                         (int)(i % d) / run->columns, texel % run->btf->layout.width,
                         texel / run->btf->layout.width);

@@ -276,8 +276,8 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
     const int c = lpca->n_components, n = btf_layout_texels(&lpca->layout);
     if (!read_weight_scales(lpca, file))
         return format_error(path, error,
-                            "the part “weight_scales” is missing, has another size, or has a value "
-                            "that is not finite");
+                            "the part “weight_scales” is missing, does not have one value for each "
+                            "cluster and component, or has a value that is not finite");
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     if (!lpca->weights)
         return memory_error(lpca, path, error);
@@ -286,10 +286,10 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
         const float *weights =
             plane(file, "weights", channel, lpca->layout.width, lpca->layout.height);
         if (!weights) {
-            g_autofree char *what = g_strdup_printf(
-                "channel %s of the part “weights” is missing, has another size, or has a value "
-                "that is not finite",
-                channel);
+            g_autofree char *what =
+                g_strdup_printf("channel %s of the part “weights” is missing, differs in size from "
+                                "the part “clusters”, or has a value that is not finite",
+                                channel);
             return format_error(path, error, what);
         }
         for (int texel = 0; texel < n; texel++)
@@ -338,9 +338,10 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
                             "the part “means” is missing, or its size does not fit the clusters, "
                             "views and lights");
     if (!read_light_scales(lpca, file))
-        return format_error(path, error,
-                            "the part “light_scales” has another size, or a value that is not "
-                            "finite or not above 0");
+        return format_error(
+            path, error,
+            "the part “light_scales” does not have the size that the clusters, components and "
+            "lights need, or has a value that is not finite or not above 0");
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
         return memory_error(lpca, path, error);
@@ -348,7 +349,8 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
         if (!read_table(lpca, file, i)) {
             g_autofree char *name = table_name(i);
             g_autofree char *what = g_strdup_printf(
-                "the part “%s” is missing, has another size, or has a value that is not finite",
+                "the part “%s” is missing, does not have the size that the clusters, views and "
+                "lights need, or has a value that is not finite",
                 name);
             return format_error(path, error, what);
         }

@@ -5,8 +5,8 @@
 
 #define SIDE   MDF_BLOCK_SIDE
 #define TEXELS (SIDE * SIDE)
-#define STEPS  7   /* number of steps from one end to the other */
-#define MOST   255 /* maximum of an end of a block */
+#define STEPS  7   /* number of steps from the first end value of a block to the second */
+#define MOST   255 /* maximum of an end value */
 #define ROUNDS 4
 
 /* codes[i] is the index in the format (BC4) of the value i steps from the first end, if the first

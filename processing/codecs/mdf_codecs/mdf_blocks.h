@@ -7,8 +7,8 @@
  * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
  * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
  * deepest_mm and mesorig.error_mm (double). The end values 0 and 255 of a block stand for the
- * depths least_mm (member min_mm) and deepest_mm. Texels that no laser saw have the depths of their
- * neighbours. */
+ * depths below the reference plane least_mm (member min_mm) and deepest_mm. Texels that no laser
+ * saw have the depths of their neighbours. */
 #pragma once
 
 #include <gio/gio.h>

@@ -23,7 +23,7 @@ struct mdf_codec_result {
     int n_terms, n_traced;
     gint64 bytes;       /* bytes in the memory of a renderer */
     double error_mm;    /* RMS error over the visible texels of the measured views */
-    double error_99_mm; /* 99th percentile of the absolute error */
+    double error_99_mm; /* 99th percentile of the absolute error over the same texels */
 };
 
 struct mdf_codec {

@@ -32,7 +32,8 @@ void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
                            int ret_order[BONN_CHANNELS], gboolean *ret_extra, GError **error);
 
-/* Skips the rotations of local frames. */
+/* Reads the number of rotations of local frames into header->n_rotations, and skips the
+ * rotations. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
 /* Appends the header of a file to the bytes. */

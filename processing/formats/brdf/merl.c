@@ -11,7 +11,8 @@
 #define THETA_H 90
 #define THETA_D 90
 #define PHI_D   180
-#define BELOW   (-1.0) /* number of a bin with a direction below the surface */
+/* the number that the file gets for a bin with a direction below the surface */
+#define BELOW (-1.0)
 
 static const double scales[3] = {1 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0};
 
@@ -126,9 +127,10 @@ struct writing {
     BrdfFunction f;
     gpointer data;
     int n_turns;
-    double *values;             /* 3 × THETA_H × THETA_D × PHI_D */
-    double squares[THETA_H][2]; /* for each θ_h: the sum of squared differences from the mean, and
-                                   of squared means */
+    double *values; /* 3 × THETA_H × THETA_D × PHI_D */
+    /* for each θ_h, summed over its bins: the squared differences of f from the mean of the bin,
+     * and the squared means */
+    double squares[THETA_H][2];
 };
 
 /* Gives the directions at the centre of the bin (i of θ_h, j of θ_d, k of φ_d) for φ_h = 0. */

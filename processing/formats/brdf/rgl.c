@@ -40,19 +40,31 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
                        name);
         return NULL;
     }
-    gboolean good = field->type == type && field->n_dimensions == n_dimensions;
-    for (int i = 0; good && i < n_dimensions; i++)
-        good = field->shape[i] >= 1 && field->shape[i] <= MAX_NODES;
+    if (field->type != type || field->n_dimensions != n_dimensions) {
+        data_error_set(path, 0, error,
+                       "the field “%s” has %d dimensions of type %d, but must have "
+                       "%d of type %d (%s); copy the file again",
+                       name, field->n_dimensions, (int)field->type, n_dimensions, (int)type,
+                       type == TENSOR_FLOAT32 ? "float32" : "uint8");
+        return NULL;
+    }
+    for (int i = 0; i < n_dimensions; i++)
+        if (field->shape[i] < 1 || field->shape[i] > MAX_NODES) {
+            data_error_set(path, 0, error,
+                           "dimension %d of the field “%s” has %zu numbers, but must have 1 to %d; "
+                           "copy the file again",
+                           i + 1, name, field->shape[i], MAX_NODES);
+            return NULL;
+        }
     const float *values = field->values;
-    for (gsize i = 0; good && type == TENSOR_FLOAT32 && i < field->n_values; i++)
-        good = isfinite(values[i]);
-    if (good)
-        return field;
-    data_error_set(path, 0, error,
-                   "the field “%s” must have %d dimensions of 1 to %d numbers each, all finite and "
-                   "of type %s, but does not; copy the file again",
-                   name, n_dimensions, MAX_NODES, type == TENSOR_FLOAT32 ? "float32" : "uint8");
-    return NULL;
+    for (gsize i = 0; type == TENSOR_FLOAT32 && i < field->n_values; i++)
+        if (!isfinite(values[i])) {
+            data_error_set(path, 0, error,
+                           "number %zu of the field “%s” is not finite; copy the file again", i + 1,
+                           name);
+            return NULL;
+        }
+    return field;
 }
 
 static gboolean read_nodes(const struct rgl *rgl, const char *path, const char *name,

@@ -60,7 +60,7 @@ static gboolean take(struct reader *reader, void *to, gsize n, GError **error) {
     GError *found = NULL;
     if (n > reader->length - reader->at)
         return data_error_fail(reader->path, 0, error,
-                               "the file ends within the list of fields; copy it again");
+                               "the file ends within the list of fields; copy the file again");
     if (!input_file_read_at(reader->fd, reader->path, to, n, reader->at, &found)) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_IO, DATA_ERROR_INVALID, error);
         return FALSE;
@@ -113,11 +113,11 @@ static gboolean read_field(struct reader *reader, struct tensor_file *file, GErr
     if (type < TENSOR_UINT8 || type > TENSOR_FLOAT64 || n_dimensions > TENSOR_FILE_DIMENSIONS)
         return data_error_fail(reader->path, 0, error,
                                "the field “%s” has type %u and %u dimensions; only types 1 to 11 "
-                               "and at most 8 dimensions can be read",
+                               "and at most 8 dimensions can be read; copy the file again",
                                name, type, n_dimensions);
     if (tensor_file_field(file, name))
         return data_error_fail(reader->path, 0, error,
-                               "the file has two fields “%s”; copy it again", name);
+                               "the file has two fields “%s”; copy the file again", name);
     if (!take(reader, sizes, n_dimensions * sizeof sizes[0], error))
         return FALSE;
     struct tensor_field *field = g_new0(struct tensor_field, 1);

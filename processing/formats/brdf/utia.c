@@ -80,10 +80,10 @@ static gboolean read_exr(struct utia *utia, const char *path, GError **error) {
         return FALSE;
     const struct exr_part *first = headers->parts->len ? headers->parts->pdata[0] : NULL;
     if (!first || first->width != UTIA_SIDE || first->height != UTIA_SIDE)
-        return data_error_fail(
-            path, 0, error,
-            "the picture has %d × %d pixels, but a BRDF in UTIA's format has 288 × 288",
-            first ? first->width : 0, first ? first->height : 0);
+        return data_error_fail(path, 0, error,
+                               "the picture has %d × %d pixels, but a BRDF in UTIA's format has "
+                               "288 × 288; give the file of the BRDF as UTIA published it",
+                               first ? first->width : 0, first ? first->height : 0);
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)
         return FALSE;

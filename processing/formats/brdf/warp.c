@@ -29,8 +29,8 @@ void warp_interval(const float *nodes, int n, double value, int *ret_index, doub
     *ret_weight = to > from ? CLAMP((value - from) / (to - from), 0, 1) : 0;
 }
 
-/* Returns the weighted sum, over the slices, of number `at` of a slice. stride is the count of
- * numbers in a slice. */
+/* Returns the weighted sum over the slices of the value at position `at` in each slice. A slice has
+ * stride values. */
 static double mix(const float *values, gsize stride, gsize at, const struct warp_slices *slices) {
     double sum = 0;
     for (int k = 0; k < slices->n; k++)
@@ -38,7 +38,8 @@ static double mix(const float *values, gsize stride, gsize at, const struct warp
     return sum;
 }
 
-/* Returns the cell of a coordinate of 0 … 1 among n nodes, and the position within it. */
+/* Returns the index of the cell, between two of n equally spaced nodes, that contains the
+ * coordinate x of 0 … 1. *ret_within is the position in this cell, 0 … 1. */
 static int warp_cell(double x, int n, double *ret_within) {
     const double scaled = CLAMP(x, 0, 1) * (n - 1);
     const int cell = CLAMP((int)scaled, 0, MAX(n - 2, 0));

@@ -134,7 +134,8 @@ static gboolean read_material(Abrdf *abrdf, const char *path, const struct impor
     return TRUE;
 }
 
-/* Returns the nearest light of the same view that has a value, or −1 if there is none. */
+/* Returns the index of the light nearest to `light` under which this view has a value, or −1 if
+ * there is none. */
 static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view, gsize light) {
     const gsize n = abrdf->info.lights.n;
     gssize nearest = -1;

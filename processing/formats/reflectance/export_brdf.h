@@ -51,7 +51,9 @@ struct export_rti_result {
     gint64 clipped, holes; /* number of values that were clipped, and number of holes */
 };
 
-/* Needs the memory of one view. The progress stage is "read". */
+/* Exports one view of a session to output: a .ptm file (EXPORT_PTM), or a folder with info.json and
+ * planes (EXPORT_RELIGHT). Needs the memory of one view. Fails if there is no such view, or if its
+ * lights do not determine six terms. The progress stage is "read". */
 gboolean export_rti(const char *session, const char *output,
                     const struct export_rti_options *options, const struct work *work,
                     struct export_rti_result *ret, GError **error);

@@ -9,7 +9,9 @@
 #include "formats/brdf/utia.h"
 #include "formats/rti/rti.h"
 
-#define LOWEST_RAD 0.15 /* for HSH: no light is lower, as in RTIViewer and OpenLIME */
+/* for HSH: minimum elevation of a light; lower lights are raised to it, as in RTIViewer and
+ * OpenLIME */
+#define LOWEST_RAD 0.15
 
 static struct btf_directions *import_brdf_directions(const char *table, gboolean utia,
                                                      GError **error) {

@@ -6,16 +6,21 @@
 
 #define MAX_BYTES ((gsize)512 << 20)
 
-#define DIRECTION_MISSING "the direction of a view or light is missing or not a number"
+#define AGAIN "; process the session again"
 
-static gboolean fail(const char *path, const char *what, GError **error) {
-    return data_error_fail(path, 0, error, "%s; process the session again", what);
+/* Fails with the name of the part. `of` is "view" or "light". */
+static gboolean fail_direction(const char *path, const struct exr_part *part, const char *of,
+                               GError **error) {
+    return data_error_fail(path, 0, error,
+                           "in part %s the attribute %s.theta_deg or %s.phi_deg is missing or not "
+                           "a finite number" AGAIN,
+                           part->name, of, of);
 }
 
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           struct direction_list *list, gsize i, GError **error) {
     return btf_direction(part, of, &list->theta_deg[i], &list->phi_deg[i]) ||
-           fail(path, DIRECTION_MISSING, error);
+           fail_direction(path, part, of, error);
 }
 
 static gboolean directions(struct session_view_files *files, GError **error) {
@@ -26,7 +31,7 @@ static gboolean directions(struct session_view_files *files, GError **error) {
         if (!file)
             return FALSE;
         if (file->parts->len == 0)
-            return fail(path, "there are no pictures in this view", error);
+            return data_error_fail(path, 0, error, "the file of this view has no pictures" AGAIN);
         if (v == 0)
             files->lights = direction_list_new(file->parts->len);
         if (!direction(file->parts->pdata[0], "view", path, &files->views, v, error))
@@ -58,16 +63,21 @@ static gboolean picture(const struct session_view_files *files, const struct exr
                         GError **error) {
     float theta, phi;
     if (part->width != files->grid.width || part->height != files->grid.height)
-        return fail(path, "the size of a picture in texels differs from that of the session",
-                    error);
+        return data_error_fail(
+            path, 0, error, "part %s has %d × %d texels, but the session's grid has %d × %d" AGAIN,
+            part->name, part->width, part->height, files->grid.width, files->grid.height);
     if (!btf_direction(part, "light", &theta, &phi))
-        return fail(path, DIRECTION_MISSING, error);
+        return fail_direction(path, part, "light", error);
     if (theta != files->lights.theta_deg[light] || phi != files->lights.phi_deg[light])
-        return fail(path, "the direction of a light differs from that in the first view", error);
+        return data_error_fail(
+            path, 0, error,
+            "the light of part %s is at θ %g°, φ %g°, but at θ %g°, φ %g° in the first view" AGAIN,
+            part->name, (double)theta, (double)phi, (double)files->lights.theta_deg[light],
+            (double)files->lights.phi_deg[light]);
     const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                     exr_part_plane(part, "B"), exr_part_plane(part, "mark")};
     if (!planes[0] || !planes[1] || !planes[2])
-        return fail(path, "a picture lacks channel R, G or B", error);
+        return data_error_fail(path, 0, error, "part %s lacks channel R, G or B" AGAIN, part->name);
     return func(view, light, planes, data, error);
 }
 
@@ -80,7 +90,9 @@ gboolean session_view_files_read(const struct session_view_files *files, int vie
     if (!file)
         return FALSE;
     if (file->parts->len != files->lights.n)
-        return fail(path, "the number of lights differs from that of the first view", error);
+        return data_error_fail(
+            path, 0, error, "the file has %u lights, but the file of the first view has %zu" AGAIN,
+            file->parts->len, files->lights.n);
     for (guint light = 0; light < file->parts->len; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         g_autoptr(ExrPart) alone = whole ? NULL : exr_read_part(path, part->name, error);

@@ -58,9 +58,10 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
     *ret = g_ascii_strtod(word, &end);
     if (*end || !(*ret >= least && *ret <= most)) {
         g_autofree char *shown = g_utf8_make_valid(word, -1);
-        return data_error_fail(head->path, 0, error,
-                               "the %s in the header is %s, but must be from %g to %g", what, shown,
-                               least, most);
+        return data_error_fail(
+            head->path, 0, error,
+            "the %s in the header is %s, but must be from %g to %g; copy the file again", what,
+            shown, least, most);
     }
     return TRUE;
 }
@@ -71,7 +72,7 @@ static gboolean line_end(struct head *head, GError **error) {
         head->at++;
     if (head->at >= head->n || head->bytes[head->at] != '\n')
         return data_error_fail(head->path, 0, error,
-                               "the file ends within the header; copy it again");
+                               "the file ends within the header; copy the file again");
     head->at++;
     return TRUE;
 }
@@ -170,7 +171,9 @@ static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
     rti->n_terms = (int)terms;
     if (rti->n_terms != 4 && rti->n_terms != 9 && rti->n_terms != 16)
         return data_error_fail(head->path, 0, error,
-                               "the file has %d terms; only 4, 9 or 16 can be read", rti->n_terms);
+                               "the file has %d terms; only 4, 9 or 16 can be read. Fit the "
+                               "pictures again with one of these numbers",
+                               rti->n_terms);
     const gsize bytes = (gsize)rti->n_terms * sizeof(float);
     if (!take(head, scale, bytes, error) || !take(head, bias, bytes, error) ||
         !make_bytes(head, rti, error))

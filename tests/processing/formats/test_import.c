@@ -307,7 +307,7 @@ TEST(rti__bad) {
         {"0 0 1\n0 1 1\n", "the list has 2 directions without names of pictures, but "},
         {"image,theta\na.png,30\n", "lights.lp:1: "},
         {"image,theta,phi\na.png,30\n",
-         "lights.lp:2: this line has 2 columns; the first line names at least 3"},
+         "lights.lp:2: this line has 2 columns, but the first line names at least 3"},
         {"image,theta,phi\na.png,3O,0\n", "lights.lp:2: “3O” is not a number"},
         {"image,theta,phi\na.png,95,0\n",
          "lights.lp:2: theta is 95°; it is the angle from the normal"},

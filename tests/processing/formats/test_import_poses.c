@@ -245,7 +245,7 @@ TEST(bad) {
         "there is no picture of camera cam60 at turntable_deg 0 under lamp lamp60 at arc_deg 90");
     assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,\n", "poses.csv:2: sweep_deg is empty");
     assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,1\n",
-                   "the sweep has 1 pictures; at least 4 are needed");
+                   "the sweep that begins here has 1 pictures, but needs at least 4");
     assert_refused(dir,
                    HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
                         "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,4.4\n"

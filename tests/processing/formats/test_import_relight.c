@@ -170,7 +170,7 @@ TEST(bad) {
     char *light = strstr(text, "0.1000]}");
     memcpy(light, "-0.100", 6);
     g_assert_true(g_file_set_contents(info, text, -1, NULL));
-    assert_refused(info, "light 4 is 0 -0.995 -0.1, which is not a direction above the sample");
+    assert_refused(info, "light 4 is 0 -0.995 -0.1, but its third number must be above 0");
     g_free(write_info("ptm", "rgb", 6, ""));
     g_unlink(gone);
     assert_refused(info,
