@@ -252,12 +252,14 @@ static gboolean check_grid(const struct direction_list *list, int n_grid, gboole
     const char *what = lights ? "lights" : "views";
     if (n_grid < DIRECTION_GRID_MIN || n_grid > DIRECTION_GRID_MAX)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the grid of directions has the size %d, but must have %d to %d", n_grid,
-                    DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
+                    "the grid of directions has %d directions along a side, but must have %d to "
+                    "%d; give another size",
+                    n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
     else if (list->n < 1 || list->n > MOST)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "the material has %zu %s, but a grid of directions needs 1 to %d", list->n,
-                    what, MOST);
+                    "the material has %zu %s, but a grid of directions needs 1 to %d; resample the "
+                    "material to fewer directions first",
+                    list->n, what, MOST);
     else {
         for (gsize i = 0; i < list->n; i++) {
             const double theta = (double)list->theta_deg[i], phi = (double)list->phi_deg[i];

@@ -247,7 +247,8 @@ char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error) {
             bytes += got;
         }
     if (got < 0)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be read: %s", path,
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
+                    "%s: cannot be read: %s; check the permissions of the file and the disk", path,
                     g_strerror(errno));
     close(fd);
     if (ret_bytes)

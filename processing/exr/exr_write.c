@@ -86,9 +86,10 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
         return refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
     if (part->width < 1 || part->height < 1 ||
         (gint64)part->width * part->height > EXR_MAX_PIXELS) {
-        g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
-                    "%s: part \"%s\" has %d×%d pixels, but must have 1 to %d", path, part->name,
-                    part->width, part->height, EXR_MAX_PIXELS);
+        g_set_error(
+            error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
+            "%s: part \"%s\" has %d×%d pixels, but must have 1 to %d in all; use fewer texels",
+            path, part->name, part->width, part->height, EXR_MAX_PIXELS);
         return FALSE;
     }
     if (part->n_channels < 1 || part->n_channels > EXR_MAX_CHANNELS)

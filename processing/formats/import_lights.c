@@ -119,7 +119,7 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
         copy = g_strdelimit(g_strdup(text), "\t,;", ' ');
         if (!take_words(copy, words, &nameless) || (nameless && !is_number(words[0])))
             return data_error_fail(
-                list->path, line, error, "%s" EXPECTED " are expected",
+                list->path, line, error, "“%s” cannot be read; this line must be %s" EXPECTED, text,
                 list->lights->len == 0 && list->count == 0 ? "the number of pictures, or " : "");
         for (int i = 0; i < 3; i++)
             if (!number(list, line, words[i], &d[i], error))
@@ -286,7 +286,9 @@ GArray *import_lights_read(const char *path, GError **error) {
         }
     }
     if (lights->len == 0 && list.count == 0)
-        data_error_set(path, 1, error, "the number of pictures, or " EXPECTED " are expected");
+        data_error_set(
+            path, 1, error,
+            "the list is empty; its first line must be the number of pictures, or " EXPECTED);
     else if (list.count > 0 && lights->len != list.count)
         data_error_set(path, list.count_line, error,
                        "this line states %d pictures, but the file lists %u; correct the number, "

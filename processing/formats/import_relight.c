@@ -97,7 +97,7 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     else
         data_error_set(relight->path, 0, error,
                        "“%s” has %u values, but needs x, y and z of 1 to %d lights, under which "
-                       "the material is evaluated",
+                       "the material is evaluated; correct this list",
                        key, length, MAX_LIGHTS);
     return NULL;
 }

@@ -285,10 +285,11 @@ static gboolean check_file(const Session *session, const char *file, GError **er
 
     if (stat(file, &status) != 0) {
         const gboolean missing = errno == ENOENT || errno == ENOTDIR;
-        return session_fail(error, missing ? SESSION_ERROR_FORMAT : SESSION_ERROR_IO,
-                            missing ? "%s: no session there: session.db: %s"
-                                    : "%s/session.db: cannot be read: %s",
-                            session->path, g_strerror(errno));
+        return session_fail(
+            error, missing ? SESSION_ERROR_FORMAT : SESSION_ERROR_IO,
+            missing ? "%s: no session there: session.db: %s; give the directory of a session"
+                    : "%s/session.db: cannot be read: %s; check its permissions and the disk",
+            session->path, g_strerror(errno));
     }
     for (gsize i = 0; i < G_N_ELEMENTS(beside); i++) {
         g_autofree char *name = g_strconcat(file, beside[i], NULL);
@@ -337,8 +338,10 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 
         if (fd < 0)
-            return session_fail(error, SESSION_ERROR_IO, "%s: cannot be made: %s", file,
-                                g_strerror(errno));
+            return session_fail(
+                error, SESSION_ERROR_IO,
+                "%s: cannot be made: %s; make the folder writable or free some space", file,
+                g_strerror(errno));
         close(fd);
         return connect(session, uri, flags, FALSE, error);
     }

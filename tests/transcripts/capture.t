@@ -48,22 +48,22 @@ Folders that are no sessions:
 
   $ mkdir empty && cd empty
   $ mesorig info .
-  mesorig: .: no session there: session.db: No such file or directory
+  mesorig: .: no session there: session.db: No such file or directory; give the directory of a session
   [1]
   $ mesorig info /no/such
   mesorig: cannot read /no/such: No such file or directory
   [1]
   $ mesorig process .
-  mesorig: .: no session there: session.db: No such file or directory
+  mesorig: .: no session there: session.db: No such file or directory; give the directory of a session
   [1]
   $ mesorig resume .
-  mesorig: .: no session there: session.db: No such file or directory
+  mesorig: .: no session there: session.db: No such file or directory; give the directory of a session
   [1]
   $ mesorig pause .
   mesorig: no daemon captures into . at present; to continue that session: mesorig resume .
   [1]
   $ mesorig compress .
-  mesorig: .: no session there: session.db: No such file or directory
+  mesorig: .: no session there: session.db: No such file or directory; give the directory of a session
   [1]
   $ mesorig check .
   mesorig: .: there is neither products/btf nor products/mdf.exr; `mesorig process .` makes them

@@ -79,19 +79,26 @@ static gboolean read_head(struct hsh *hsh, const struct exr_file *file, const ch
     return TRUE;
 }
 
-static gboolean read_term(struct hsh *hsh, const struct exr_file *file, int term) {
+/* Reads a part. Returns NULL on success, otherwise a clause about the part that says what is wrong
+ * with it. */
+static const char *read_term(struct hsh *hsh, const struct exr_file *file, int term) {
     g_autofree char *name = term_name(term);
     const struct exr_part *part = exr_file_part(file, name);
+    if (!part)
+        return "is missing";
+    if ((gsize)part->width != hsh->layout.width ||
+        (gsize)part->height != hsh->layout.views.n * hsh->layout.height)
+        return "does not have the size that mesorig.views, mesorig.width and mesorig.height state";
     for (int c = 0; c < COLOURS; c++) {
-        const float *plane = part ? exr_part_plane(part, hsh_colours[c]) : NULL;
-        if (!plane || (gsize)part->width != hsh->layout.width ||
-            (gsize)part->height != hsh->layout.views.n * hsh->layout.height ||
-            !exr_all_finite(plane, pixels(hsh)))
-            return FALSE;
+        const float *plane = exr_part_plane(part, hsh_colours[c]);
+        if (!plane)
+            return "lacks channel R, G or B";
+        if (!exr_all_finite(plane, pixels(hsh)))
+            return "has a value that is not finite";
         for (gsize i = 0; i < pixels(hsh); i++)
             hsh->values[(i * (gsize)hsh->n_terms + (gsize)term) * COLOURS + (gsize)c] = plane[i];
     }
-    return TRUE;
+    return NULL;
 }
 
 static gboolean read_values(struct hsh *hsh, const struct exr_file *file, const char *path,
@@ -104,14 +111,13 @@ static gboolean read_values(struct hsh *hsh, const struct exr_file *file, const 
                     path, pixels(hsh), hsh->n_terms);
         return FALSE;
     }
-    for (int term = 0; term < hsh->n_terms; term++)
-        if (!read_term(hsh, file, term)) {
-            g_autofree char *what =
-                g_strdup_printf("part term%d is missing, differs in size from the first part, or "
-                                "has a value that is not finite",
-                                term);
+    for (int term = 0; term < hsh->n_terms; term++) {
+        const char *wrong = read_term(hsh, file, term);
+        if (wrong) {
+            g_autofree char *what = g_strdup_printf("part term%d %s", term, wrong);
             return format_error(path, error, what);
         }
+    }
     return TRUE;
 }
 

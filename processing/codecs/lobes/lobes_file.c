@@ -148,15 +148,21 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
         g_autofree char *name = lobes_value_part(lobes, value, &channel);
         const struct exr_part *part = exr_file_part(file, name);
         const float *plane = part ? exr_part_plane(part, channel) : NULL;
-        if (!plane || (gsize)part->width != lobes->layout.width ||
-            (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height ||
-            !all_finite(plane, pixels)) {
-            g_autofree char *what =
-                g_strdup_printf("part “%s” does not have the size that the first part states, or "
-                                "its channel %s is missing or has a value that is not finite",
-                                name, channel);
+        g_autofree char *what = NULL;
+        if (!part)
+            what = g_strdup_printf("part “%s” is missing", name);
+        else if (!plane)
+            what = g_strdup_printf("part “%s” lacks channel %s", name, channel);
+        else if ((gsize)part->width != lobes->layout.width ||
+                 (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height)
+            what = g_strdup_printf("part “%s” is %d × %d, but must be %zu × %zu", name, part->width,
+                                   part->height, lobes->layout.width,
+                                   (gsize)lobes->n_slices * lobes->layout.height);
+        else if (!all_finite(plane, pixels))
+            what = g_strdup_printf("channel %s of part “%s” has a value that is not finite",
+                                   channel, name);
+        if (what)
             return format_error(path, error, what);
-        }
         for (gsize i = 0; i < pixels; i++)
             lobes->values[i * (gsize)lobes->n_values + (gsize)value] = plane[i];
     }

@@ -157,18 +157,27 @@ static gboolean memory_error(const struct lpca *lpca, const char *path, GError *
     return FALSE;
 }
 
-/* Returns the values of a channel of a part. Returns NULL if the part does not exist, has another
- * size or lacks the channel, or if a value is not finite. */
+/* Returns the values of a channel of a part. Returns NULL with an error if the part does not exist,
+ * has another size or lacks the channel, or if a value is not finite. */
 static const float *plane(const struct exr_file *file, const char *name, const char *channel,
-                          int width, int height) {
+                          gint64 width, gint64 height, const char *path, GError **error) {
     const struct exr_part *part = exr_file_part(file, name);
     const float *values = part ? exr_part_plane(part, channel) : NULL;
-    if (!values || part->width != width || part->height != height)
-        return NULL;
-    for (gsize i = 0; i < (gsize)width * (gsize)height; i++)
-        if (!isfinite(values[i]))
-            return NULL;
-    return values;
+    g_autofree char *what = NULL;
+    if (!part)
+        what = g_strdup_printf("the part “%s” is missing", name);
+    else if (!values)
+        what = g_strdup_printf("the part “%s” lacks channel %s", name, channel);
+    else if (part->width != width || part->height != height)
+        what = g_strdup_printf("the part “%s” is %d × %d, but must be %" G_GINT64_FORMAT
+                               " × %" G_GINT64_FORMAT,
+                               name, part->width, part->height, width, height);
+    else if (!exr_all_finite(values, (gsize)width * (gsize)height))
+        what = g_strdup_printf("channel %s of the part “%s” has a value that is not finite",
+                               channel, name);
+    if (what)
+        format_error(path, error, what);
+    return what ? NULL : values;
 }
 
 static gboolean read_colours(struct lpca *lpca, const struct exr_part *part) {
@@ -218,35 +227,40 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     return TRUE;
 }
 
-/* Reads the scales that scales_part() wrote. Returns NULL if the part is missing or damaged.
- * g_free() */
-static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
-    const float *scales = plane(file, name, "S", clusters, n);
+/* Reads the scales that scales_part() wrote. Returns NULL with an error if the part is missing or
+ * damaged. g_free() */
+static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n,
+                          const char *path, GError **error) {
+    const float *scales = plane(file, name, "S", clusters, n, path, error);
     float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;
     for (int i = 0; ret && i < clusters * n; i++)
         ret[i] = scales[i % n * clusters + i / n];
     return ret;
 }
 
-static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file) {
+static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file, const char *path,
+                                   GError **error) {
     const int c = lpca->n_components;
     lpca->weight_scales = lpca->quantise == LPCA_8BIT_WEIGHTS
-                              ? read_scales(file, "weight_scales", lpca->n_clusters, c)
+                              ? read_scales(file, "weight_scales", lpca->n_clusters, c, path, error)
                               : lpca_ones((gsize)lpca->n_clusters * (gsize)c);
     return lpca->weight_scales != NULL;
 }
 
 /* Reads the scales of lights. If the file has none, light_scales stays NULL, which means that all
- * are 1. Returns FALSE if the part is damaged. */
-static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
+ * are 1. Returns FALSE with an error if the part is damaged. */
+static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file, const char *path,
+                                  GError **error) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
     const int tables = lpca->n_clusters * (lpca->n_components + 1);
     const gsize n = (gsize)tables * lpca->layout.lights.n;
-    const float *scales = plane(file, "light_scales", "S", lpca->layout.lights.n, tables);
+    const float *scales =
+        plane(file, "light_scales", "S", (gint64)lpca->layout.lights.n, tables, path, error);
     for (gsize i = 0; scales && i < n; i++)
         if (!(scales[i] > 0))
-            return FALSE;
+            return format_error(path, error,
+                                "the part “light_scales” has a value that is not above 0");
     if (scales)
         lpca->light_scales = g_memdup2(scales, sizeof(float) * n);
     return scales != NULL;
@@ -255,10 +269,10 @@ static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file
 static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, const char *path,
                               GError **error) {
     const int n = btf_layout_texels(&lpca->layout);
-    const float *clusters = plane(file, "clusters", "K", lpca->layout.width, lpca->layout.height);
+    const float *clusters = plane(file, "clusters", "K", (gint64)lpca->layout.width,
+                                  (gint64)lpca->layout.height, path, error);
     if (!clusters)
-        return format_error(path, error,
-                            "the part “clusters” has no channel K, or a value that is not finite");
+        return FALSE;
     lpca->clusters = g_new(int, n);
     for (int i = 0; i < n; i++) {
         if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
@@ -274,24 +288,17 @@ static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, co
 static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
                             GError **error) {
     const int c = lpca->n_components, n = btf_layout_texels(&lpca->layout);
-    if (!read_weight_scales(lpca, file))
-        return format_error(path, error,
-                            "the part “weight_scales” is missing, does not have one value for each "
-                            "cluster and component, or has a value that is not finite");
+    if (!read_weight_scales(lpca, file, path, error))
+        return FALSE;
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     if (!lpca->weights)
         return memory_error(lpca, path, error);
     for (int i = 0; i < c; i++) {
         g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
-        const float *weights =
-            plane(file, "weights", channel, lpca->layout.width, lpca->layout.height);
-        if (!weights) {
-            g_autofree char *what =
-                g_strdup_printf("channel %s of the part “weights” is missing, differs in size from "
-                                "the part “clusters”, or has a value that is not finite",
-                                channel);
-            return format_error(path, error, what);
-        }
+        const float *weights = plane(file, "weights", channel, (gint64)lpca->layout.width,
+                                     (gint64)lpca->layout.height, path, error);
+        if (!weights)
+            return FALSE;
         for (int texel = 0; texel < n; texel++)
             lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
                 weights[texel] * weight_scale(lpca, texel, i);
@@ -299,17 +306,17 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-/* Reads the values that table_part() wrote. Returns FALSE if a colour of the part is missing, has
- * another size or has a value that is not finite. */
-static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
+/* Reads the values that table_part() wrote. Returns FALSE with an error if the part is missing or
+ * damaged. */
+static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component,
+                           const char *path, GError **error) {
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
     g_autofree char *name = table_name(component);
     const gint64 height = (gint64)lpca->n_clusters * lpca->layout.views.n;
     for (int c = 0; c < COLOURS; c++) {
         const float *values =
-            height <= G_MAXINT ? plane(file, name, colours[c], lpca->layout.lights.n, (int)height)
-                               : NULL;
+            plane(file, name, colours[c], (gint64)lpca->layout.lights.n, height, path, error);
         if (!values)
             return FALSE;
         for (int k = 0; k < lpca->n_clusters; k++) {
@@ -326,34 +333,25 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
 static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, const char *path,
                             GError **error) {
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
-    lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
+    lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables, path, error);
     const struct exr_part *means = exr_file_part(file, "means");
     /* The sizes come from small parts of the file, and may be much too large in a damaged file. The
      * size of the means is therefore checked before memory is allocated. */
     if (!lpca->scales)
-        return format_error(path, error, "the part “scales” has a value that is not finite");
+        return FALSE;
     if (!means || (gsize)means->width != lpca->layout.lights.n ||
         (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
         return format_error(path, error,
                             "the part “means” is missing, or its size does not fit the clusters, "
                             "views and lights");
-    if (!read_light_scales(lpca, file))
-        return format_error(
-            path, error,
-            "the part “light_scales” does not have the size that the clusters, components and "
-            "lights need, or has a value that is not finite or not above 0");
+    if (!read_light_scales(lpca, file, path, error))
+        return FALSE;
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
         return memory_error(lpca, path, error);
     for (int i = 0; i < tables; i++)
-        if (!read_table(lpca, file, i)) {
-            g_autofree char *name = table_name(i);
-            g_autofree char *what = g_strdup_printf(
-                "the part “%s” is missing, does not have the size that the clusters, views and "
-                "lights need, or has a value that is not finite",
-                name);
-            return format_error(path, error, what);
-        }
+        if (!read_table(lpca, file, i, path, error))
+            return FALSE;
     return TRUE;
 }
 
@@ -372,12 +370,12 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     if (!exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
         !(packed->step > 0) || !isfinite(packed->step))
         return format_error(path, error, "mesorig.step is missing or not a number above 0");
-    packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
+    packed->scales = read_scales(file, "scales", lpca->n_clusters, tables, path, error);
     for (gsize i = 0; packed->scales && i < n; i++)
         if (!(packed->scales[i] > 0))
             return format_error(path, error, "the part “scales” has a value that is not above 0");
     if (!packed->scales)
-        return format_error(path, error, "the part “scales” has a value that is not finite");
+        return FALSE;
     if (!lpca_packed_read_parts(lpca, file))
         return format_error(path, error,
                             "a packed part (view_axes, light_axes, colour_axes, tables or maps) is "

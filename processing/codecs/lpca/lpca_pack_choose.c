@@ -55,8 +55,8 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     struct exr_file *file = lpca_to_exr(lpca);
     if (exr_write(path, file, EXR_ZIP, FALSE, error) && g_stat(path, &status) != 0)
         g_set_error(error, EXR_ERROR, EXR_ERROR_IO,
-                    "%s: the size of this temporary file cannot be determined: %s", path,
-                    g_strerror(errno));
+                    "%s: the size of this temporary file cannot be determined: %s; check the disk",
+                    path, g_strerror(errno));
     exr_file_free(file);
     g_unlink(path);
     return status.st_size;

@@ -129,17 +129,17 @@ static const char *read_view(struct mdf_blocks *blocks, int view, const struct e
     double theta, phi;
     if (mdf_blocks_across(blocks->width) != part->width ||
         mdf_blocks_across(blocks->height) != part->height)
-        return "the part of a view has another size than the first part";
+        return "its size does not fit mesorig.width and mesorig.height of the first part";
     if (!exr_get_double(part, "view.theta_deg", &theta, NULL) ||
         !exr_get_double(part, "view.phi_deg", &phi, NULL) || !(theta >= 0 && theta <= 90) ||
         !(fabs(phi) <= 720))
-        return "view.theta_deg or view.phi_deg of a view is missing or out of range";
+        return "view.theta_deg is not a number from 0 to 90, or view.phi_deg not from −720 to 720";
     blocks->theta_deg[view] = (float)theta;
     blocks->phi_deg[view] = (float)phi;
     for (gsize c = 0; c < MDF_BLOCK_BYTES; c++) {
         const float *from = exr_part_plane(part, channels[c]);
         if (!from)
-            return "a view lacks a channel from B0 to B7";
+            return "a channel from B0 to B7 is missing";
         for (gsize i = 0; i < (gsize)part->width * (gsize)part->height; i++) {
             if (!(from[i] >= 0 && from[i] <= MOST) || from[i] != floorf(from[i]))
                 return "a block has a value that is not a whole number from 0 to 255";
@@ -162,14 +162,18 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
         blocks->phi_deg = g_new0(float, n);
         blocks->blocks = g_new0(guint8, n * mdf_blocks_bytes(blocks->width, blocks->height));
     }
-    for (int view = 0; !what && view < blocks->n_views; view++)
-        what = read_view(blocks, view, file->parts->pdata[view]);
+    g_autofree char *where = NULL;
+    for (int view = 0; !what && view < blocks->n_views; view++) {
+        const struct exr_part *part = file->parts->pdata[view];
+        what = read_view(blocks, view, part);
+        where = what ? g_strdup_printf("part %s: ", part->name) : NULL;
+    }
     exr_file_free(file);
     if (!what)
         return g_steal_pointer(&blocks);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a valid file of MDF blocks: %s; compress the MDF again", path,
-                what);
+                "%s: this is not a valid file of MDF blocks: %s%s; compress the MDF again", path,
+                where ? where : "", what);
     return NULL;
 }
 

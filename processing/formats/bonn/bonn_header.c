@@ -270,7 +270,8 @@ static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gb
     }
     return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                      "the file is not a known kind of Bonn's BTF files, which begin with "
-                     "!BDIF06R2!, !BDI06R2!, !DFMF08FCR, !FMF12FCER or !FMF06FCR");
+                     "!BDIF06R2!, !BDI06R2!, !DFMF08FCR, !FMF12FCER or !FMF06FCR; give a .btf file "
+                     "of that database");
 }
 
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,

@@ -28,7 +28,8 @@ static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     g_set_error(error, BONN_ERROR,
                 saved == ENOSPC || saved == EDQUOT ? BONN_ERROR_FULL : BONN_ERROR_IO,
-                "%s: the file cannot be written: %s", path, g_strerror(saved));
+                "%s: the file cannot be written: %s; free some space, or write to another folder",
+                path, g_strerror(saved));
     return FALSE;
 }
 
@@ -115,11 +116,10 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
         return NULL;
     const gsize line = (gsize)header->width * abrdf_bytes(writer);
     if (line > G_MAXUINT32) {
-        g_set_error(
-            error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
-            "%s: a line of %d texels with %d views and %d lights is longer than 4 GiB, which "
-            "this format cannot hold",
-            path, header->width, header->n_views, header->n_lights);
+        g_set_error(error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
+                    "%s: a line of %d texels with %d views and %d lights is longer than 4 GiB, "
+                    "which this format cannot hold; export fewer texels, views or lights",
+                    path, header->width, header->n_views, header->n_lights);
         return NULL;
     }
     const guint32 lines = (guint32)CLAMP(CHUNK_BYTES / line, 1, (gsize)header->height);

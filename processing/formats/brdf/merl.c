@@ -66,7 +66,7 @@ struct merl *merl_read(const char *path, GError **error) {
     else if (!ok)
         data_error_set(path, 0, error,
                        "the file begins with the numbers %d, %d, %d, but a file in MERL's format "
-                       "begins with 90, 90, 180 (or 360)",
+                       "begins with 90, 90, 180 (or 360); give a file of the MERL database",
                        sizes[0], sizes[1], sizes[2]);
     const guint64 expected = 12 + (guint64)3 * 8 * THETA_H * THETA_D * (guint64)MAX(sizes[2], 0);
     if (ok && length != expected)

@@ -24,7 +24,7 @@ static gboolean fail_size(const char *path, gsize is, GError **error) {
     return data_error_fail(
         path, 0, error,
         "the file has %zu bytes, but a BRDF in UTIA's format has %zu: 3 × 288 × 288 numbers of 8 "
-        "bytes (288 × 288 pairs of directions in three colours)",
+        "bytes (288 × 288 pairs of directions in three colours); copy the file again",
         is, BYTES);
 }
 

@@ -207,9 +207,10 @@ struct rti *rti_read(const char *path, GError **error) {
     else if (g_str_has_prefix(data, "#HSH"))
         ok = read_hsh(&head, rti, error);
     else
-        ok = data_error_fail(path, 0, error,
-                             "the file is neither a .ptm file, which begins with PTM_1.2, nor a "
-                             ".rti file of harmonics, which begins with #HSH1.2");
+        ok = data_error_fail(
+            path, 0, error,
+            "the file is neither a .ptm file, which begins with PTM_1.2, nor a .rti file of "
+            "harmonics, which begins with #HSH1.2; give a file of one of these formats");
     return ok ? g_steal_pointer(&rti) : NULL;
 }
 

@@ -341,7 +341,7 @@ TEST(refused) {
     g_free(copy_without(good, "vndf", &empty));
     assert_refused(copy, BRDF_RGL, "1 × 1 directions of incidence");
     g_free(copy_without(good, "ndf", &wrong));
-    assert_refused(copy, BRDF_RGL, "all finite");
+    assert_refused(copy, BRDF_RGL, "number 1 of the field “ndf” is not finite");
 
     g_assert_true(g_file_set_contents(path, "tensor", -1, NULL));
     assert_refused(path, BRDF_RGL, "too short");
