@@ -89,7 +89,8 @@ static void triangulate(DirectionMesh *mesh) {
     triangulation_free(triangulation);
 }
 
-/* Extends a set of directions by all directions that share a triangle with one of them. */
+/* Extends a set of directions by all directions that share a triangle with a direction of the
+ * set. */
 static void spread(const DirectionMesh *mesh, guint8 *within) {
     g_autofree guint8 *before = g_memdup2(within, (gsize)mesh->n);
     for (guint t = 0; t < mesh->triangles->len; t++) {

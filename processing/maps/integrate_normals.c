@@ -1,7 +1,6 @@
 /* Finds the surface whose slopes fit best by least squares, as Frankot & Chellappa 1988, but
  * without a periodic border. With slopes p = ∂z/∂x and q = ∂z/∂y, the width h of a texel, and j the
- * right neighbour of texel i in a row or the one below it in a column (y points up, hence the
- * plus),
+ * neighbour of texel i to the right in a row, or below in a column (y points up, hence the plus),
  *   min Σ_rows (z_j − z_i − h (p_i + p_j) / 2)² + Σ_columns (z_j − z_i + h (q_i + q_j) / 2)²
  * over the pairs in which both texels have slopes. The normal equations L z = b are a Poisson
  * equation with free borders. They are solved by conjugate gradients, beginning with the solution

@@ -15,7 +15,8 @@
 struct material_relief {
     const struct mdf_table *table;
     Directions *views;
-    gsize shell; /* a struct mdf_shell *; 0 before it is first used */
+    /* the pointer to a struct mdf_shell, which is made at its first use; 0 before that */
+    gsize shell;
 };
 
 struct material_relief *material_relief_read(const char *path, GError **error) {

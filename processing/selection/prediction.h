@@ -45,7 +45,7 @@
 struct prediction_pairs {
     int n_views, n_lights;
     const struct vec3 *views, *lights;
-    /* positions of camera and lamp; NULL if they are far away */
+    /* positions of camera and lamp; NULL if cameras and lamps are far away */
     const struct vec3 *views_mm, *lights_mm;
     /* n_views · n_lights: pairs with the same number are taken together, by one shot; NULL if each
      * pair is taken separately */

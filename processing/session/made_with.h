@@ -16,7 +16,7 @@ struct made_with {
 };
 
 /* Reads the calibration of the products. For a session without products, gives the calibration with
- * which products would be made. */
+ * which products would be made. Fails if the database cannot be read. */
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error);
 void made_with_clear(struct made_with *with);
 

@@ -92,7 +92,7 @@ struct session_shot {
     double sweep_from_deg, sweep_to_deg;
     int sweep_steps;
     enum session_shot_state state;
-    char *note; /* why it was skipped or changed, or NULL */
+    char *note; /* why the shot was skipped or changed, or NULL */
     struct session_pass pass;
 };
 
@@ -169,8 +169,8 @@ char *session_text(Session *session, const char *name, GError **error);
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error);
 
-/* Gives the program that made the session ("mesorig 1.2.3") and the time when it did (ISO 8601,
- * UTC); g_free() both. */
+/* Gives the program that made the session ("mesorig 1.2.3") and the time at which the program made
+ * it (ISO 8601, UTC); g_free() both. Fails if the database cannot be read or has no such row. */
 gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error);
 
 /* Return arrays of the structs above with free functions set, or NULL on error. Every row is
@@ -186,8 +186,10 @@ GPtrArray *session_events(Session *session, GError **error);
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
 /* Commits all frames of a shot and the state of the shot in one transaction, after the files are
- * synced. The frames replace the frames of an earlier take. Each file must exist and have its
- * recorded size. For capture. */
+ * synced. The frames replace the frames of an earlier take. The session must be open as
+ * SESSION_CAPTURE. The error is SESSION_ERROR_IO if a file is missing, cannot be read or has
+ * another size than recorded, or if another value of a frame is not valid. It is SESSION_ERROR_FULL
+ * if the disk is full, and SESSION_ERROR_FORMAT if the plan has no such shot. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);
@@ -215,7 +217,8 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
 
 /* Writes the row of a product, or replaces it: made_by (the hash of the inputs, or the arguments
  * with which mesorig makes the file again), and the checksum and the size of the file at this
- * moment. */
+ * moment. The error is SESSION_ERROR_IO if the file cannot be read or lies outside of the session,
+ * or if the session is open as SESSION_READ. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
 /* Does the same as session_add_product() for a file by its path. Files outside of a session's

@@ -58,7 +58,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Endless, endless_free)
 /* The lattice for a shape with the given number of tiles in each dimension. */
 struct endless_lattice {
     float cells[2]; /* columns and rows per tile */
-    int period[2];  /* columns and rows after which it repeats; the number of rows is even */
+    /* columns and rows after which the lattice repeats; the number of rows is even */
+    int period[2];
 };
 void endless_lattice_init(struct endless_lattice *lattice, const struct endless *endless,
                           double tiles_u, double tiles_v);

@@ -9,7 +9,8 @@
 #include "base/text_table.h"
 #include "btf/btf.h"
 
-/* lights are used if they deviate from 45° by at most this more than the nearest light */
+/* Lights are used if their deviation from 45° exceeds the smallest deviation of a light by less
+ * than this. */
 #define NEAR_DEG     2.0
 #define FARTHEST_DEG 20.0 /* maximum deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0

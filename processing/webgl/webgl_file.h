@@ -4,7 +4,7 @@
  *   bytes 8 … 11    length of the header, little-endian
  *   header          JSON in UTF-8: the caller's description of the material, and "sections", an
  *                   array of {"name", "bytes", "size"}: bytes in the file, size after inflating
- *   sections        one after the other, each a zlib stream; numbers in them are little-endian
+ *   sections        one after the other, each a zlib stream; its numbers are little-endian
  *
  * One thread at a time. */
 #pragma once

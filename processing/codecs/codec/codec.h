@@ -133,7 +133,7 @@ struct codec {
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B). Evaluates only these values and
      * reconstructs no whole texel. If the model is a table, B is interpolated between the measured
-     * directions. If it is a formula, B is the value of the formula, at least 0. */
+     * directions. If the model is a formula, B is the value of the formula, at least 0. */
     void (*evaluate)(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]);
     /* Optional. Returns n if the model's views and lights are the n × n samples of

@@ -127,8 +127,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
  *
  * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
  * btf->values, and all ranks get the whole result. The clusters do not depend on the number of
- * ranks. The other numbers of the result depend on it, because the sums of the ranks are rounded
- * differently. */
+ * ranks. The other numbers of the result depend on the number of ranks, because the sums of the
+ * ranks are rounded differently. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 

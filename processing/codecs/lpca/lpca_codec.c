@@ -222,8 +222,8 @@ static void lpca_codec_free(gpointer model) {
 }
 
 /* Computes, packs or chooses a local PCA according to the options. Without --components, --error
- * and --size it has COMPONENTS components. The values of the BTF, if they are in memory, count
- * towards job->memory. */
+ * and --size the local PCA has COMPONENTS components. The values of the BTF, if they are in memory,
+ * count towards job->memory. */
 static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct codec_job *job,
                        struct codec_result *ret, GError **error) {
     const struct lpca_codec_options *asked = job->options;

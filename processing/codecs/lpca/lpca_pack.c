@@ -8,8 +8,8 @@
 #include "exr/exr_half.h"
 
 #define COLOURS 3
-/* added to the number of steps of a value before it is rounded down. ROUND is less than ½, because
- * small values are more often noise, and 0 takes less space */
+/* added to the number of steps of a value before that number is rounded down. ROUND is less than ½,
+ * because small values are more often noise, and 0 takes less space */
 #define ROUND 0.38
 
 /* The axes of struct lpca_packed, made orthonormal again after their rounding to half floats. */

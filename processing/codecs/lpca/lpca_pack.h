@@ -68,6 +68,6 @@ struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *
 
 /* Converts a local PCA of one cluster to an LPCA_FLOAT one of several clusters, which a renderer
  * can draw. The texels are clustered by their weights. Each cluster has at most LPCA_MAX_COMPONENTS
- * components. */
+ * components. Fails if the work is cancelled. */
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
                           GError **error);

@@ -9,8 +9,8 @@
 #include <string.h>
 
 #define MAX_MAP 255
-/* number of rounds if there are unseen texels. Each round but the first gives them depths from the
- * factors of the round before */
+/* number of rounds if there are unseen texels. Each round but the first gives the unseen texels
+ * depths from the factors of the round before */
 #define ROUNDS 6
 /* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
 #define LEAST 1e-9

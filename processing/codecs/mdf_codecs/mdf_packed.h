@@ -10,7 +10,8 @@
 enum mdf_packed { MDF_PACKED_HALF, MDF_PACKED_8BIT };
 
 /* Packs the file `from` into the file `to`. *ret_bytes is the number of bytes of the packed texels
- * and scales in memory. Any thread. */
+ * and scales in memory. The error is EXR_ERROR_FORMAT if a view has no channel D, is packed
+ * already, or has a distance that is not from −60000 to 60000 mm. Any thread. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error);
 

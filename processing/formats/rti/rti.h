@@ -55,8 +55,8 @@ void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float 
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
 /* Writes a PTM as a new folder for OpenLIME, with info.json and plane_0.png …. lights (n × 3) are
- * the lights from which the PTM was made. Unless replace is set, the folder must not exist, and it
- * appears complete or not at all. */
+ * the lights from which the PTM was made. Unless replace is set, the folder appears complete or not
+ * at all, and the error is DATA_ERROR_EXISTS if it exists. */
 gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
                            const float *lights, int n, double texel_mm, GError **error);
 
