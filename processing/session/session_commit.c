@@ -9,15 +9,18 @@
 #include <string.h>
 #include <sys/stat.h>
 
-G_GNUC_PRINTF(3, 4)
-static gboolean refuse(const struct session_frame *frame, GError **error, const char *format, ...) {
+#define AGAIN "; resume the capture, or repeat the import"
+
+G_GNUC_PRINTF(4, 5)
+static gboolean refuse(const Session *session, const struct session_frame *frame, GError **error,
+                       const char *format, ...) {
     va_list list;
     va_start(list, format);
     g_autofree char *what = g_strdup_vprintf(format, list);
     va_end(list);
-    return session_fail(error, SESSION_ERROR_IO,
-                        "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
-                        frame->camera, frame->path ? frame->path : "", what);
+    return session_fail(
+        error, SESSION_ERROR_IO, "%s: frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s",
+        session->path, frame->shot, frame->camera, frame->path ? frame->path : "", what);
 }
 
 /* Returns the size of a file in bytes. Returns −1 if the file is missing or not a regular file.
@@ -43,27 +46,29 @@ static gboolean check_frames(const Session *session, gint64 shot, enum session_s
         const char *sum = frame->sha256 ? frame->sha256 : "";
 
         if (frame->shot != shot)
-            return refuse(frame, error, "the frame is committed with shot %" G_GINT64_FORMAT, shot);
+            return refuse(session, frame, error,
+                          "the frame is committed with shot %" G_GINT64_FORMAT, shot);
         if (frame->camera < 0 || frame->camera > 31)
-            return refuse(frame, error, "the number of the camera must be 0 to 31");
+            return refuse(session, frame, error, "the number of the camera must be 0 to 31");
         if (!session_is_relative(frame->path))
-            return refuse(frame, error, "the path leads out of the session");
+            return refuse(session, frame, error, "the path leads out of the session");
         if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64)
-            return refuse(frame, error, "the checksum is “%s”, but must be 64 hexadecimal digits",
-                          sum);
+            return refuse(session, frame, error,
+                          "the checksum is “%s”, but must be 64 hexadecimal digits", sum);
         if (!isfinite(frame->captured_s) || !isfinite(frame->turntable_deg))
-            return refuse(frame, error, "the time %g s or the turntable's angle %g° is not finite",
+            return refuse(session, frame, error,
+                          "the time %g s or the turntable's angle %g° is not finite",
                           frame->captured_s, frame->turntable_deg);
         const gint64 bytes = size_of(session, frame->path);
         if (bytes == -2)
-            return refuse(frame, error, "the file cannot be read: %s; check the disk",
+            return refuse(session, frame, error, "the file cannot be read: %s; check the disk",
                           g_strerror(errno));
         if (bytes < 0)
-            return refuse(frame, error, "the file is missing or not a regular file");
+            return refuse(session, frame, error, "the file is missing or not a regular file" AGAIN);
         if (bytes != frame->bytes)
-            return refuse(frame, error,
+            return refuse(session, frame, error,
                           "the file has %" G_GINT64_FORMAT " bytes, but %" G_GINT64_FORMAT
-                          " bytes were written",
+                          " bytes were written" AGAIN,
                           bytes, frame->bytes);
     }
     return TRUE;
