@@ -8,9 +8,10 @@
 
 struct surface_point {
     struct vec3 at_mm, normal; /* position in the sample frame; unit normal towards the camera */
-    float
-        weight; /* cosine between normal and camera, divided by the square of the error in texels */
-    int view;   /* position of the view's part in the MDF's file, from 0 */
+    /* cosine between normal and camera, divided by the square of the point's standard error in
+     * texels */
+    float weight;
+    int view; /* position of the view's part in the MDF's file, from 0 */
 };
 
 struct surface {

@@ -70,8 +70,10 @@ struct laser_lines {
     struct vec3 beam;
     struct vec3 source_mm;
     /* Measured from the lines only, without the calibration: */
-    int pixels, frames;                  /* numbers of pixels on lines and of frames with a line */
-    double offset_rad, offset_error_rad; /* mean deviation over the sweep, and its standard error */
+    int pixels, frames; /* numbers of pixels on lines and of frames with a line */
+    /* mean over the frames of the measured minus the commanded sheet angle, and its standard
+     * error */
+    double offset_rad, offset_error_rad;
     double roll_seen_rad, roll_error_rad; /* roll of the sheets about the beam, and its standard
                                              error */
     double scatter_mm; /* RMS distance of pixels from their line, across the sheet */

@@ -16,7 +16,9 @@
 #define LEAST    (-1.0) /* LEAST … MOST: range of depths in texels that are tried */
 #define MOST     4.0
 #define STEP     0.125 /* step between the depths that are tried, in texels */
-#define BETTER   0.9   /* a depth must reduce the difference of the views to this part */
+/* a depth must reduce the difference of the views to less than this share of the difference without
+ * a depth */
+#define BETTER 0.9
 /* standard deviation of a pattern, relative to the mean, below which it gives no depth */
 #define FAINT   0.005
 #define NOTHING 0.06 /* depths up to this number of texels count as 0 */

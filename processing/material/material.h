@@ -31,7 +31,7 @@ enum mesorig_status {
     MESORIG_ERROR_ARGUMENT, /* an argument is NULL, or a struct has an unknown size */
     MESORIG_ERROR_FILE,     /* the file does not exist, or cannot be read */
     MESORIG_ERROR_FORMAT,   /* the file is not a material, is damaged, or lacks something */
-    MESORIG_ERROR_MEMORY    /* the material is too large */
+    MESORIG_ERROR_MEMORY    /* the material or a call needs too much memory */
 };
 
 /* text is a sentence in English, in UTF-8, that names the file and says what to do. */

@@ -14,8 +14,9 @@ struct mesorig_material {
     GPtrArray *levels;               /* models of mip levels, at least the first */
     const struct btf_layout *layout; /* layout of level 0 */
     struct codec_tables tables;      /* tables of level 0 */
-    double error;                    /* relative error of the codec; −1 if not known */
-    struct material_relief *relief;  /* NULL if there is none */
+    /* relative RMS error of the model against the BTF (codec.h); −1 if not known */
+    double error;
+    struct material_relief *relief; /* NULL if there is none */
     /* The sampler. material_sample.c makes the sampler at the first call, under the lock, and reads
      * the pointer atomically. The sampler is freed with the material. The lock is of a kind that
      * ThreadSanitizer knows, unlike GLib's locks. */

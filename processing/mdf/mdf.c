@@ -27,10 +27,11 @@
 #define SEEN_SHARE 0.75f
 #define LIVE_SHARE 0.25 /* minimum number of peaks of a live phase, relative to the best phase */
 /* height of a line, relative to the brightest one at a texel, that halves its weight */
-#define FAINT        0.5
-#define CONFIRM      2 /* number of neighbouring texels whose surface a candidate must continue */
-#define CLOSE        0.2f /* in units of agreement_mm; closer distances lie on one surface */
-#define MIN_TEXEL_PX 0.1  /* lower bound of the size of a texel in the picture, in pixels */
+#define FAINT   0.5
+#define CONFIRM 2 /* number of neighbouring texels whose surface a candidate must continue */
+/* in units of agreement_mm; distances that differ by less lie on one surface */
+#define CLOSE        0.2f
+#define MIN_TEXEL_PX 0.1 /* lower bound of the size of a texel in the picture, in pixels */
 /* reach of mdf_shown(), as a multiple of the reach of the interpolation (struct phases); see
  * docs/lab/accuracy.md */
 #define HIDDEN_REACH 2
@@ -48,8 +49,10 @@
 
 /* What one sweep saw at a texel. */
 struct seen {
-    float mm, dn; /* distance and height of the pulse; mm < 0 if the sweep saw nothing */
-    float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
+    /* distance along the texel's ray from the reference plane, and height of the pulse; mm < 0 if
+     * the sweep saw nothing */
+    float mm, dn;
+    float shown; /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };
 

@@ -10,8 +10,8 @@ struct mdf_lines {
     int sweeps, found, disagree;
     /* sum of squared angle errors of the sheets, over the sweeps with a line */
     double squares_deg2;
-    /* signed error of the largest size among the sweeps that disagree, or among all sweeps if none
-     * disagrees */
+    /* signed angle error of the largest size among the sweeps that disagree, or among all sweeps
+     * with a line if none disagrees */
     double worst_deg;
     int worst_position; /* laser position of worst_deg; −1 if no line was found */
     /* Means over views of struct mdf_light (mdf.h), and the numbers of views for which they are

@@ -5,8 +5,9 @@
 #define MDF_BENDS 4
 
 struct mdf_candidate {
-    float mm, dn; /* distance in mm; height of the pulse in DN */
-    float shown;  /* share of the pixels around the texel that saw a line */
+    /* distance along the texel's ray from the reference plane in mm; height of the pulse in DN */
+    float mm, dn;
+    float shown; /* share of the pixels around the texel that saw a line */
     /* bends over one spacing of the pixels that see the laser, along x and y, then over two
      * spacings, see mdf_errors.h; NAN if unknown */
     float bend_mm[MDF_BENDS];
@@ -28,7 +29,7 @@ struct mdf_spread {
 };
 
 struct mdf_merged {
-    float mm; /* distance; −1 if unknown */
+    float mm; /* distance along the texel's ray from the reference plane; −1 if unknown */
     int n;    /* number of sweeps that were averaged; 0 if the distance is unknown */
     struct mdf_spread spread;
 };

@@ -20,7 +20,7 @@
  * paints reflect more */
 #define DARK 0.0005
 /* a view is dark also if its mean reflectance is below this share of the median over views, unless
- * its brightest frame has DARK_DN */
+ * the mean of its brightest frame is at least DARK_DN above dark */
 #define DARK_SHARE    0.02
 #define DARK_DN       5.0
 #define MAX_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
@@ -211,8 +211,8 @@ static char *name_views(const struct texts *texts, int n, int of, const struct s
         texts->calibration->rig.cameras[first->view->device].name, n == 1 ? "is" : "are");
 }
 
-/* Explains views that are dark, and views whose pictures must be wrong because they are much darker
- * than the others. */
+/* Explains the views that are dark: those with a mean below DARK, and those with a mean below
+ * DARK_SHARE of the median of all views if brightest_dn() is below DARK_DN. */
 static void explain_dark(Session *session, const struct texts *texts, const GArray *seen,
                          GPtrArray *ret) {
     g_autofree double *means = g_new(double, seen->len);

@@ -23,8 +23,10 @@ void prediction_product_clear(struct prediction_product *product);
 /* The session's record of its predicted pictures. left_out is 0 if there are none. */
 struct prediction_known {
     int left_out, pictures;
-    double error;          /* expected error, relative to the whole BTF (prediction_error()) */
-    double left_out_error; /* relative error in cross-validation, of pictures that were taken */
+    double error; /* expected error, relative to the whole BTF (prediction_error()) */
+    /* relative error of pictures that were taken, in cross-validation
+     * (prediction_left_out_error()) */
+    double left_out_error;
     double left_out_share; /* share of the values in cross-validation whose error is within 2 σ */
 };
 void prediction_product_read(Session *session, struct prediction_known *ret);

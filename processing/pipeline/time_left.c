@@ -3,8 +3,10 @@
 #include <gio/gio.h>
 #include <math.h>
 
-#define NEAR_DEG    10.0 /* views whose elevations differ by less than this take a similar time */
-#define FAR_WEIGHT  0.02 /* weight of a view at a very different elevation */
+/* the weight of a made view in an estimate is exp(−(Δ / NEAR_DEG)²), Δ being the difference of the
+ * elevations */
+#define NEAR_DEG    10.0
+#define FAR_WEIGHT  0.02 /* minimum of this weight */
 #define OVERDUE     1.25 /* factor from the time that an overdue task has run to its expected time */
 #define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
 #define RATE_WEIGHT 0.2  /* weight of the stored rate; a made view of the same elevation has 1 */

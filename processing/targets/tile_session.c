@@ -424,7 +424,7 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
                 to->lamp_radiometry[l].intensity_error * to->lamp_radiometry[l].intensity_error;
             n++;
         }
-    /* Relative error of the absolute level, which all cameras and lamps share. */
+    /* relative standard error of the absolute level, which is the same for all cameras and lamps */
     const double level_error = n > 0 ? sqrt(squares / n) : 0;
     for (int m = 0; m < to->rig.n_fiducials; m++) {
         struct fiducial_fit fit;

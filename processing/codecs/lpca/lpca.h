@@ -94,7 +94,8 @@ struct lpca_nearest {
 
 struct lpca_options {
     int n_clusters, n_components;
-    /* 0, or the error to reach; n_components is then the maximum number of components */
+    /* 0, or the relative error (lpca_error()) to reach; n_components is then the maximum number of
+     * components */
     double target;
     struct work work;
     enum lpca_colours colours;

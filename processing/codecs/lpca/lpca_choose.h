@@ -5,7 +5,7 @@
 #include "lpca.h"
 
 struct lpca_target {
-    double error;     /* maximum error; 0 if not limited */
+    double error;     /* maximum of lpca_error(); 0 if not limited */
     gint64 bytes;     /* maximum of lpca_bytes() after rounding; 0 if not limited */
     int n_components; /* maximum number of components */
     enum lpca_quantise quantise;

@@ -10,8 +10,10 @@
 #define MEANS_ITERATIONS 3
 #define MAX_ITERATIONS   40
 #define POWER_STEPS      2
-#define SETTLED          1e-4 /* relative gain of the error below which the iteration ends */
-#define BLOCK            512  /* number of rows that are assigned together */
+/* the iteration ends if it lowers the sum of squared distances by no more than this share of the
+ * sum */
+#define SETTLED 1e-4
+#define BLOCK   512 /* number of rows that are assigned together */
 
 void lpca_reduced_clear(struct lpca_reduced *reduced) {
     g_clear_pointer(&reduced->labels, g_free);
@@ -20,7 +22,7 @@ void lpca_reduced_clear(struct lpca_reduced *reduced) {
     g_clear_pointer(&reduced->members, g_ptr_array_unref);
 }
 
-/* Draws an index with a probability proportional to its share of all = Σ shares. */
+/* Draws an index i with the probability shares[i] / all, with all = Σ shares. */
 static int draw(GRand *random, const double *shares, int n, double all) {
     double left = g_rand_double(random) * all;
     int last = 0;

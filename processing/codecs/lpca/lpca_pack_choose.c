@@ -21,8 +21,8 @@ struct packing {
     /* n: number of components that is being tried; made: 1 if their local PCA is computed and in
      * the checkpoint, else 0 */
     gint32 n, made;
-    double exact;        /* error of the n components before rounding */
-    double found[TRIES]; /* error for each step that was tried; 0 if not tried yet */
+    double exact;        /* lpca_error() with n components before rounding */
+    double found[TRIES]; /* lpca_error() for each step that was tried; 0 if not tried yet */
 };
 
 struct search {
@@ -30,7 +30,7 @@ struct search {
     const struct lpca_options *options;
     const struct lpca_target *target;
     int most;     /* maximum number of components */
-    double exact; /* error before rounding */
+    double exact; /* lpca_error() before rounding */
     /* with a target error, the smallest error that was found; with a target size, the last size of
      * a file that was too large */
     double nearest;

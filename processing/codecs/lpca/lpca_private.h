@@ -80,8 +80,8 @@ struct lpca_state {
     gint32 unused;       /* padding, so that the doubles are aligned */
     double target;       /* argument of the call */
     double before;       /* sum of squared errors of the last iteration */
-    double error;        /* error of the result so far; −1 if not known */
-    double enough_error; /* error with `enough` components */
+    double error;        /* lpca_error() of the result so far; −1 if not known */
+    double enough_error; /* lpca_error() with `enough` components */
 };
 
 /* The arrays that a checkpoint may have, for n texels of d values, r reduced dimensions, c
