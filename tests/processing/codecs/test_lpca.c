@@ -211,7 +211,7 @@ TEST(refused) {
     const struct lpca_options good = {2, 2};
     g_assert_null(lpca_compute(btf, &good, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-    g_assert_nonnull(strstr(error->message, "view 1 at texel (2, 1)"));
+    g_assert_nonnull(strstr(error->message, "view 1 in the texel of column 2 and row 1"));
 }
 
 /* What rounding may do to a texel: half a step of each eigen-BRDF, and the bits of a half. */
